@@ -1,0 +1,1 @@
+"""The records that the folders of Evenlight hand to each other as files."""

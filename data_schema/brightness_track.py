@@ -1,0 +1,216 @@
+"""The brightness track: one factor per frame, with what it does to contrast, luminance and power."""
+
+from __future__ import annotations
+
+import csv
+import enum
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.errors import InputError
+from data_schema.files import write_whole
+from data_schema.mapping import mapping_from_record, record_from_mapping
+from data_schema.provenance import Provenance
+from data_schema.quantities import check_limits, described, quantity, read_only
+from data_schema.text_files import csv_text, read_json, read_text, write_json
+
+Array = NDArray[Any]
+
+
+class BudgetUnit(enum.Enum):
+    """What a budget counts."""
+
+    FACTOR = "factor"  # mean brightness factor, as in the paper
+    POWER = "power"  # share of the power at full brightness
+    WATT = "watt"  # mean power
+
+
+@dataclass(frozen=True, slots=True)
+class TrackHeader:
+    """What a brightness track was made for, and how; the sidecar `track.json`.
+
+    Attributes
+    ----------
+    video : str
+        Name of the video.
+    display_name, display_fingerprint : str
+        The display that it is meant for.
+    power_model, rate_limit : str
+        Names of the power model and of the rate limit.
+    budget : float
+        In the budget's unit.
+    budget_unit : BudgetUnit
+        What the budget counts.
+    solver : str
+        Which solver made it.
+    provenance : Provenance
+        Software, seed and inputs.
+    """
+
+    video: str = described("name of the video")
+    display_name: str = described("display that it is meant for")
+    display_fingerprint: str = described("identity of that display's photometry")
+    power_model: str = described("name of the power model")
+    rate_limit: str = described("name of the rate limit")
+    budget: float = quantity("1", "the budget, in its unit", above=0.0)
+    budget_unit: BudgetUnit = described("what the budget counts")
+    solver: str = described("which solver made it")
+    provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class BrightnessTrack:
+    """A brightness factor for each of N frames; the columns of `track.csv`.
+
+    Attributes
+    ----------
+    times : array, (N,)
+        When each frame appears [s].
+    factors : array, (N,)
+        b, in (0, 1].
+    contrast_loss : array, (N,)
+        𝓛_c of the dimmed frame, in [0, 1].
+    mean_luminance : array, (N,)
+        Mean luminance of the dimmed frame, reflected light included [cd/m^2].
+    rate : array, (N,)
+        Luminance change that the modulation makes from this frame to the next, per second; signed, 0 in the
+        last frame [cd/m^2/s].
+    rate_limit : array, (N,)
+        What that change may be at most, in either direction [cd/m^2/s].
+    power : array, (N,)
+        Power of the display while the frame is shown [W].
+    header : TrackHeader
+        What it was made for, and how.
+    """
+
+    times: Array = quantity("s", "when the frame appears", key="time_s")
+    factors: Array = quantity("1", "brightness factor", above=0.0, maximum=1.0, key="factor")
+    contrast_loss: Array = quantity("1", "contrast loss of the dimmed frame", minimum=0.0, maximum=1.0)
+    mean_luminance: Array = quantity("cd/m^2", "mean luminance of the dimmed frame", minimum=0.0)
+    rate: Array = quantity("cd/m^2/s", "luminance change by the modulation, to the next frame")
+    rate_limit: Array = quantity("cd/m^2/s", "largest such change allowed", minimum=0.0)
+    power: Array = quantity("W", "power while the frame is shown", minimum=0.0)
+    header: TrackHeader = described("what the track was made for, and how")
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        check_limits(self)
+        if len({len(getattr(self, name)) for name in _ARRAYS}) != 1 or len(self.times) == 0:
+            raise ValueError("the columns of a track must be equally long and hold at least one frame")
+
+
+_ARRAYS = ("times", "factors", "contrast_loss", "mean_luminance", "rate", "rate_limit", "power")
+TRACK_COLUMNS = (
+    "frame",
+    "time_s",
+    "factor",
+    "contrast_loss",
+    "mean_luminance_cd_m2",
+    "rate_cd_m2_s",
+    "rate_limit_cd_m2_s",
+    "power_w",
+)
+
+
+def write_track(path: Path, track: BrightnessTrack) -> None:
+    """Write a track as a csv table, and its header as a json file of the same name beside it."""
+    columns = [getattr(track, name).tolist() for name in _ARRAYS]
+    rows = ([i, *cells] for i, cells in enumerate(zip(*columns, strict=True)))
+    write_json(path.with_suffix(".json"), mapping_from_record(track.header))
+    write_whole(path, csv_text(TRACK_COLUMNS, rows))
+
+
+def read_track(path: Path) -> BrightnessTrack:
+    """Return the track of a csv table and its json header; raise `InputError` if either is unusable."""
+    header = record_from_mapping(
+        TrackHeader,
+        read_json(path.with_suffix(".json"), "the header of a brightness track"),
+        str(path.with_suffix(".json")),
+    )
+    reader = csv.reader(io.StringIO(read_text(path, "a brightness track (csv)")))
+    columns = tuple(next(reader, ()))
+    if columns != TRACK_COLUMNS:
+        raise InputError(f"{path}: expected the columns {','.join(TRACK_COLUMNS)}, got {','.join(columns)}")
+    try:
+        table = np.array([[float(cell) for cell in row] for row in reader])
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; expected numbers in every cell") from None
+    if table.ndim != 2 or table.shape[1] != len(TRACK_COLUMNS):
+        raise InputError(f"{path}: expected rows of {len(TRACK_COLUMNS)} cells; the table is empty or torn")
+    try:
+        return BrightnessTrack(**dict(zip(_ARRAYS, table.T[1:], strict=True)), header=header)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class OptimizationSummary:
+    """What an optimization achieved; the keys of `summary.json`.
+
+    Attributes
+    ----------
+    frames, duration : int, float
+        Number of frames, and how long they take [s].
+    budget, budget_unit, achieved : float, BudgetUnit, float
+        What was asked, in which unit, and what the track has.
+    objective, objective_baseline : float
+        Mean absolute difference of contrast loss between two frames: of the track, and of the constant
+        baseline of equal power.
+    lower_bound : float
+        No track within the limits has a smaller objective.
+    max_rate_ratio : float
+        Largest ratio of a step's rate to its limit; at most 1.
+    mean_power, baseline_power, full_power : float
+        Mean power of the track, of the baseline and at full brightness [W].
+    solver, iterations : str, int
+        Which solver, and its iterations.
+    solve_s, curves_s : float
+        Time taken by the optimizer, and by the loss curves [s].
+    frames_without_contrast : int
+        Frames in which nothing is visible even undimmed; they have nothing to lose.
+    seed : int or None
+        Seed of the random numbers; None where none were drawn.
+    versions : dict of str to str
+        Of Evenlight, and of the packages that the numbers depend on.
+    """
+
+    video: str = described("name of the video")
+    display: str = described("name of the display")
+    rate_limit: str = described("name of the rate limit")
+    power_model: str = described("name of the power model")
+    frames: int = quantity("1", "number of frames", minimum=1)
+    duration: float = quantity("s", "how long they take", above=0.0)
+    budget: float = quantity("1", "what was asked", above=0.0)
+    budget_unit: BudgetUnit = described("unit of the budget")
+    achieved: float = quantity("1", "what the track has, in the budget's unit", above=0.0)
+    objective: float = quantity("1", "mean absolute pairwise difference of contrast loss", minimum=0.0)
+    objective_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
+    lower_bound: float = quantity("1", "no track within the limits does better", minimum=0.0)
+    max_rate_ratio: float = quantity("1", "largest ratio of a rate to its limit", minimum=0.0)
+    mean_contrast_loss: float = quantity("1", "mean contrast loss of the track", minimum=0.0)
+    mean_contrast_loss_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
+    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0)
+    baseline_factor: float = quantity("1", "factor of constant dimming at equal power", above=0.0)
+    mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
+    baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
+    full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
+    frames_without_contrast: int = quantity("1", "frames with nothing visible even undimmed", minimum=0)
+    solver: str = described("which solver")
+    iterations: int = quantity("1", "iterations of the solver", minimum=0)
+    solve_s: float = quantity("1", "time that the optimizer took, in seconds", minimum=0.0)
+    curves_s: float = quantity("1", "time that the loss curves took, in seconds", minimum=0.0)
+    seed: int | None = described("seed of the random numbers; null where none were drawn")
+    versions: dict[str, str] = described("versions of the software")
+    provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        check_limits(self)

@@ -1,0 +1,73 @@
+"""The display: how pixel values become luminance, and how finely it resolves the visual field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from data_schema.mapping import mapping_from_record
+from data_schema.provenance import Provenance, sha256_of_bytes
+from data_schema.quantities import check_limits, described, quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """A display, as measured with a luminance meter (parameters of the paper's Eq. 1).
+
+    Attributes
+    ----------
+    name : str
+        What the display is called; shown in figures and in messages.
+    peak_luminance : float
+        L_max, emitted at full pixel value and full brightness [cd/m^2].
+    black_level : float
+        L_black, emitted at pixel value 0 and full brightness [cd/m^2].
+    gamma : float
+        γ, exponent from pixel value to luminance.
+    reflected_luminance : float
+        L_refl, ambient light reflected from the surface; it is not dimmed with the display [cd/m^2].
+    pixels_per_degree : float
+        Pixels per degree of visual angle; half of it is the highest spatial frequency [cpd] shown.
+    source : str
+        Where the figures come from.
+    provenance : Provenance or None
+        Of a measured display: software, inputs.
+    """
+
+    name: str = described("name of the display")
+    peak_luminance: float = quantity("cd/m^2", "L_max at full pixel value and full brightness", above=0.0)
+    black_level: float = quantity("cd/m^2", "L_black at pixel value 0 and full brightness", minimum=0.0)
+    gamma: float = quantity("1", "exponent from pixel value to luminance", above=0.0)
+    pixels_per_degree: float = quantity("1", "pixels per degree of visual angle", above=0.0)
+    reflected_luminance: float = quantity(
+        "cd/m^2", "L_refl, reflected ambient light; not dimmed with the display", minimum=0.0, default=0.0
+    )
+    source: str = described("where the figures come from", default="")
+    provenance: Provenance | None = described("how the file was made", default=None)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if not self.black_level < self.peak_luminance:
+            raise ValueError(
+                f"need black_level < peak_luminance, "
+                f"got {self.black_level:g} and {self.peak_luminance:g} cd/m^2"
+            )
+
+    @property
+    def nyquist_frequency(self) -> float:
+        """Highest spatial frequency that the display shows [cpd]."""
+        return self.pixels_per_degree / 2
+
+    @property
+    def fingerprint(self) -> str:
+        """Identity of the display's photometry, by which a rate limit knows the display it was fitted on.
+
+        The resolution is not part of it: the same panel behind another lens keeps its rate limit.
+        """
+        photometry = ("peak_luminance", "black_level", "gamma", "reflected_luminance")
+        values = ",".join(f"{getattr(self, key):.9g}" for key in photometry)
+        return sha256_of_bytes(values.encode())[:16]
+
+
+def display_mapping(display: Display) -> dict[str, object]:
+    """Return the display's keys and values without its provenance, to be put into other records."""
+    return {k: v for k, v in mapping_from_record(display).items() if k != "provenance"}

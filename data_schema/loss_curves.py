@@ -1,0 +1,118 @@
+"""Contrast loss of every frame as a function of the brightness factor, and what else the optimizer needs."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.files import write_whole
+from data_schema.mapping import mapping_from_record, record_from_mapping
+from data_schema.provenance import Provenance
+from data_schema.quantities import check_limits, described, quantity, read_only
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class LossCurves:
+    """The contrast-loss curves of N frames at K brightness factors.
+
+    Attributes
+    ----------
+    video : str
+        Name of the video.
+    display : Display
+        The display that it is shown on; `pixels_per_degree` as used in the analysis.
+    times, durations : array, (N,)
+        When each frame appears, and for how long [s].
+    factors : array, (K,)
+        Brightness factors of the knots, rising, the last one 1.
+    loss : array, (N, K)
+        Contrast loss 𝓛_c of each frame at each factor, in [0, 1]; 0 at factor 1.
+    visible_contrast : array, (N,)
+        C_v of the undimmed frame, in [0, 1]; 0 for a frame with nothing visible, whose loss is 0.
+    mean_luminance : array, (N,)
+        Ī, mean luminance that the display emits at factor 1, reflected light excluded [cd/m^2].
+    channel_means : array, (N, 3)
+        Means of the linear red, green and blue channels, in [0, 1].
+    provenance : Provenance
+        Software and inputs.
+    """
+
+    video: str = described("name of the video")
+    display: Display = described("display that it is shown on")
+    times: Array = quantity("s", "when each frame appears")
+    durations: Array = quantity("s", "how long each frame is shown", above=0.0)
+    factors: Array = quantity("1", "brightness factors of the knots", above=0.0, maximum=1.0)
+    loss: Array = quantity("1", "contrast loss of each frame at each knot", minimum=0.0, maximum=1.0)
+    visible_contrast: Array = quantity(
+        "1", "visible contrast of the undimmed frame", minimum=0.0, maximum=1.0
+    )
+    mean_luminance: Array = quantity("cd/m^2", "mean luminance at factor 1, without reflections", minimum=0.0)
+    channel_means: Array = quantity("1", "means of the linear R, G, B channels", minimum=0.0, maximum=1.0)
+    provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        check_limits(self)
+        n, k = len(self.times), len(self.factors)
+        shapes = {"durations": (n,), "loss": (n, k), "visible_contrast": (n,), "mean_luminance": (n,)}
+        for name, shape in {**shapes, "channel_means": (n, 3)}.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} must have the shape {shape}, got {getattr(self, name).shape}")
+        if n == 0:
+            raise ValueError("loss curves need at least one frame, got none")
+        if k < 2 or (np.diff(self.factors) <= 0).any() or self.factors[-1] != 1:
+            raise ValueError("factors must rise to 1 with at least two knots")
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames N."""
+        return len(self.times)
+
+
+_ARRAYS = ("times", "durations", "factors", "loss", "visible_contrast", "mean_luminance", "channel_means")
+
+
+def write_loss_curves(path: Path, curves: LossCurves) -> None:
+    """Write loss curves as a compressed npz file, whole."""
+    header = {
+        "video": curves.video,
+        "display": mapping_from_record(curves.display),
+        "provenance": mapping_from_record(curves.provenance),
+    }
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in _ARRAYS}
+    )
+    write_whole(path, stream.getvalue())
+
+
+def read_loss_curves(path: Path) -> LossCurves:
+    """Return the loss curves of an npz file; raise `InputError` if it holds none."""
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            header = json.loads(str(content["header"]))
+            data = {**header, **{name: content[name] for name in _ARRAYS}}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; expected loss curves (npz)") from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path}: holds no loss curves ({error}); expected an npz file of Evenlight"
+        ) from None
+    display = record_from_mapping(Display, data.pop("display"), f"{path}: display")
+    origin = record_from_mapping(Provenance, data.pop("provenance"), f"{path}: provenance")
+    try:
+        return LossCurves(display=display, provenance=origin, **data)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path}: {error}") from error

@@ -1,0 +1,133 @@
+"""Records to plain mappings and back, for every text format (json, toml, csv rows)."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import enum
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from data_schema.errors import InputError
+from data_schema.provenance import SCHEMA_VERSION
+from data_schema.quantities import file_key
+
+Record = TypeVar("Record")
+
+
+def mapping_from_record(record: Any) -> dict[str, Any]:
+    """Return a record as a mapping of plain values under its file keys (units included)."""
+    return {file_key(f): _plain(getattr(record, f.name)) for f in dataclasses.fields(record)}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON and TOML know it."""
+    if dataclasses.is_dataclass(value):
+        return mapping_from_record(value)
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in value.items()}
+    return value
+
+
+def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
+    """Return a record made from a mapping of plain values, checked strictly.
+
+    Parameters
+    ----------
+    cls : type
+        The record's class.
+    data : object
+        What was read; anything but a mapping with the record's keys is refused.
+    where : str
+        File (and line) it came from, for the error.
+
+    Raises
+    ------
+    InputError
+        For a missing, unknown or ill-typed key, a value outside its limits, or a newer schema.
+    """
+    if not isinstance(data, Mapping):
+        raise InputError(f"{where}: expected the keys of a {cls.__name__}, got {type(data).__name__}")
+    fields = {file_key(f): f for f in dataclasses.fields(cls)}  # type: ignore[arg-type] # Record is a dataclass
+    _refuse_newer_schema(data, where)
+    for key in data:
+        if key not in fields:
+            hint = difflib.get_close_matches(str(key), fields, n=1)
+            known = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(fields)}"
+            raise InputError(f"{where}: unknown key {key!r} for a {cls.__name__}; {known}")
+    kinds = typing.get_type_hints(cls)
+    values = {}
+    for key, field in fields.items():
+        if key in data:
+            values[field.name] = _typed(kinds[field.name], data[key], f"{where}: {key}")
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
+    try:
+        return cls(**values)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:
+    """Refuse a file whose schema version is newer than this software."""
+    origin = data.get("provenance", data)
+    version = origin.get("schema_version") if isinstance(origin, Mapping) else None
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        raise InputError(
+            f"{where}: written in schema version {version}, this Evenlight reads up to {SCHEMA_VERSION}; "
+            f"update Evenlight"
+        )
+
+
+def _typed(kind: Any, value: Any, where: str) -> Any:
+    """Return a plain value as the type that a field declares."""
+    origin = typing.get_origin(kind)
+    if origin in (types.UnionType, typing.Union):
+        if value is None:
+            return None
+        return _typed(next(k for k in typing.get_args(kind) if k is not type(None)), value, where)
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise InputError(f"{where}: expected a list, got {value!r}")
+        parts = typing.get_args(kind)
+        of = [parts[0]] * len(value) if parts[-1] is Ellipsis else list(parts)
+        if len(of) != len(value):
+            raise InputError(f"{where}: expected {len(of)} values, got {len(value)}")
+        return tuple(_typed(k, v, where) for k, v in zip(of, value, strict=True))
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise InputError(f"{where}: expected a table of names and values, got {value!r}")
+        return {str(k): _typed(typing.get_args(kind)[1], v, where) for k, v in value.items()}
+    if dataclasses.is_dataclass(kind):
+        return record_from_mapping(typing.cast("type[Any]", kind), value, where)
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        return _choice(kind, value, where)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if kind in (int, float, str, bool) and type(value) is not kind:
+        names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+        raise InputError(f"{where}: expected {names[kind]}, got {value!r}")
+    return value
+
+
+def _choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
+    """Return a member of an enumeration by its value."""
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(repr(m.value) for m in kind)
+        raise InputError(f"{where}: expected one of {known}, got {value!r}") from None

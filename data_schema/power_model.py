@@ -1,0 +1,67 @@
+"""The power that a display takes, as a function of brightness and, for OLED, of content."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from data_schema.provenance import Provenance
+from data_schema.quantities import check_limits, described, quantity
+
+
+class PanelKind(enum.Enum):
+    """What makes the light."""
+
+    LCD = "lcd"  # one global backlight: power depends on the brightness factor alone
+    OLED = "oled"  # each pixel makes its own: power depends on content and factor
+
+
+@dataclass(frozen=True, slots=True)
+class PowerModel:
+    """Power of a display panel, linear in the luminance that it makes.
+
+    LCD: P = base_power + power_per_luminance · b · peak_luminance (Section 5 of the paper).
+    OLED: P = base_power + b · (red_power·R + green_power·G + blue_power·B), with R, G, B the means over the
+    frame of the linear channels in [0, 1].
+
+    Attributes
+    ----------
+    name : str
+        What the model is called.
+    kind : PanelKind
+        Backlit or self-emissive.
+    base_power : float
+        Power at zero luminance [W].
+    power_per_luminance : float
+        LCD: slope of power over luminance [W m^2/cd].
+    peak_luminance : float
+        LCD: luminance of the *power panel* at b = 1 [cd/m^2]; it need not be the display's that is watched.
+    red_power, green_power, blue_power : float
+        OLED: power of each channel at full drive over the whole panel [W].
+    source : str
+        Where the figures come from.
+    """
+
+    name: str = described("name of the power model")
+    kind: PanelKind = described("what makes the light")
+    base_power: float = quantity("W", "power at zero luminance", minimum=0.0)
+    power_per_luminance: float = quantity(
+        "W m^2/cd", "LCD: slope of power over luminance", minimum=0.0, default=0.0
+    )
+    peak_luminance: float = quantity(
+        "cd/m^2", "LCD: luminance of the power panel at b = 1", minimum=0.0, default=0.0
+    )
+    red_power: float = quantity("W", "OLED: red channel at full drive", minimum=0.0, default=0.0)
+    green_power: float = quantity("W", "OLED: green channel at full drive", minimum=0.0, default=0.0)
+    blue_power: float = quantity("W", "OLED: blue channel at full drive", minimum=0.0, default=0.0)
+    source: str = described("where the figures come from", default="")
+    provenance: Provenance | None = described("how the file was made", default=None)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.kind is PanelKind.LCD and not self.power_per_luminance * self.peak_luminance > 0:
+            raise ValueError(
+                "an lcd power model needs power_per_luminance_w_m2_cd and peak_luminance_cd_m2 above 0"
+            )
+        if self.kind is PanelKind.OLED and not self.red_power + self.green_power + self.blue_power > 0:
+            raise ValueError("an oled power model needs a channel power above 0 W")

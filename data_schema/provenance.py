@@ -1,0 +1,114 @@
+"""Where a file comes from: versions, revision, seed and the SHA-256 of what it was made from."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from data_schema.quantities import described
+
+SCHEMA_VERSION = 1
+_PACKAGES = ("numpy", "scipy", "numba", "av")
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a file comes from.
+
+    Attributes
+    ----------
+    schema_version : int
+        Version of the record formats; a file with a newer one is refused.
+    software_version, software_revision : str
+        Evenlight's version, and the revision of its source where it runs from a checkout.
+    seed : int or None
+        Seed of the random numbers, None where none were drawn.
+    inputs : dict of str to str
+        SHA-256 of each input, by name.
+    versions : dict of str to str
+        Versions of Python's packages that the numbers depend on.
+    """
+
+    schema_version: int = described("version of the record format", default=SCHEMA_VERSION)
+    software_version: str = described("version of Evenlight", default="unknown")
+    software_revision: str = described("revision of Evenlight's source", default="unknown")
+    seed: int | None = described("seed of the random numbers; null where none were drawn", default=None)
+    inputs: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "SHA-256 of each input, by its name"}
+    )
+    versions: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "versions of the packages that the numbers depend on"}
+    )
+
+
+def provenance_now(seed: int | None = None, inputs: dict[str, str] | None = None) -> Provenance:
+    """Return the provenance of a file that is written by this software, now.
+
+    Parameters
+    ----------
+    seed : int, optional
+        Seed of the random numbers that went into it.
+    inputs : dict of str to str, optional
+        SHA-256 of each input by name, from `sha256_of_file` or `sha256_of_bytes`.
+    """
+    return Provenance(
+        schema_version=SCHEMA_VERSION,
+        software_version=_installed_version("evenlight"),
+        software_revision=_source_revision(),
+        seed=seed,
+        inputs=dict(inputs or {}),
+        versions={name: _installed_version(name) for name in _PACKAGES},
+    )
+
+
+def sha256_of_bytes(content: bytes) -> str:
+    """Return the SHA-256 of some bytes as 64 hexadecimal digits.
+
+    >>> sha256_of_bytes(b"")[:12]
+    'e3b0c44298fc'
+    """
+    return hashlib.sha256(content).hexdigest()
+
+
+def sha256_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file, or of a folder's files (names and contents, in order of name)."""
+    digest = hashlib.sha256()
+    if path.is_dir():
+        for part in sorted(p for p in path.rglob("*") if p.is_file()):
+            digest.update(part.relative_to(path).as_posix().encode())
+            digest.update(bytes.fromhex(sha256_of_file(part)))
+        return digest.hexdigest()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+@cache
+def _installed_version(package: str) -> str:
+    """Return the version of an installed package, or "unknown"."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@cache
+def _source_revision() -> str:
+    """Return the revision of the checkout that this module lies in, marked `-dirty` if it was changed."""
+    try:
+        answer = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return answer.stdout.strip() or "unknown"

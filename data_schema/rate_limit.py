@@ -1,0 +1,86 @@
+"""The rate limit ΔL(L): the fastest luminance change that goes unseen, as fitted to thresholds."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from data_schema.provenance import Provenance
+from data_schema.quantities import check_limits, described, quantity
+
+
+class RateLimitForm(enum.Enum):
+    """What the polynomial describes, and over what."""
+
+    LN_RATE = "ln_rate"  # ln(rate) over luminance: positive by construction; the default
+    RATE = "rate"  # the rate itself over luminance
+    LOG_LOG = "log_log"  # ln(rate) over ln(luminance): degree 1 is a power law
+
+
+@dataclass(frozen=True, slots=True)
+class RateLimit:
+    """The largest undetectable rate of luminance change ΔL as a function of luminance L.
+
+    With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
+    Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:
+    below, the relative rate is held constant; above, the rate is (see `method.rate_limit`).
+
+    Attributes
+    ----------
+    name : str
+        What the limit is called.
+    display_name, display_fingerprint : str
+        The display it was fitted on; it holds for no other.
+    form : RateLimitForm
+        What the polynomial describes.
+    coefficients : tuple of float
+        Legendre coefficients, constant term first; ln(cd/m^2/s), or cd/m^2/s for `RATE`.
+    luminance_range : (float, float)
+        Lowest and highest luminance measured [cd/m^2].
+    band_luminance, band_lower, band_upper : tuple of float
+        Band of the curve, sampled: luminance [cd/m^2], lower and upper rate [cd/m^2/s].
+        All empty where the data left no degree of freedom to estimate it from.
+    band_level : float
+        Probability that the band stands for.
+    point_luminance, point_rate : tuple of float
+        The thresholds that it was fitted to [cd/m^2], [cd/m^2/s].
+    condition_number : float
+        Of the least-squares design in this basis.
+    simulated : bool
+        Whether the participants were simulated.
+    source : str
+        Where it comes from.
+    """
+
+    name: str = described("name of the rate limit")
+    display_name: str = described("display that it was fitted on")
+    display_fingerprint: str = described("identity of that display's photometry")
+    form: RateLimitForm = described("what the polynomial describes, and over what")
+    coefficients: tuple[float, ...] = quantity(
+        "1", "Legendre coefficients, constant term first, z = luminance_range mapped to [-1, 1]"
+    )
+    luminance_range: tuple[float, float] = quantity(
+        "cd/m^2", "measured luminances: lowest, highest", above=0.0
+    )
+    band_luminance: tuple[float, ...] = quantity("cd/m^2", "where the band is sampled", above=0.0, default=())
+    band_lower: tuple[float, ...] = quantity("cd/m^2/s", "lower edge of the band", minimum=0.0, default=())
+    band_upper: tuple[float, ...] = quantity("cd/m^2/s", "upper edge of the band", minimum=0.0, default=())
+    band_level: float = quantity("1", "probability of the band", above=0.0, maximum=1.0, default=0.95)
+    point_luminance: tuple[float, ...] = quantity("cd/m^2", "luminances fitted to", above=0.0, default=())
+    point_rate: tuple[float, ...] = quantity("cd/m^2/s", "thresholds fitted to", above=0.0, default=())
+    condition_number: float | None = quantity("1", "of the fit's design matrix", minimum=1.0, default=None)
+    simulated: bool = described("true if the participants were simulated", default=False)
+    source: str = described("where it comes from", default="")
+    provenance: Provenance | None = described("how the file was made", default=None)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        low, high = self.luminance_range
+        if not low < high:
+            raise ValueError(f"luminance_range_cd_m2 must rise, got {low:g} to {high:g}")
+        if not self.coefficients:
+            raise ValueError("coefficients must hold at least one number, got none")
+        if not len(self.band_luminance) == len(self.band_lower) == len(self.band_upper):
+            raise ValueError("the three band lists must be equally long")
+        if len(self.point_luminance) != len(self.point_rate):
+            raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")

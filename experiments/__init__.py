@@ -1,0 +1,1 @@
+"""Sessions with participants, real or simulated: designs, observers, tasks."""

@@ -1,0 +1,1 @@
+"""Instruments: luminance meters, power meters, backlights, screen timing (none is driven yet)."""

@@ -1,0 +1,1 @@
+"""What is shown: video sources, built-in sequences, luminance ramps."""
