@@ -1,0 +1,63 @@
+"""Displays, power models and rate limits: presets by name, files by path."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.power_model import PowerModel
+from data_schema.rate_limit import RateLimit
+from data_schema.text_files import read_json_record, read_toml_record
+
+PRESETS = Path(__file__).parent / "presets"
+
+Record = TypeVar("Record")
+
+
+def load_display(name_or_path: str) -> Display:
+    """Return the display of a preset (`varjo-xr3`) or of a toml file.
+
+    Raises
+    ------
+    InputError
+        If there is neither a preset nor a file of that name, or the file is no display.
+
+    >>> load_display("varjo-xr3").peak_luminance
+    104.4
+    """
+    return _load(name_or_path, "display", "toml", lambda path: read_toml_record(Display, path))
+
+
+def load_power_model(name_or_path: str) -> PowerModel:
+    """Return the power model of a preset (`surace2025`) or of a toml file; errors as `load_display`."""
+    return _load(name_or_path, "power", "toml", lambda path: read_toml_record(PowerModel, path))
+
+
+def load_rate_limit(name_or_path: str) -> RateLimit:
+    """Return the rate limit of a preset (`surace2025`) or of a json file; errors as `load_display`."""
+    return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
+
+
+def preset_names(kind: str) -> list[str]:
+    """Return the names of the presets of a kind ("display", "power", "rate_limit")."""
+    return sorted(path.name.split(".")[0] for path in PRESETS.glob(f"*.{kind}.*"))
+
+
+def _load(name_or_path: str, kind: str, suffix: str, read: Callable[[Path], Record]) -> Record:
+    """Return a preset if there is one of that name, else read the file."""
+    known = preset_names(kind)
+    if name_or_path in known:
+        return read(PRESETS / f"{name_or_path}.{kind}.{suffix}")
+    path = Path(name_or_path)
+    if not path.exists():
+        words = kind.replace("_", " ")
+        hint = difflib.get_close_matches(name_or_path, known, n=1)
+        guess = f"did you mean {hint[0]!r}? " if hint else ""
+        raise InputError(
+            f"{name_or_path}: no such {words}; {guess}give a preset ({', '.join(known)}) or a {suffix} file"
+        )
+    return read(path)
