@@ -1,0 +1,110 @@
+"""A linear mixed model for estimates with known standard errors: one random factor per participant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+
+@dataclass(frozen=True, slots=True)
+class GroupedEstimates:
+    """Estimates y of several participants, each with a standard error, and the design of their mean.
+
+    Attributes
+    ----------
+    values : array (n,)
+        y, e.g. ln(threshold).
+    standard_errors : array (n,)
+        Known standard error of each value, same unit.
+    design : array (n, k)
+        X of the population mean X β.
+    groups : array (n,) of int
+        Which participant each value belongs to, 0 to P - 1.
+    """
+
+    values: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+    design: NDArray[np.float64]
+    groups: NDArray[np.int64]
+
+    @property
+    def n_groups(self) -> int:
+        """Number of participants P."""
+        return int(self.groups.max()) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class MixedModelFit:
+    """What the mixed model found.
+
+    Attributes
+    ----------
+    coefficients : array (k,)
+        β of the population mean.
+    covariance : array (k, k)
+        Of β.
+    group_sd : float
+        σ_u, standard deviation between participants.
+    residual_sd : float
+        τ, scatter of a participant's values beyond their standard errors.
+    log_likelihood : float
+        Restricted log-likelihood at the estimate.
+    """
+
+    coefficients: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    group_sd: float
+    residual_sd: float
+    log_likelihood: float
+
+
+def fit_mixed_model(data: GroupedEstimates) -> MixedModelFit:
+    """Fit y_pl = x_l β + u_p + e_pl, Var(u) = σ_u², Var(e_pl) = se_pl² + τ², by restricted likelihood (REML).
+
+    Two-stage estimation: the standard errors of the first stage are taken as known (as in meta-analysis),
+    so that a participant's poorly known threshold weighs little. σ_u is left out (0) with one participant,
+    τ with no residual degree of freedom.
+    """
+    free_group = data.n_groups > 1
+    free_residual = data.values.size - data.design.shape[1] - (data.n_groups - 1) > 0
+    scale = max(float(np.std(data.values)), 1e-3)
+
+    def sds(parameters: NDArray[np.float64]) -> tuple[float, float]:
+        return (
+            float(abs(parameters[0])) * scale * free_group,
+            float(abs(parameters[1])) * scale * free_residual,
+        )
+
+    def cost(parameters: NDArray[np.float64]) -> float:
+        return -_solve(data, *sds(parameters)).log_likelihood
+
+    starts = (np.array([0.7, 0.3]), np.array([0.1, 0.7]))
+    runs = [optimize.fmin(cost, start, xtol=1e-7, ftol=1e-10, maxiter=600, disp=False) for start in starts]
+    return _solve(data, *sds(min(runs, key=cost)))
+
+
+def _solve(data: GroupedEstimates, group_sd: float, residual_sd: float) -> MixedModelFit:
+    """Return the generalized least-squares solution and the restricted likelihood for given variances.
+
+    V_p = diag(d) + σ_u² 11ᵀ is inverted by Sherman and Morrison: V⁻¹ = W - c_p w wᵀ with W = diag(1/d),
+    w = 1/d and c_p = σ_u² / (1 + σ_u² Σ w).
+    """
+    weights = 1.0 / (data.standard_errors**2 + residual_sd**2)
+    stacked = np.column_stack([data.design, data.values])
+    sums = np.zeros((data.n_groups, stacked.shape[1]))
+    np.add.at(sums, data.groups, weights[:, None] * stacked)
+    total = np.bincount(data.groups, weights, minlength=data.n_groups)
+    shrink = group_sd**2 / (1.0 + group_sd**2 * total)
+    gram = stacked.T @ (weights[:, None] * stacked) - sums.T @ (shrink[:, None] * sums)
+    information, moment, square = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    coefficients = covariance @ moment
+    log_det_v = float(np.sum(np.log1p(group_sd**2 * total)) - np.sum(np.log(weights)))
+    log_det_x = float(np.linalg.slogdet(information)[1])
+    df = data.values.size - data.design.shape[1]
+    misfit = float(square - moment @ coefficients)
+    likelihood = -0.5 * (log_det_v + log_det_x + misfit + df * np.log(2 * np.pi))
+    return MixedModelFit(coefficients, covariance, group_sd, residual_sd, likelihood)
