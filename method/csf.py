@@ -1,0 +1,154 @@
+"""Contrast sensitivity S_CSF(f, L_a): Barten's function, full and simplified.
+
+Sources: P. G. J. Barten, Contrast Sensitivity of the Human Eye (SPIE, 1999), and "Formula for the contrast
+sensitivity of the human eye" (Proc. SPIE 5294, 2003). Sensitivity is 1 / modulation at 50 % detection.
+"""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FIELD_SIZE = 60.0  # X0 [deg]; ITU-R BT.2246 and the authors' script
+LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
+
+# All from Barten (1999, 2003), table of constants of the typical observer.
+_SIGNAL_TO_NOISE = 3.0  # k
+_INTEGRATION_TIME = 0.1  # T [s]
+_QUANTUM_EFFICIENCY = 0.03  # η
+_NEURAL_NOISE = 3e-8  # Φ0 [s deg²]
+_LARGEST_FIELD = 12.0  # X_max [deg]
+_LARGEST_CYCLES = 15.0  # N_max [cycles]
+_LATERAL_INHIBITION = 7.0  # u0 [cpd]
+_BLUR_OF_CONSTANT_PART = 0.5 / 60  # σ0 [deg]
+_BLUR_PER_PUPIL_MM = 0.08 / 60  # C_ab [deg/mm]
+_PHOTONS_PER_TROLAND = 1.2274e6  # p [photons/s/deg²/td]; ITU-R BT.2246, for displays
+
+# What the authors' script holds fixed.
+_AUTHORS_PUPIL = 3.0  # [mm] for the retinal illuminance
+_AUTHORS_BLUR_PUPIL = 2.1  # [mm] for the optical blur
+
+
+class SensitivityModel(enum.Enum):
+    """Which contrast sensitivity function."""
+
+    BARTEN = "barten"  # full form, pupil from luminance and field size
+    SIMPLIFIED = "simplified"  # closed form of the 2003 paper
+    AUTHORS = "authors"  # full form with a fixed pupil, at the mean luminance of the level
+
+
+def contrast_sensitivity(
+    spatial_frequency: ArrayLike,
+    luminance: ArrayLike,
+    model: SensitivityModel = SensitivityModel.BARTEN,
+    field_size: float = FIELD_SIZE,
+) -> NDArray[np.float64]:
+    """Return the contrast sensitivity S_CSF(f, L_a).
+
+    Decision (docs/decisions/contrast-sensitivity.md): the full form of Barten (1999, 2003), with the pupil
+    that goes with the luminance and the field size.
+
+    Parameters
+    ----------
+    spatial_frequency : array_like, broadcast with `luminance`
+        f, above 0 [cpd].
+    luminance : array_like
+        L_a [cd/m^2]; below 1e-6 the value at 1e-6 is returned.
+    model : SensitivityModel
+        Which function.
+    field_size : float
+        X0, side of the field of view [deg].
+
+    Returns
+    -------
+    array
+        S, a pure number.
+
+    >>> contrast_sensitivity(4.0, [1.0, 100.0]).round().tolist()
+    [174.0, 657.0]
+    """
+    f = np.asarray(spatial_frequency, dtype=np.float64)
+    L = np.maximum(np.asarray(luminance, dtype=np.float64), LOWEST_LUMINANCE)
+    if model is SensitivityModel.SIMPLIFIED:
+        return _simplified(f, L, field_size)
+    if model is SensitivityModel.AUTHORS:
+        blur, illuminance = optical_blur(_AUTHORS_BLUR_PUPIL), retinal_illuminance(L, _AUTHORS_PUPIL)
+    else:
+        pupil = pupil_diameter(L, field_size)
+        blur, illuminance = optical_blur(pupil), retinal_illuminance(L, pupil)
+    return _barten(f, blur, illuminance, field_size)
+
+
+def pupil_diameter(luminance: ArrayLike, field_size: float = FIELD_SIZE) -> NDArray[np.float64]:
+    """Return the pupil's diameter d for a square field (Barten 1999, Eq. 3.5 with field size).
+
+    Parameters
+    ----------
+    luminance : array_like
+        L, above 0 [cd/m^2].
+    field_size : float
+        X0 [deg].
+
+    Returns
+    -------
+    array
+        d, from 2 to 8 [mm].
+
+    >>> pupil_diameter(1.0, field_size=40.0).item()
+    5.0
+    """
+    return np.asarray(5 - 3 * np.tanh(0.4 * np.log10(np.asarray(luminance) * field_size**2 / 40**2)))
+
+
+def retinal_illuminance(luminance: ArrayLike, pupil: ArrayLike) -> NDArray[np.float64]:
+    """Return the retinal illuminance E, corrected for the Stiles-Crawford effect.
+
+    Parameters
+    ----------
+    luminance : array_like
+        L [cd/m^2].
+    pupil : array_like
+        d [mm].
+
+    Returns
+    -------
+    array
+        E [td].
+
+    >>> round(retinal_illuminance(100.0, 2.1).item(), 3)
+    330.412
+    """
+    d = np.asarray(pupil)
+    area = np.pi * d**2 / 4
+    return np.asarray(area * np.asarray(luminance) * (1 - (d / 9.7) ** 2 + (d / 12.4) ** 4))
+
+
+def optical_blur(pupil: ArrayLike) -> NDArray[np.float64]:
+    """Return σ, the standard deviation of the eye's line-spread function [deg], for a pupil d [mm].
+
+    >>> round(optical_blur(2.1).item(), 6)
+    0.008791
+    """
+    return np.hypot(_BLUR_OF_CONSTANT_PART, _BLUR_PER_PUPIL_MM * np.asarray(pupil))
+
+
+def _barten(
+    f: NDArray[np.float64], blur: ArrayLike, illuminance: ArrayLike, field_size: float
+) -> NDArray[np.float64]:
+    """Return the full form: optical MTF over the square root of photon and neural noise."""
+    optical = np.exp(-2 * np.pi**2 * np.asarray(blur) ** 2 * f**2)
+    area = 1 / (1 / field_size**2 + 1 / _LARGEST_FIELD**2 + f**2 / _LARGEST_CYCLES**2)
+    photon_noise = 1 / (_QUANTUM_EFFICIENCY * _PHOTONS_PER_TROLAND * np.asarray(illuminance))
+    neural_noise = _NEURAL_NOISE / -np.expm1(-((f / _LATERAL_INHIBITION) ** 2))
+    noise = 2 / _INTEGRATION_TIME * (photon_noise + neural_noise) / area
+    return np.asarray(optical / _SIGNAL_TO_NOISE / np.sqrt(noise))
+
+
+def _simplified(f: NDArray[np.float64], L: NDArray[np.float64], field_size: float) -> NDArray[np.float64]:
+    """Return the closed form of Barten (2003) for the typical observer."""
+    optical = np.exp(-0.0016 * f**2 * (1 + 100 / L) ** 0.08)
+    area = 1 + 144 / field_size**2 + 0.64 * f**2
+    noise = 63 / L**0.83 - 1 / np.expm1(-0.02 * f**2)
+    return np.asarray(5200 * optical / np.sqrt(area * noise))
