@@ -66,8 +66,8 @@ def laplacian_bands(gaussian: Sequence[Image]) -> list[Image]:
     list of n arrays
         Bands, of the sizes of the first n levels.
 
-    >>> laplacian_bands(gaussian_pyramid(np.full((4, 4), 0.1), 2))[0].any()
-    np.False_
+    >>> bool(laplacian_bands(gaussian_pyramid(np.full((4, 4), 0.1), 2))[0].any())
+    False
     """
     return [fine - expanded(coarse, (fine.shape[0], fine.shape[1])) for fine, coarse in pairwise(gaussian)]
 
@@ -77,7 +77,7 @@ def collapsed(bands: Sequence[Image], residual: Image) -> Image:
 
     >>> image = np.arange(12.0).reshape(3, 4)
     >>> levels = gaussian_pyramid(image, 3)
-    >>> np.allclose(collapsed(laplacian_bands(levels), levels[-1]), image)
+    >>> bool(np.allclose(collapsed(laplacian_bands(levels), levels[-1]), image))
     True
     """
     image = residual
