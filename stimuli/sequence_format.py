@@ -1,0 +1,86 @@
+"""What all built-in sequences share: size, length, frame rate, and how light becomes pixel values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+ENCODING_GAMMA = 2.2
+# Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
+LEVELS = 1023
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceFormat:
+    """Size, length and rate of a built-in sequence.
+
+    Attributes
+    ----------
+    width, height : int
+        Size [pixels].
+    duration : float
+        Length, rounded to whole frames [s].
+    frames_per_second : float
+        Frame rate [Hz].
+    """
+
+    width: int = 640
+    height: int = 360
+    duration: float = 20.0
+    frames_per_second: float = 25.0
+
+    def __post_init__(self) -> None:
+        if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
+            raise ValueError(f"need a size from 8x8 to 16384x16384 pixels, got {self.width}x{self.height}")
+        if not (math.isfinite(self.frames_per_second) and 0 < self.frames_per_second <= 1000):
+            raise ValueError(f"need a frame rate in (0, 1000] Hz, got {self.frames_per_second:g}")
+        if not (math.isfinite(self.duration) and self.duration > 0 and self.n_frames >= 2):
+            raise ValueError(
+                f"need two frames or more, got {self.duration:g} s at {self.frames_per_second:g} Hz"
+            )
+
+    @property
+    def rate(self) -> Fraction:
+        """Frame rate as a ratio of whole numbers, 29.97 as 30000/1001 [Hz]."""
+        return Fraction(self.frames_per_second).limit_denominator(1001)
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames there are."""
+        return round(self.duration * self.frames_per_second)
+
+    def times(self) -> list[tuple[float, float]]:
+        """When each frame appears, and for how long [s]."""
+        return [(float(k / self.rate), float(1 / self.rate)) for k in range(self.n_frames)]
+
+
+def encoded_light(light: ArrayLike) -> NDArray[np.uint16]:
+    """Return the pixel values L' that make a display of gamma 2.2 emit some light, over the 16-bit range.
+
+    Parameters
+    ----------
+    light : array_like, any shape
+        Linear light as a share of the display's peak; what is outside [0, 1] is clipped.
+
+    >>> encoded_light([0.0, (1 / 3) ** 2.2, 1.0]).tolist()
+    [0, 21845, 65535]
+    """
+    shares = np.clip(np.asarray(light, dtype=np.float32), 0, 1)
+    return on_grid(np.power(shares, np.float32(1 / ENCODING_GAMMA)))
+
+
+def on_grid(pixel_values: ArrayLike) -> NDArray[np.uint16]:
+    """Return pixel values in [0, 1], rounded to 10 bits, over the 16-bit range.
+
+    >>> on_grid([0.0, 1 / 3, 1.0]).tolist()
+    [0, 21845, 65535]
+    """
+    return _GRID[np.rint(np.asarray(pixel_values) * np.float32(LEVELS)).astype(np.intp)]
+
+
+# Whole-number arithmetic, as in the reader of files: the same values come back.
+_GRID = ((np.arange(LEVELS + 1) * 65535 + LEVELS // 2) // LEVELS).astype(np.uint16)

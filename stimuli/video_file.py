@@ -1,0 +1,228 @@
+"""Frames of a video file, whatever FFmpeg reads, streamed; damage is refused, never papered over."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import av
+import numpy as np
+from av.error import FFmpegError
+from av.stream import Disposition
+from numpy.typing import NDArray
+
+from data_schema.errors import InputError
+from data_schema.frame import Frame
+from data_schema.provenance import sha256_of_file
+from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
+from stimuli.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
+
+if TYPE_CHECKING:
+    from av.container import InputContainer
+    from av.video.stream import VideoStream
+
+# A decoder that meets an error says so instead of guessing the picture; FFV1 and PNG check their CRCs.
+STRICT = {"err_detect": "crccheck+explode"}
+REMEDY = "give a whole copy of it, or one encoded anew"
+WANTED = "give a video file that FFmpeg plays, or a folder of images"
+
+
+@dataclass(frozen=True, slots=True)
+class VideoFile:
+    """A video file whose packets have been looked through once, without decoding them.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    timeline : FrameTimes
+        When its frames appear.
+    """
+
+    path: Path
+    timeline: FrameTimes
+
+    @property
+    def name(self) -> str:
+        """Short name for titles."""
+        return self.path.stem
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames are shown."""
+        return self.timeline.shown
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the file."""
+        return sha256_of_file(self.path)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in the order of their presentation, one at a time.
+
+        Raises
+        ------
+        InputError
+            If a frame is damaged or missing, or differs in size from the first one.
+        """
+        times, durations = self.timeline.times, self.timeline.durations
+        convert = ColourConverter()
+        shape, k = None, 0
+        with _opened(self.path) as container:
+            for picture in self._decoded(container):
+                if k == len(times):
+                    raise InputError(f"{self.path} decodes to more than the {k} frames it tells of; {REMEDY}")
+                try:
+                    pixels = convert.rgb(picture)
+                except UnsupportedColourError as error:
+                    raise InputError(
+                        f"{self.path} holds {error}; convert it to gamma-encoded R, G, B or Y, Cb, Cr"
+                    ) from error
+                if shape not in (None, pixels.shape):
+                    raise InputError(
+                        f"{self.path} changes its size at frame {k} to {pixels.shape[1]}x{pixels.shape[0]}; "
+                        "all frames of a video must be of one size"
+                    )
+                shape = pixels.shape
+                if durations[k] > 0:
+                    yield Frame(float(times[k]), float(durations[k]), pixels)
+                k += 1
+        if k < len(times):
+            raise InputError(f"{self.path} is damaged: {k} of {len(times)} frames can be decoded; {REMEDY}")
+
+    def _decoded(self, container: InputContainer) -> Iterator[av.VideoFrame]:
+        """Yield decoded frames; stop at the first that the decoder reports as damaged."""
+        stream = _video_stream(self.path, container)
+        stream.codec_context.options = STRICT
+        k = 0
+        try:
+            for picture in container.decode(stream):
+                if picture.is_corrupt:
+                    raise InputError(f"{self.path} is damaged at frame {k}; {REMEDY}")
+                yield picture
+                k += 1
+        except FFmpegError as error:
+            raise InputError(f"{self.path} is damaged at frame {k}: {error.strerror}; {REMEDY}") from error
+
+
+def open_video_file(path: Path) -> VideoFile:
+    """Return a video file, looked through from end to end but not decoded.
+
+    Raises
+    ------
+    InputError
+        If it is no video, or ends before its time.
+    """
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path} is empty; {WANTED}")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; {WANTED}") from error
+    with _opened(path) as container:
+        return VideoFile(path, _timeline(path, container))
+
+
+def _opened(path: Path) -> InputContainer:
+    """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
+    try:
+        container = av.open(f"file:{path}")
+    except (FFmpegError, UnicodeError) as error:
+        raise InputError(
+            f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {WANTED}"
+        ) from error
+    names = container.format.name.split(",")
+    # `tty` draws text files as terminal screens.
+    if "tty" in names or not any(_is_moving(s) for s in container.streams.video):
+        container.close()
+        raise InputError(f"{path} holds no video; {WANTED}")
+    if "image2" in names or container.format.name.endswith("_pipe"):
+        container.close()
+        raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
+    return container
+
+
+def _is_moving(stream: VideoStream) -> bool:
+    """Whether a video stream is one, and not the cover picture of a sound file."""
+    return not stream.disposition & Disposition.attached_pic
+
+
+def _video_stream(path: Path, container: InputContainer) -> VideoStream:
+    """Return the first video stream, with a decoder for it."""
+    stream = next(s for s in container.streams.video if _is_moving(s))
+    if stream.codec_context is None:
+        raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {WANTED}")
+    return stream
+
+
+def _timeline(path: Path, container: InputContainer) -> FrameTimes:
+    """Look through all packets, and return when their frames appear."""
+    stream = _video_stream(path, container)
+    # An MP4 tells every packet before the first is read; other containers' indices may hold key frames only.
+    promised = len(stream.index_entries) if "mp4" in container.format.name else 0
+    packets = _look_through(path, container, stream)
+    if packets.count < promised:
+        raise InputError(f"{path} is cut off: {packets.count} of {promised} frames are there; {REMEDY}")
+    rates = [rate for rate in (stream.average_rate, stream.guessed_rate) if rate]
+    tick = stream.time_base or 1 / ASSUMED_RATE
+    stamps = packets.stamps()
+    if stamps is None:
+        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE)
+    times = frame_times(stamps, tick, packets.last_duration, rates)
+    end = float(stamps.min() * tick) + float(times.times[-1] + times.durations[-1])
+    wanted = _promised_end(container, stream)
+    if wanted - end > 0.75 * float(np.median(times.durations)) + float(tick):
+        raise InputError(f"{path} is cut off: it ends at {end:.3f} s instead of {wanted:.3f} s; {REMEDY}")
+    return times
+
+
+@dataclass(slots=True)
+class _Packets:
+    """Time stamps of the packets of a stream [ticks], 8 bytes each."""
+
+    shown: array[int] = field(default_factory=lambda: array("q"))
+    decoded: array[int] = field(default_factory=lambda: array("q"))
+    count: int = 0
+    last_duration: int = 0
+
+    def stamps(self) -> NDArray[np.int64] | None:
+        """Return presentation times, or decoding times where the file has no others, or None."""
+        complete = next((s for s in (self.shown, self.decoded) if len(s) == self.count), None)
+        return None if complete is None else np.array(complete, dtype=np.int64)
+
+
+def _look_through(path: Path, container: InputContainer, stream: VideoStream) -> _Packets:
+    """Read all packets of a stream without decoding them."""
+    packets, latest = _Packets(), None
+    try:
+        for packet in container.demux(stream):
+            if packet.size == 0 or packet.is_discard:  # the end; cut away by the container's edit list
+                continue
+            if packet.is_corrupt:
+                raise InputError(f"{path} is cut off or damaged at frame {packets.count}; {REMEDY}")
+            packets.count += 1
+            if packet.pts is not None:
+                packets.shown.append(packet.pts)
+                if latest is None or packet.pts >= latest:
+                    latest, packets.last_duration = packet.pts, packet.duration or 0
+            if packet.dts is not None:
+                packets.decoded.append(packet.dts)
+    except FFmpegError as error:
+        raise InputError(f"{path} is damaged at frame {packets.count}: {error.strerror}; {REMEDY}") from error
+    if not packets.count:
+        raise InputError(f"{path} holds no frames: it is cut off or damaged; {REMEDY}")
+    return packets
+
+
+def _promised_end(container: InputContainer, stream: VideoStream) -> float:
+    """Return when the header of the file says that the stream ends [s], 0 where it says nothing certain."""
+    if container.format.name == "avi" and stream.average_rate:
+        return float(stream.frames / stream.average_rate)
+    if "matroska" not in container.format.name:
+        return 0.0  # FFmpeg's own estimate from the size of the file is no promise
+    if tag := stream.metadata.get("DURATION"):
+        hours, minutes, seconds = tag.split(":")
+        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    alone = len(container.streams) == 1
+    return float(container.duration / av.time_base) if alone and container.duration else 0.0

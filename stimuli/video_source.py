@@ -1,0 +1,65 @@
+"""Where frames come from: a video file, a folder of images, or a built-in sequence, by one name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+from data_schema.errors import InputError
+from data_schema.frame import Frame
+
+
+class VideoSource(Protocol):
+    """A video, as the model and the player see it."""
+
+    @property
+    def name(self) -> str:
+        """Short name for titles."""
+
+    @property
+    def n_frames(self) -> int | None:
+        """How many frames it has, None if that is not known beforehand."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield its frames in order, one at a time, from the first one on at every call."""
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of its content: of the file, of the folder, or of the sequence's definition."""
+
+
+def open_video(name: str, frames_per_second: float | None = None) -> VideoSource:
+    """Return the video of a name: a file's or a folder's path, else a built-in sequence.
+
+    Parameters
+    ----------
+    name : str
+        A path, or the name of a built-in sequence; a path wins over a name.
+    frames_per_second : float, optional
+        Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
+
+    Raises
+    ------
+    InputError
+        If there is no such video, or it cannot be used.
+    """
+    from stimuli.image_folder import open_image_folder
+    from stimuli.sequences import SEQUENCES, built_in_sequence
+    from stimuli.video_file import open_video_file
+
+    path = Path(name)
+    if path.is_dir():
+        return open_image_folder(path, frames_per_second)
+    if path.exists():
+        if frames_per_second is not None:
+            raise InputError(
+                f"{name} tells its own frame rate; only a folder of images or a built-in sequence takes one, "
+                f"got {frames_per_second:g}"
+            )
+        return open_video_file(path)
+    if name in SEQUENCES:
+        return built_in_sequence(name, frames_per_second=frames_per_second)
+    raise InputError(
+        f"no video {name!r}: give a video file, a folder of images, or one of the built-in sequences "
+        + ", ".join(SEQUENCES)
+    )
