@@ -7,6 +7,7 @@ import sys
 import typer
 
 from data_schema.errors import InputError
+from stimuli import commands as stimuli_commands
 
 app = typer.Typer(
     name="evenlight",
@@ -15,6 +16,14 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+@app.callback()
+def commands() -> None:
+    """Temporal brightness management: dim a display over time, at a power budget, unseen."""
+
+
+app.command()(stimuli_commands.render)
 
 
 def main() -> None:

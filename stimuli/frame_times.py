@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -76,6 +77,19 @@ def frame_times(
     final = float(last) if last > 0 else float(np.median(steps[steps > 0]))
     seconds = np.float64(tick)
     return FrameTimes(ticks * seconds, np.append(steps, final) * seconds)
+
+
+def rate_from_number(frames_per_second: float) -> Fraction:
+    """Return a frame rate as a ratio, so that 29.97 is the 30000/1001 that is meant [Hz].
+
+    >>> rate_from_number(29.97)
+    Fraction(30000, 1001)
+    """
+    if not (math.isfinite(frames_per_second) and 0.01 <= frames_per_second <= 10000):
+        raise ValueError(f"need a frame rate from 0.01 to 10000 Hz, got {frames_per_second:g}")
+    ratio = Fraction(frames_per_second).limit_denominator(1001)
+    broadcast = Fraction(round(ratio * 1001 / 1000) * 1000, 1001)
+    return broadcast if ratio.denominator > 1 and abs(broadcast / ratio - 1) < Fraction(1, 5000) else ratio
 
 
 def uniform_times(frames: int, rate: Fraction) -> FrameTimes:

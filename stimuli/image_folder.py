@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.provenance import sha256_of_bytes, sha256_of_file
 from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
+from stimuli.frame_times import rate_from_number
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 ARRAYS = (".npy",)
@@ -44,8 +43,10 @@ class ImageFolder:
     frames_per_second: float = 25.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.frames_per_second) and self.frames_per_second > 0):
-            raise InputError(f"need a frame rate > 0 Hz for {self.path}, got {self.frames_per_second:g}")
+        try:
+            rate_from_number(self.frames_per_second)
+        except ValueError as error:
+            raise InputError(f"{self.path}: {error}") from error
 
     @property
     def name(self) -> str:
@@ -69,7 +70,7 @@ class ImageFolder:
         InputError
             If an image cannot be read, or differs in size from the first one.
         """
-        rate = Fraction(self.frames_per_second).limit_denominator(1001)
+        rate = rate_from_number(self.frames_per_second)
         convert = ColourConverter()
         shape = None
         for k, file in enumerate(self.files):

@@ -9,6 +9,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stimuli.frame_times import rate_from_number
+
 ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
 LEVELS = 1023
@@ -36,8 +38,7 @@ class SequenceFormat:
     def __post_init__(self) -> None:
         if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
             raise ValueError(f"need a size from 8x8 to 16384x16384 pixels, got {self.width}x{self.height}")
-        if not (math.isfinite(self.frames_per_second) and 0 < self.frames_per_second <= 1000):
-            raise ValueError(f"need a frame rate in (0, 1000] Hz, got {self.frames_per_second:g}")
+        rate_from_number(self.frames_per_second)
         if not (math.isfinite(self.duration) and self.duration > 0 and self.n_frames >= 2):
             raise ValueError(
                 f"need two frames or more, got {self.duration:g} s at {self.frames_per_second:g} Hz"
@@ -46,12 +47,12 @@ class SequenceFormat:
     @property
     def rate(self) -> Fraction:
         """Frame rate as a ratio of whole numbers, 29.97 as 30000/1001 [Hz]."""
-        return Fraction(self.frames_per_second).limit_denominator(1001)
+        return rate_from_number(self.frames_per_second)
 
     @property
     def n_frames(self) -> int:
         """How many frames there are."""
-        return round(self.duration * self.frames_per_second)
+        return round(self.duration * self.rate)
 
     def times(self) -> list[tuple[float, float]]:
         """When each frame appears, and for how long [s]."""

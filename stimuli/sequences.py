@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Protocol
 
 from data_schema.errors import InputError
 from stimuli.checkerboard import Checkerboard
 from stimuli.sequence_format import SequenceFormat
 from stimuli.video_source import VideoSource
 
+
+class BuiltInSequence(VideoSource, Protocol):
+    """A video that is rendered in a format of choice."""
+
+    @property
+    def format(self) -> SequenceFormat:
+        """Size, length and rate."""
+
+
 # How each is made, and the format it has if nothing else is asked for.
-SEQUENCES: dict[str, tuple[Callable[[SequenceFormat], VideoSource], SequenceFormat]] = {
+SEQUENCES: dict[str, tuple[Callable[[SequenceFormat], BuiltInSequence], SequenceFormat]] = {
     "checkerboard": (Checkerboard, SequenceFormat(duration=20.0)),
 }
 
@@ -21,7 +30,7 @@ def built_in_sequence(
     size: tuple[int, int] | None = None,
     duration: float | None = None,
     frames_per_second: float | None = None,
-) -> VideoSource:
+) -> BuiltInSequence:
     """Return a built-in sequence.
 
     Parameters
@@ -45,15 +54,9 @@ def built_in_sequence(
         raise InputError(f"no built-in sequence {name!r}: there are {', '.join(SEQUENCES)}")
     make, standard = SEQUENCES[name]
     width, height = size or (standard.width, standard.height)
+    seconds = standard.duration if duration is None else duration
+    rate = standard.frames_per_second if frames_per_second is None else frames_per_second
     try:
-        return make(
-            replace(
-                standard,
-                width=width,
-                height=height,
-                duration=standard.duration if duration is None else duration,
-                frames_per_second=frames_per_second or standard.frames_per_second,
-            )
-        )
+        return make(SequenceFormat(width, height, seconds, rate))
     except ValueError as error:
         raise InputError(f"cannot render {name}: {error}") from error

@@ -1,0 +1,57 @@
+"""The commands of this folder: `evenlight render`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from data_schema.errors import InputError
+
+if TYPE_CHECKING:
+    from data_schema.frame import Frame
+    from stimuli.video_source import VideoSource
+
+
+def render(
+    sequence: Annotated[str, typer.Argument(help="Name of a built-in sequence.")],
+    out: Annotated[Path, typer.Option(help="File to write, ending in .mkv.")],
+    size: Annotated[str | None, typer.Option(help="Size in pixels, as 640x360.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Frames per second.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+) -> None:
+    """Render a built-in sequence to a lossless video (FFV1, 10 bits, Matroska)."""
+    from stimuli.sequences import built_in_sequence
+    from stimuli.video_writer import write_video
+
+    source = built_in_sequence(sequence, _size(size), duration, fps)
+    with _shown_progress(source, quiet) as frames:
+        write_video(out, frames, source.format.frames_per_second, bits=10)
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    """Read a size such as 640x360."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"([0-9]+)[xX×]([0-9]+)", text.strip())
+    if match is None:
+        raise InputError(f"--size {text}: give width and height in pixels, as 640x360")
+    return int(match[1]), int(match[2])
+
+
+@contextmanager
+def _shown_progress(source: VideoSource, quiet: bool) -> Iterator[Iterator[Frame]]:
+    """Yield the frames of a source, with a bar on the terminal that tells how far they are."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
+        yield iter(
+            progress.track(source.frames(), total=source.n_frames, description=f"rendering {source.name}")
+        )
