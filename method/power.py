@@ -27,7 +27,7 @@ def power_per_factor(model: PowerModel, channel_means: ArrayLike) -> NDArray[np.
     means = np.asarray(channel_means, dtype=np.float64)
     if model.kind is PanelKind.LCD:
         return np.full(len(means), model.power_per_luminance * model.peak_luminance)
-    return means @ np.array([model.red_power, model.green_power, model.blue_power])
+    return np.asarray(means @ np.array([model.red_power, model.green_power, model.blue_power]))
 
 
 def power(model: PowerModel, factors: ArrayLike, channel_means: ArrayLike) -> NDArray[np.float64]:

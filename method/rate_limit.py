@@ -74,7 +74,8 @@ def _lower_edge(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.
     """Return the lower edge of the band within the measured luminances."""
     if not limit.band_luminance:
         raise InputError(
-            f"the rate limit {limit.name!r} has no band (too few points to estimate one); use the fitted curve"
+            f"the rate limit {limit.name!r} has no band (too few points to estimate one); "
+            f"use the fitted curve"
         )
     return np.interp(luminance, limit.band_luminance, limit.band_lower)
 

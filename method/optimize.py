@@ -1,0 +1,245 @@
+"""The optimization of a brightness track (Eq. 6): the problem, its answer, and the seam for solvers."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves
+from data_schema.power_model import PowerModel
+from data_schema.rate_limit import RateLimit
+from method.curve_lookup import loss_and_slope
+from method.modulation import RateLimitFunction, allowed_rate, largest_rate_ratio, modulation_rate
+from method.objective import pairwise_spread
+from method.power import power_per_factor
+from method.rate_limit import LimitCurve, rate_limit_at
+
+Array = NDArray[np.float64]
+
+BUDGET_TOLERANCE = 1e-6
+RATE_TOLERANCE = 1e-6
+
+
+class ModulatedLuminance(enum.Enum):
+    """Whose luminance the rate limit is about."""
+
+    FRAME_MEAN = "frame_mean"  # of each frame: what the eye gets on average
+    WHITE_FIELD = "white_field"  # of a white screen, as in the calibration: content-independent
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked of the optimizer, beside the video.
+
+    Attributes
+    ----------
+    budget : float
+        In `budget_unit`.
+    budget_unit : BudgetUnit
+        Mean factor, share of the power at full brightness, or watt.
+    power_model : PowerModel
+        Of the panel.
+    rate_limit : RateLimit
+        ΔL(L), fitted on the curves' display.
+    limit_curve : LimitCurve
+        The fitted curve, or the lower edge of its band.
+    modulated : ModulatedLuminance
+        Whose luminance the rate limit is about.
+    """
+
+    budget: float
+    budget_unit: BudgetUnit
+    power_model: PowerModel
+    rate_limit: RateLimit
+    limit_curve: LimitCurve = LimitCurve.FITTED
+    modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """The problem that a solver gets: find factors b that minimize the spread of contrast loss.
+
+    Attributes
+    ----------
+    curves : LossCurves
+        Contrast loss of each of N frames over the factor; the first knot is the lowest factor allowed.
+    budget_weights : array, (N,)
+        Share that each frame's factor has in the budget; they add up to 1.
+    baseline_factor : float
+        The budget: Σ budget_weights · b must equal it. Constant dimming by it uses the same power.
+    luminance : array, (N,)
+        Ī, the luminance at factor 1 that the rate limit is about [cd/m^2].
+    rate_limit : function
+        ΔL [cd/m^2/s] as a function of the luminance b·Ī [cd/m^2].
+    """
+
+    curves: LossCurves
+    budget_weights: Array
+    baseline_factor: float
+    luminance: Array
+    rate_limit: RateLimitFunction
+
+    @property
+    def lowest_factor(self) -> float:
+        """Lower bound of every factor; the upper one is 1."""
+        return float(self.curves.factors[0])
+
+    def baseline(self) -> Array:
+        """Return constant dimming at equal power."""
+        return np.full(self.curves.n_frames, self.baseline_factor)
+
+    def loss(self, factors: Array) -> Array:
+        """Return the contrast loss of each frame, (N,)."""
+        return loss_and_slope(self.curves, factors)[0]
+
+    def objective(self, factors: Array) -> float:
+        """Return the mean absolute pairwise difference of contrast loss."""
+        return pairwise_spread(self.loss(factors))
+
+    def budget_error(self, factors: Array) -> float:
+        """Return by how much the factors use more than the budget, as a mean factor."""
+        return float(self.budget_weights @ factors) - self.baseline_factor
+
+    def rate_ratio(self, factors: Array) -> float:
+        """Return the largest ratio of a step's rate to its limit."""
+        rate = modulation_rate(factors, self.luminance, self.curves.durations)
+        return largest_rate_ratio(rate, allowed_rate(factors, self.luminance, self.rate_limit))
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """What a solver answers.
+
+    Attributes
+    ----------
+    factors : array, (N,)
+        b; budget, rate limit and bounds are met.
+    iterations : int
+        That the solver took.
+    frame_weights : array, (N,) or None
+        Dual variable: how much the objective (as a sum over pairs, divided by N) rises with each frame's
+        loss. It lies in the permutahedron of the order weights / N, and so gives a lower bound.
+    budget_price : float
+        Dual variable of the budget: how much that objective falls per unit of the mean factor.
+    """
+
+    factors: Array
+    iterations: int
+    frame_weights: Array | None = None
+    budget_price: float = 0.0
+
+
+class Solver(Protocol):
+    """A way to solve the problem."""
+
+    def solve(self, problem: Problem) -> Solution:
+        """Return a feasible answer no worse than the constant baseline; `InputError` if it cannot."""
+
+
+def pose(curves: LossCurves, request: Request) -> Problem:
+    """Return the problem that a request poses on the loss curves of a video.
+
+    Raises
+    ------
+    InputError
+        If no factors within the curves' range can meet the budget; says which budgets can be met.
+    """
+    factor, weights = budget_as_factor(curves, request)
+    if request.modulated is ModulatedLuminance.FRAME_MEAN:
+        luminance = curves.mean_luminance
+    else:
+        luminance = np.full(curves.n_frames, curves.display.peak_luminance)
+    limit = partial(
+        _limit_of_emitted, request.rate_limit, request.limit_curve, curves.display.reflected_luminance
+    )
+    return Problem(curves, weights, factor, luminance, limit)
+
+
+def _limit_of_emitted(limit: RateLimit, curve: LimitCurve, reflected: float, emitted: Array) -> Array:
+    """Return ΔL at the luminance seen: what the display emits plus what it reflects."""
+    return rate_limit_at(limit, emitted + reflected, curve)
+
+
+def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array]:
+    """Return the constant factor that meets the budget, and each frame's share in the budget.
+
+    Every budget is linear in the factors, so all units become one: Σ weights · b = factor. Averages are over
+    time, which is the paper's average over frames where all last equally long.
+
+    Raises
+    ------
+    InputError
+        If that factor lies outside the curves' range.
+    """
+    time_share = curves.durations / curves.durations.sum()
+    slope = power_per_factor(request.power_model, curves.channel_means)
+    mean_slope, base = float(time_share @ slope), request.power_model.base_power
+    if request.budget_unit is BudgetUnit.FACTOR:
+        scale, offset, weights = 1.0, 0.0, time_share
+    else:
+        scale, offset = mean_slope, base
+        if request.budget_unit is BudgetUnit.POWER:
+            scale, offset = mean_slope / (mean_slope + base), base / (mean_slope + base)
+        if not mean_slope > 0:
+            raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
+        weights = time_share * slope / mean_slope
+    low, high = offset + scale * float(curves.factors[0]), offset + scale
+    if not low - 1e-12 <= request.budget <= high + 1e-12:
+        raise InputError(
+            f"--budget {request.budget:g} ({request.budget_unit.value}) cannot be met: factors from "
+            f"{curves.factors[0]:g} to 1 use {low:.4g} to {high:.4g}"
+        )
+    factor = (request.budget - offset) / scale
+    return min(max(factor, float(curves.factors[0])), 1.0), weights
+
+
+def optimize(problem: Problem, solver: Solver) -> Solution:
+    """Return the solver's answer, once it is checked to be one: budget, rate limit, bounds, baseline.
+
+    Raises
+    ------
+    InputError
+        If the solver refuses the problem.
+    RuntimeError
+        If the answer breaks a constraint or is worse than constant dimming: a defect of the solver.
+    """
+    solution = solver.solve(problem)
+    factors = solution.factors
+    broken = [
+        name
+        for name, fine in (
+            ("budget", abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE),
+            ("rate limit", problem.rate_ratio(factors) <= 1 + RATE_TOLERANCE),
+            ("bounds", factors.min() >= problem.lowest_factor - 1e-12 and factors.max() <= 1 + 1e-12),
+            ("baseline", problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12),
+        )
+        if not fine
+    ]
+    if broken:
+        raise RuntimeError(f"the solver {type(solver).__name__} broke: {', '.join(broken)}")
+    return solution
+
+
+def feasible_blend(problem: Problem, factors: Array) -> Array:
+    """Return the factors, drawn towards the constant baseline just as far as the rate limit demands.
+
+    The baseline moves at no rate and the budget is linear, so every blend of the two meets the budget, and
+    some blend meets the rate limit.
+    """
+    baseline = problem.baseline()
+    share = 1.0
+    blend = factors
+    for _ in range(100):
+        ratio = problem.rate_ratio(blend)
+        if ratio <= 1 + 1e-12:
+            return blend
+        share *= min(1 / ratio, 1 - 1e-12) if np.isfinite(ratio) else 0.0
+        blend = baseline + share * (factors - baseline)
+    return baseline

@@ -1,0 +1,77 @@
+"""What several test files need: loss curves with known shape, and problems posed on them."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.loss_curves import LossCurves
+from data_schema.provenance import Provenance
+from data_schema.rate_limit import RateLimit, RateLimitForm
+from method.optimize import Problem, Request, pose
+from method.preset_files import load_display, load_power_model
+
+
+def weber_limit(relative_rate: float) -> RateLimit:
+    """A constant share of the luminance per second: ln rate = ln k + ln L, a line in log-log."""
+    low, high = 0.01, 1000.0
+    middle, half = (np.log(high) + np.log(low)) / 2, (np.log(high) - np.log(low)) / 2
+    display = load_display("varjo-xr3")
+    return RateLimit(
+        "weber",
+        display.name,
+        display.fingerprint,
+        RateLimitForm.LOG_LOG,
+        (float(np.log(relative_rate) + middle), float(half)),
+        (low, high),
+    )
+
+
+def power_curves(
+    strength: ArrayLike,
+    exponent: ArrayLike = 1.0,
+    luminance: ArrayLike = 50.0,
+    frames_per_second: float = 25.0,
+    knots: int = 33,
+) -> LossCurves:
+    """Loss curves strength · (1 - b)^exponent: known in closed form, falling to 0 at b = 1."""
+    strengths = np.atleast_1d(np.asarray(strength, dtype=float))
+    n = len(strengths)
+    factors = np.linspace(0.2, 1.0, knots)
+    exponents = np.broadcast_to(np.asarray(exponent, dtype=float), (n,))
+    mean = np.broadcast_to(np.asarray(luminance, dtype=float), (n,))
+    return LossCurves(
+        video="made",
+        display=load_display("varjo-xr3"),
+        times=np.arange(n) / frames_per_second,
+        durations=np.full(n, 1 / frames_per_second),
+        factors=factors,
+        loss=strengths[:, None] * (1 - factors) ** exponents[:, None],
+        visible_contrast=np.full(n, 0.5),
+        mean_luminance=mean,
+        channel_means=np.repeat(np.clip(mean / 104.4, 0, 1)[:, None], 3, axis=1),
+        provenance=Provenance(),
+    )
+
+
+def mean_factor_problem(curves: LossCurves, budget: float, relative_rate: float = 0.03) -> Problem:
+    """The problem of a mean factor under a constant relative rate limit."""
+    power = load_power_model("surace2025")
+    return pose(curves, Request(budget, BudgetUnit.FACTOR, power, weber_limit(relative_rate)))
+
+
+@pytest.fixture
+def make_curves() -> Callable[..., LossCurves]:
+    return power_curves
+
+
+@pytest.fixture
+def make_problem() -> Callable[..., Problem]:
+    return mean_factor_problem
+
+
+@pytest.fixture
+def make_weber_limit() -> Callable[[float], RateLimit]:
+    return weber_limit

@@ -1,0 +1,246 @@
+"""Answers of every solver are answers: budget, rate limit, bounds, baseline; no feasible nudge is better."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.errors import InputError
+from data_schema.power_model import PanelKind, PowerModel
+from data_schema.rate_limit import RateLimit, RateLimitForm
+from method.lower_bound import lower_bound
+from method.optimize import ModulatedLuminance, Problem, Request, Solution, feasible_blend, optimize, pose
+from method.preset_files import load_power_model
+from method.solvers import SolverName, make_solver
+
+SOLVERS = list(SolverName)
+
+
+def two_scenes(make_curves, n=60, frames_per_second=2.0):
+    """A bright scene that loses little, then a dark one that loses much, with a soft passage between."""
+    share = 1 / (1 + np.exp(-(np.arange(n) - n / 2) / 3))
+    return make_curves(
+        0.2 + 0.5 * share, exponent=1.3, luminance=60 - 50 * share, frames_per_second=frames_per_second
+    )
+
+
+def solve(problem: Problem, name: SolverName) -> Solution:
+    return optimize(problem, make_solver(name, np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("budget", [0.2, 0.3, 0.5, 0.8, 1.0])
+def test_budget_rate_limit_and_bounds_are_met_and_the_baseline_is_not_better(
+    make_curves, make_problem, name, budget
+) -> None:
+    problem = make_problem(two_scenes(make_curves), budget)
+    factors = solve(problem, name).factors
+    assert np.mean(factors) == pytest.approx(budget, abs=1e-9)
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+    assert factors.min() >= 0.2 - 1e-12
+    assert factors.max() <= 1 + 1e-12
+    assert problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, name) -> None:
+    factors = solve(make_problem(two_scenes(make_curves), 0.5), name).factors
+    assert factors[-10:].mean() > factors[:10].mean() + 0.1
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) -> None:
+    problem = make_problem(two_scenes(make_curves, 40), 0.5)
+    answer = solve(problem, name).factors
+    rng = np.random.default_rng(2)
+    for scale in (1e-3, 1e-2):
+        for _ in range(50):
+            nudge = np.convolve(rng.standard_normal(40), np.ones(7) / 7, "same")
+            nudged = answer + scale * (nudge - nudge.mean())
+            feasible = feasible_blend(problem, np.clip(nudged, 0.2, 1.0))
+            if abs(problem.budget_error(feasible)) < 1e-9:
+                assert problem.objective(feasible) >= problem.objective(answer) - 2e-6
+
+
+def test_the_two_solvers_agree(make_curves, make_problem) -> None:
+    problem = make_problem(two_scenes(make_curves), 0.5)
+    ours, paper = (problem.objective(solve(problem, name).factors) for name in SOLVERS)
+    assert ours <= paper + 1e-6
+    assert ours == pytest.approx(paper, abs=1e-4)
+
+
+def test_without_a_binding_limit_all_frames_lose_the_same_by_hand(make_curves, make_problem) -> None:
+    # Losses 0.2 (1 - b) and 0.6 (1 - b) are equal, at a mean factor of 0.5, where 1 - b is 0.75 and 0.25.
+    curves = make_curves([0.2, 0.6], frames_per_second=0.01)
+    problem = make_problem(curves, 0.5, relative_rate=10.0)
+    for name in SOLVERS:
+        factors = solve(problem, name).factors
+        np.testing.assert_allclose(factors, [0.25, 0.75], atol=1e-4)
+        assert problem.objective(factors) < 1e-4
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_a_static_clip_gets_a_constant_track(make_curves, make_problem, name, n) -> None:
+    factors = solve(make_problem(make_curves(np.full(n, 0.4)), 0.5), name).factors
+    np.testing.assert_allclose(factors, 0.5, atol=2e-3 if name is SolverName.SLSQP else 1e-12)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_frames_that_lose_nothing_keep_the_baseline(make_curves, make_problem, name) -> None:
+    problem = make_problem(make_curves(np.zeros(20)), 0.4)
+    assert problem.objective(solve(problem, name).factors) == 0.0
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_limit_of_zero_leaves_only_a_constant(make_curves, make_problem, name) -> None:
+    curves = two_scenes(make_curves, 30)
+    frozen = RateLimit("frozen", "d", "", RateLimitForm.RATE, (0.0,), (1.0, 100.0))
+    request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), frozen)
+    factors = solve(pose(curves, request), name).factors
+    np.testing.assert_allclose(factors, 0.5, atol=1e-9)
+
+
+def test_a_cut_between_black_and_white_moves_within_the_limit_of_the_black(make_curves, make_problem) -> None:
+    curves = make_curves(
+        [0.0] * 20 + [0.6] * 20 + [0.1] * 20, luminance=[0.2] * 20 + [100.0] * 20 + [30.0] * 20
+    )
+    problem = make_problem(curves, 0.5)
+    factors = solve(problem, SolverName.SPLITTING).factors
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+    # Across the cut the change of 50 cd/m^2 per unit of factor must stay below 3 % of 0.1 cd/m^2 per second.
+    assert abs(factors[20] - factors[19]) < 0.03 * 0.1 * 0.04 / 50 * 1.1
+    assert problem.objective(factors) < problem.objective(problem.baseline())
+
+
+def test_frames_without_any_light_are_free_to_move(make_curves, make_problem) -> None:
+    problem = make_problem(make_curves([0.3, 0.3, 0.3, 0.3], luminance=0.0), 0.5)
+    assert problem.rate_ratio(np.array([0.2, 0.8, 0.2, 0.8])) == 0.0
+    assert problem.objective(solve(problem, SolverName.SPLITTING).factors) == 0.0
+
+
+def test_a_curve_that_jumps_and_one_that_is_not_monotone_are_survived(make_curves, make_problem) -> None:
+    curves = two_scenes(make_curves, 50)
+    loss = curves.loss.copy()
+    loss[10] = np.where(curves.factors < 0.6, 0.9, 0.0)
+    loss[30] = 0.3 + 0.3 * np.sin(20 * curves.factors)
+    problem = make_problem(dataclasses.replace(curves, loss=loss), 0.5)
+    factors = solve(problem, SolverName.SPLITTING).factors
+    assert problem.objective(factors) <= problem.objective(problem.baseline())
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+
+
+def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem) -> None:
+    i = np.arange(10_000)
+    curves = make_curves(
+        0.4 + 0.2 * np.sin(i / 700) + 0.02 * np.sin(i / 9), luminance=30 + 20 * np.cos(i / 900)
+    )
+    problem = make_problem(curves, 0.5)
+    factors = solve(problem, SolverName.SPLITTING).factors
+    assert abs(np.mean(factors) - 0.5) < 1e-9
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+    assert problem.objective(factors) < 0.6 * problem.objective(problem.baseline())
+    assert len(np.unique(factors)) > 9_000
+
+
+def test_slsqp_refuses_a_long_video_and_names_the_other_solver(make_curves, make_problem) -> None:
+    with pytest.raises(InputError, match="at most 500 frames, this video has 501; use --solver splitting"):
+        solve(make_problem(make_curves(np.full(501, 0.3)), 0.5), SolverName.SLSQP)
+
+
+# --- the lower bound
+
+
+@pytest.mark.parametrize("budget", [0.3, 0.5, 0.8])
+def test_the_lower_bound_lies_below_every_track_that_any_solver_finds(
+    make_curves, make_problem, budget
+) -> None:
+    problem = make_problem(two_scenes(make_curves), budget)
+    ours = solve(problem, SolverName.SPLITTING)
+    bound = lower_bound(problem, ours)
+    assert 0 <= bound <= problem.objective(ours.factors)
+    for seed in range(3):
+        other = optimize(problem, make_solver(SolverName.SLSQP, np.random.default_rng(seed)))
+        assert bound <= problem.objective(other.factors)
+
+
+def test_the_lower_bound_is_nearly_reached_on_convex_curves(make_curves, make_problem) -> None:
+    problem = make_problem(two_scenes(make_curves), 0.3)
+    ours = solve(problem, SolverName.SPLITTING)
+    assert lower_bound(problem, ours) > 0.9 * problem.objective(ours.factors)
+
+
+def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_problem) -> None:
+    problem = make_problem(two_scenes(make_curves), 0.5)
+    ours = solve(problem, SolverName.SPLITTING)
+    assert ours.frame_weights is not None
+    backwards = dataclasses.replace(ours, frame_weights=ours.frame_weights[::-1].copy())
+    assert lower_bound(problem, backwards) <= problem.objective(ours.factors)
+
+
+def test_the_frame_weights_lie_in_the_permutahedron(make_curves, make_problem) -> None:
+    # Sums of the k largest entries are at most those of the k largest order weights, and all add up to 0.
+    problem = make_problem(two_scenes(make_curves), 0.5)
+    weights = solve(problem, SolverName.SPLITTING).frame_weights
+    assert weights is not None
+    n = len(weights)
+    largest = np.cumsum(np.sort(weights)[::-1])
+    allowed = np.cumsum(np.arange(n - 1, -n, -2) / n)
+    assert (largest <= allowed + 1e-9).all()
+    assert largest[-1] == pytest.approx(0, abs=1e-9)
+
+
+# --- budgets
+
+
+def test_a_share_of_power_becomes_the_factor_that_takes_it_by_hand(make_curves, make_weber_limit) -> None:
+    # Full power 0.2945 + 0.001858 · 750 = 1.688 W; half of it, 0.844 W, needs b = (0.844 - 0.2945) / 1.3935.
+    curves = make_curves([0.2, 0.3])
+    request = Request(0.5, BudgetUnit.POWER, load_power_model("surace2025"), make_weber_limit(0.03))
+    assert pose(curves, request).baseline_factor == pytest.approx((0.844 - 0.2945) / 1.3935, abs=1e-12)
+    watts = dataclasses.replace(request, budget=0.844, budget_unit=BudgetUnit.WATT)
+    assert pose(curves, watts).baseline_factor == pytest.approx((0.844 - 0.2945) / 1.3935, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("budget", "unit", "says"),
+    [
+        (0.1, BudgetUnit.FACTOR, r"--budget 0.1 \(factor\) cannot be met.*0.2 to 1"),
+        (1.2, BudgetUnit.FACTOR, r"--budget 1.2 \(factor\) cannot be met.*0.2 to 1"),
+        (0.1, BudgetUnit.POWER, r"--budget 0.1 \(power\) cannot be met.*0.3396 to 1"),
+        (3.0, BudgetUnit.WATT, r"--budget 3 \(watt\) cannot be met.*0.5732 to 1.688"),
+    ],
+)
+def test_an_impossible_budget_says_which_are_possible(
+    make_curves, make_weber_limit, budget, unit, says
+) -> None:
+    request = Request(budget, unit, load_power_model("surace2025"), make_weber_limit(0.03))
+    with pytest.raises(InputError, match=says):
+        pose(make_curves([0.2, 0.3]), request)
+
+
+def test_on_an_oled_a_bright_frame_costs_more_of_the_budget(make_curves, make_weber_limit) -> None:
+    oled = PowerModel("o", PanelKind.OLED, 0.1, red_power=1.0, green_power=1.0, blue_power=1.0)
+    curves = make_curves([0.2, 0.3], luminance=[10.44, 31.32])  # channel means 0.1 and 0.3
+    problem = pose(curves, Request(0.4, BudgetUnit.POWER, oled, make_weber_limit(0.03)))
+    np.testing.assert_allclose(problem.budget_weights, [0.25, 0.75])
+
+
+def test_uneven_frame_durations_weigh_by_time(make_curves, make_weber_limit) -> None:
+    curves = dataclasses.replace(
+        make_curves([0.2, 0.3]), times=np.array([0.0, 0.1]), durations=np.array([0.1, 0.3])
+    )
+    request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), make_weber_limit(0.03))
+    np.testing.assert_allclose(pose(curves, request).budget_weights, [0.25, 0.75])
+
+
+def test_the_white_field_may_stand_for_the_content(make_curves, make_weber_limit) -> None:
+    request = Request(
+        0.5,
+        BudgetUnit.FACTOR,
+        load_power_model("surace2025"),
+        make_weber_limit(0.03),
+        modulated=ModulatedLuminance.WHITE_FIELD,
+    )
+    np.testing.assert_array_equal(pose(make_curves([0.2, 0.3]), request).luminance, 104.4)
