@@ -6,7 +6,9 @@ import sys
 
 import typer
 
+from analysis import fit_commands
 from data_schema.errors import InputError
+from experiments import commands as experiment_commands
 from stimuli import commands as stimuli_commands
 
 app = typer.Typer(
@@ -24,6 +26,8 @@ def commands() -> None:
 
 
 app.command()(stimuli_commands.render)
+app.command()(experiment_commands.simulate)
+app.command()(fit_commands.fit)
 
 
 def main() -> None:

@@ -7,7 +7,8 @@ import difflib
 import enum
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -67,7 +68,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
             hint = difflib.get_close_matches(str(key), fields, n=1)
             known = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(fields)}"
             raise InputError(f"{where}: unknown key {key!r} for a {cls.__name__}; {known}")
-    kinds = typing.get_type_hints(cls)
+    kinds = _type_hints(typing.cast(Hashable, cls))
     values = {}
     for key, field in fields.items():
         if key in data:
@@ -80,6 +81,12 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
         raise
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
+
+
+@cache
+def _type_hints(cls: Any) -> dict[str, Any]:
+    """Return the types of a record's fields; looked up once, because a data set has thousands of rows."""
+    return typing.get_type_hints(cls)
 
 
 def _refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:

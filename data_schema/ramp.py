@@ -48,10 +48,10 @@ class RampDesign:
         "1",
         "rates of decrease as a share of the initial luminance per second",
         above=0.0,
-        default=(0.005, 0.01, 0.017, 0.025, 0.035, 0.05, 0.075, 0.12),
+        default=(0.008, 0.013, 0.02, 0.028, 0.04, 0.055, 0.08, 0.12),
         key="relative_rates_per_s",
     )
-    repetitions: int = quantity("1", "trials per screen, factor and rate", minimum=1, default=8)
+    repetitions: int = quantity("1", "trials per screen, factor and rate", minimum=1, default=6)
     catch_share: float = quantity(
         "1", "share of trials without change", minimum=0.0, maximum=0.9, default=0.2
     )

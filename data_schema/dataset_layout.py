@@ -1,0 +1,35 @@
+"""Where the files of a data set lie (BIDS-like), for those who write it and those who read it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+DESCRIPTION = "dataset_description.json"
+PARTICIPANTS = "participants.tsv"
+MANIFEST = "manifest.json"
+TRIALS = "trials.jsonl"
+SIMULATED_TRUTH = "simulated_truth.json"
+
+
+def session_folder(dataset: Path, participant_id: str, session_id: str) -> Path:
+    """Return the folder of one participant's session.
+
+    >>> session_folder(Path("lab"), "01", "02").as_posix()
+    'lab/sub-01/ses-02'
+    """
+    return dataset / f"sub-{participant_id}" / f"ses-{session_id}"
+
+
+def behaviour_file(dataset: Path, participant_id: str, session_id: str, task: str) -> Path:
+    """Return the exported table of a session's trials; its column descriptions lie beside it as json.
+
+    >>> behaviour_file(Path("lab"), "01", "02", "ramp").as_posix()
+    'lab/sub-01/ses-02/beh/sub-01_ses-02_task-ramp_beh.tsv'
+    """
+    stem = f"sub-{participant_id}_ses-{session_id}_task-{task}_beh"
+    return session_folder(dataset, participant_id, session_id) / "beh" / f"{stem}.tsv"
+
+
+def session_folders(dataset: Path) -> list[Path]:
+    """Return the session folders of a data set that hold a manifest, in order of name."""
+    return sorted(path.parent for path in dataset.glob(f"sub-*/ses-*/{MANIFEST}"))

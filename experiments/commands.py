@@ -1,0 +1,56 @@
+"""The commands of the experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from data_schema.errors import InputError
+
+SIMULATED_TASKS = ("ramp",)
+MAX_PARTICIPANTS = 9999
+
+
+def simulate(
+    task: Annotated[str, typer.Argument(help="Experiment: ramp.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set to be made.")],
+    participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
+    display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
+    design: Annotated[Path | None, typer.Option(help="Design of the experiment: a toml file.")] = None,
+    quiet: Annotated[bool, typer.Option(help="No progress bar, no closing line.")] = False,
+) -> None:
+    """Simulate many participants of an experiment at once, without a window."""
+    if task not in SIMULATED_TASKS:
+        raise InputError(
+            f"task {task!r} cannot be simulated; there is {', '.join(map(repr, SIMULATED_TASKS))}"
+        )
+    if not 1 <= participants <= MAX_PARTICIPANTS:
+        raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
+    if seed < 0:
+        raise InputError(f"--seed must be 0 or more, got {seed}")
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from data_schema.ramp import RampDesign
+    from data_schema.text_files import read_toml_record
+    from experiments.simulate_ramp import RampSimulation, simulate_dataset
+    from experiments.simulated_observers import ObserverPopulation
+    from method.preset_files import load_display, load_rate_limit
+
+    simulation = RampSimulation(
+        participants=participants,
+        seed=seed,
+        display=load_display(display),
+        design=read_toml_record(RampDesign, design) if design else RampDesign(),
+        limit=load_rate_limit("surace2025"),
+        population=ObserverPopulation(),
+    )
+    with Progress(console=Console(stderr=True), transient=True, disable=quiet) as progress:
+        bar = progress.add_task("simulating participants", total=participants)
+        simulate_dataset(simulation, out, lambda done: progress.update(bar, completed=done))
+    if not quiet:
+        trials = simulation.participants
+        typer.echo(f"{trials} simulated participants in {out}")

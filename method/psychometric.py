@@ -1,0 +1,137 @@
+"""The psychometric function: how often a ramp of some rate is seen (Section 3.4), and its inverse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+THRESHOLD_PROBABILITY = 0.75  # "probability of 75 % of detecting the change", Section 3.4
+WIDTH_LOGITS = 2 * np.log(19.0)  # logit(0.95) - logit(0.05): the width in units of the logistic's scale
+
+
+@dataclass(frozen=True, slots=True)
+class PsychometricFunction:
+    """A logistic function of ln(rate), between an asymptote for guessing and one for lapses.
+
+    ψ(x) = γ + (1 - γ - λ) F(x), x = ln(rate), F logistic. Its place is given by the rate at which ψ itself,
+    asymptotes included, is 75 %: what the paper calls detected in 75 % of the trials
+    (docs/decisions/threshold-definition.md).
+
+    Attributes
+    ----------
+    threshold : float
+        Rate at which P("yes") = 0.75 [cd/m^2/s].
+    width : float
+        ln(rate) between 5 % and 95 % of the rise.
+    guess_rate : float
+        γ, P("yes") with nothing to see; below 0.75.
+    lapse_rate : float
+        λ, P("no") with everything to see; below 0.25.
+    """
+
+    threshold: float
+    width: float
+    guess_rate: float = 0.0
+    lapse_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("threshold", "width"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be above 0 and finite, got {getattr(self, name):g}")
+        for name, limit in (("guess_rate", THRESHOLD_PROBABILITY), ("lapse_rate", 1 - THRESHOLD_PROBABILITY)):
+            if not 0 <= getattr(self, name) < limit:
+                raise ValueError(f"{name} must lie in 0 to below {limit:g}, got {getattr(self, name):g}")
+
+    @property
+    def threshold_logit(self) -> float:
+        """Logit of F at the threshold: ln((0.75 - γ) / (0.25 - λ)), because ψ is 0.75 there."""
+        rise = THRESHOLD_PROBABILITY - self.guess_rate
+        return float(np.log(rise / (1 - THRESHOLD_PROBABILITY - self.lapse_rate)))
+
+
+def yes_probability(rate: ArrayLike, function: PsychometricFunction) -> NDArray[np.float64]:
+    """Return ψ, the probability to answer "yes, it changed", for ramps of a rate.
+
+    Parameters
+    ----------
+    rate : array_like, any shape
+        Rate of the luminance change [cd/m^2/s], at least 0; at 0 (a catch trial) ψ is the guess rate.
+    function : PsychometricFunction
+        Whose.
+
+    >>> observer = PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.1, lapse_rate=0.05)
+    >>> yes_probability([0.0, 2.0, 1e300], observer).round(12).tolist()
+    [0.1, 0.75, 0.95]
+    """
+    rise = 1 - function.guess_rate - function.lapse_rate
+    return np.asarray(function.guess_rate + rise * special.expit(_logit_of_rise(rate, function)))
+
+
+def rate_at(probability: ArrayLike, function: PsychometricFunction) -> NDArray[np.float64]:
+    """Return the rate that is answered with "yes" with a given probability: the inverse of ψ.
+
+    Parameters
+    ----------
+    probability : array_like, any shape
+        P("yes"), from the guess rate (rate 0) to one minus the lapse rate (an infinite rate).
+    function : PsychometricFunction
+        Whose.
+
+    Returns
+    -------
+    array, shape of probability
+        Rate [cd/m^2/s].
+
+    >>> float(rate_at(0.75, PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.1)))
+    2.0
+    """
+    wanted = np.asarray(probability, dtype=np.float64)
+    low, high = function.guess_rate, 1 - function.lapse_rate
+    if not ((wanted >= low) & (wanted <= high)).all():
+        raise ValueError(f"the probability must lie in {low:g} to {high:g}, got {wanted}")
+    logit = special.logit((wanted - low) / (high - low)) - function.threshold_logit
+    return np.asarray(function.threshold * np.exp(logit * function.width / WIDTH_LOGITS))
+
+
+def log_likelihood(
+    function: PsychometricFunction, rate: ArrayLike, n_yes: ArrayLike, n_trials: ArrayLike
+) -> float:
+    """Return the log-likelihood of answer counts, without the binomial coefficients.
+
+    It stays finite and exact where ψ rounds to 0 or 1: ψ = γ(1 - F) + (1 - λ)F and its complement are added
+    up as logarithms.
+
+    Parameters
+    ----------
+    function : PsychometricFunction
+        Whose.
+    rate, n_yes, n_trials : array_like (m,)
+        Rate [cd/m^2/s], answers "yes" and trials at each.
+
+    >>> half = PsychometricFunction(threshold=1.0, width=1.0)
+    >>> round(log_likelihood(half, [1.0], [3], [4]), 6)  # 3 ln 0.75 + ln 0.25
+    -2.249341
+    """
+    logit = _logit_of_rise(rate, function)
+    n_yes, n_trials = np.asarray(n_yes), np.asarray(n_trials)
+    rises, stays = special.log_expit(logit), special.log_expit(-logit)
+    with np.errstate(divide="ignore"):  # an asymptote of exactly 0 has the logarithm -inf, which adds nothing
+        ln_guess, ln_lapse = np.log(function.guess_rate), np.log(function.lapse_rate)
+    yes = np.logaddexp(ln_guess + stays, np.log1p(-function.lapse_rate) + rises)
+    no = np.logaddexp(np.log1p(-function.guess_rate) + stays, ln_lapse + rises)
+    return float(np.sum(_times(n_yes, yes) + _times(n_trials - n_yes, no)))
+
+
+def _logit_of_rise(rate: ArrayLike, function: PsychometricFunction) -> NDArray[np.float64]:
+    """Return the logit of F at a rate; -inf at rate 0."""
+    with np.errstate(divide="ignore"):  # ln 0 = -inf is meant: nothing to see
+        distance = np.log(np.asarray(rate, dtype=np.float64)) - np.log(function.threshold)
+    return np.asarray(WIDTH_LOGITS * distance / function.width + function.threshold_logit)
+
+
+def _times(count: NDArray[np.int64], logarithm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return count · logarithm, with 0 · (-inf) = 0: what never happened costs nothing."""
+    return np.where(count > 0, count * np.where(count > 0, logarithm, 0.0), 0.0)
