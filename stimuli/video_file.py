@@ -18,6 +18,7 @@ from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.provenance import sha256_of_file
 from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
+from stimuli.ffv1_checksum import slices_intact
 from stimuli.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
 
 if TYPE_CHECKING:
@@ -179,12 +180,21 @@ def _timeline(path: Path, container: InputContainer) -> FrameTimes:
 
 @dataclass(slots=True)
 class _Packets:
-    """Time stamps of the packets of a stream [ticks], 8 bytes each."""
+    """Time stamps of the packets of a stream [ticks], and which of its checksums hold."""
 
     shown: array[int] = field(default_factory=lambda: array("q"))
     decoded: array[int] = field(default_factory=lambda: array("q"))
     count: int = 0
     last_duration: int = 0
+    intact: int = 0
+    first_broken: int | None = None
+
+    def note_checksum(self, intact: bool) -> None:
+        """Count a good checksum, or note the first bad one; if none at all is good, the file has none."""
+        if intact:
+            self.intact += 1
+        elif self.first_broken is None:
+            self.first_broken = self.count
 
     def stamps(self) -> NDArray[np.int64] | None:
         """Return presentation times, or decoding times where the file has no others, or None."""
@@ -201,6 +211,8 @@ def _look_through(path: Path, container: InputContainer, stream: VideoStream) ->
                 continue
             if packet.is_corrupt:
                 raise InputError(f"{path} is cut off or damaged at frame {packets.count}; {REMEDY}")
+            if stream.codec_context.name == "ffv1":
+                packets.note_checksum(slices_intact(bytes(packet)))
             packets.count += 1
             if packet.pts is not None:
                 packets.shown.append(packet.pts)
@@ -210,6 +222,10 @@ def _look_through(path: Path, container: InputContainer, stream: VideoStream) ->
                 packets.decoded.append(packet.dts)
     except FFmpegError as error:
         raise InputError(f"{path} is damaged at frame {packets.count}: {error.strerror}; {REMEDY}") from error
+    if packets.intact and packets.first_broken is not None:
+        raise InputError(
+            f"{path} is damaged at frame {packets.first_broken}: its checksum is wrong; {REMEDY}"
+        )
     if not packets.count:
         raise InputError(f"{path} holds no frames: it is cut off or damaged; {REMEDY}")
     return packets
