@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from analysis import fit_commands
+from analysis import fit_commands, optimize_command
 from data_schema.errors import InputError
 from experiments import commands as experiment_commands
 from stimuli import commands as stimuli_commands
@@ -28,6 +28,7 @@ def commands() -> None:
 app.command()(stimuli_commands.render)
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
+app.command()(optimize_command.optimize)
 
 
 def main() -> None:

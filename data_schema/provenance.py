@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import subprocess
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from data_schema.quantities import described
 
@@ -72,6 +74,14 @@ def sha256_of_bytes(content: bytes) -> str:
     'e3b0c44298fc'
     """
     return hashlib.sha256(content).hexdigest()
+
+
+def sha256_of_record(record: Any) -> str:
+    """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
+    from data_schema.mapping import mapping_from_record  # imported late: it needs this module
+
+    content = json.dumps(mapping_from_record(record), sort_keys=True)
+    return sha256_of_bytes(content.encode())
 
 
 def sha256_of_file(path: Path) -> str:

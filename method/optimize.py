@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -15,23 +14,17 @@ from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.power_model import PowerModel
 from data_schema.rate_limit import RateLimit
+from method.choices import LimitCurve, ModulatedLuminance
 from method.curve_lookup import loss_and_slope
 from method.modulation import RateLimitFunction, allowed_rate, largest_rate_ratio, modulation_rate
 from method.objective import pairwise_spread
 from method.power import power_per_factor
-from method.rate_limit import LimitCurve, rate_limit_at
+from method.rate_limit import rate_limit_at
 
 Array = NDArray[np.float64]
 
 BUDGET_TOLERANCE = 1e-6
 RATE_TOLERANCE = 1e-6
-
-
-class ModulatedLuminance(enum.Enum):
-    """Whose luminance the rate limit is about."""
-
-    FRAME_MEAN = "frame_mean"  # of each frame: what the eye gets on average
-    WHITE_FIELD = "white_field"  # of a white screen, as in the calibration: content-independent
 
 
 @dataclass(frozen=True, slots=True)

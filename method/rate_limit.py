@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimit, RateLimitForm
-
-
-class LimitCurve(enum.Enum):
-    """Which curve of a fitted rate limit is obeyed."""
-
-    FITTED = "fitted"  # the fitted curve
-    SAFE = "safe"  # the lower edge of its band
+from method.choices import LimitCurve
 
 
 def rate_limit_at(

@@ -57,7 +57,7 @@ class SlsqpSolver:
                 lambda b: _slack(problem, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, b)
             ),
         ]
-        result = minimize(
+        result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
             problem.objective,
             np.clip(baseline + noise, problem.lowest_factor, 1.0),
             jac=lambda b: _objective_slope(problem, b),

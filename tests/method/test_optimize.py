@@ -9,10 +9,11 @@ from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.rate_limit import RateLimit, RateLimitForm
+from method.choices import ModulatedLuminance, SolverName
 from method.lower_bound import lower_bound
-from method.optimize import ModulatedLuminance, Problem, Request, Solution, feasible_blend, optimize, pose
+from method.optimize import Problem, Request, Solution, feasible_blend, optimize, pose
 from method.preset_files import load_power_model
-from method.solvers import SolverName, make_solver
+from method.solvers import make_solver
 
 SOLVERS = list(SolverName)
 

@@ -1,0 +1,116 @@
+"""What a brightness track does: its columns, and the figures of its summary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
+from data_schema.provenance import Provenance
+from method.lower_bound import lower_bound
+from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from method.objective import pairwise_spread
+from method.optimize import Problem, Request, Solution
+from method.power import power
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long the work took.
+
+    Attributes
+    ----------
+    solve_s, curves_s : float
+        The optimizer, and the loss curves [s].
+    """
+
+    solve_s: float
+    curves_s: float
+
+
+def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
+    """Return the track of the given factors, every column computed from them.
+
+    Parameters
+    ----------
+    problem, request : Problem, Request
+        What was to be solved.
+    factors : array, (N,)
+        b of each frame.
+    header : TrackHeader
+        What the track is for.
+    """
+    curves = problem.curves
+    reflected = curves.display.reflected_luminance
+    return BrightnessTrack(
+        times=curves.times,
+        factors=factors,
+        contrast_loss=np.clip(problem.loss(factors), 0.0, 1.0),
+        mean_luminance=factors * curves.mean_luminance + reflected,
+        rate=modulation_rate(factors, problem.luminance, curves.durations),
+        rate_limit=allowed_rate(factors, problem.luminance, problem.rate_limit),
+        power=power(request.power_model, factors, curves.channel_means),
+        header=header,
+    )
+
+
+def summarize(
+    problem: Problem, request: Request, solution: Solution, track: BrightnessTrack, timing: Timing
+) -> OptimizationSummary:
+    """Return the figures of an optimization, from the finished track.
+
+    Parameters
+    ----------
+    problem, request, solution : Problem, Request, Solution
+        What was to be solved, and the answer.
+    track : BrightnessTrack
+        The answer's track.
+    timing : Timing
+        How long the work took.
+    """
+    curves, header = problem.curves, track.header
+    share = curves.durations / curves.durations.sum()
+    baseline = problem.baseline()
+    baseline_power = power(request.power_model, baseline, curves.channel_means)
+    full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
+    mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
+    achieved = {
+        BudgetUnit.FACTOR: mean_factor,
+        BudgetUnit.POWER: mean_power / full_power,
+        BudgetUnit.WATT: mean_power,
+    }
+    origin: Provenance = header.provenance
+    return OptimizationSummary(
+        video=header.video,
+        display=header.display_name,
+        rate_limit=header.rate_limit,
+        power_model=header.power_model,
+        frames=curves.n_frames,
+        duration=float(curves.durations.sum()),
+        budget=request.budget,
+        budget_unit=request.budget_unit,
+        achieved=achieved[request.budget_unit],
+        objective=pairwise_spread(track.contrast_loss),
+        objective_baseline=problem.objective(baseline),
+        lower_bound=lower_bound(problem, solution),
+        max_rate_ratio=largest_rate_ratio(track.rate, track.rate_limit),
+        mean_contrast_loss=float(share @ track.contrast_loss),
+        mean_contrast_loss_baseline=float(share @ problem.loss(baseline)),
+        mean_factor=mean_factor,
+        baseline_factor=problem.baseline_factor,
+        mean_power=mean_power,
+        baseline_power=float(share @ baseline_power),
+        full_power=full_power,
+        frames_without_contrast=int(np.count_nonzero(curves.visible_contrast == 0)),
+        solver=header.solver,
+        iterations=solution.iterations,
+        solve_s=timing.solve_s,
+        curves_s=timing.curves_s,
+        seed=origin.seed,
+        versions={"evenlight": origin.software_version, **origin.versions},
+        provenance=origin,
+    )
