@@ -1,0 +1,108 @@
+"""Psychometric fits: what a fit states, how long it takes, and answers that fit nothing."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from analysis.posterior_grid import RampCounts
+from analysis.psychometric_fit import fit_psychometric, posterior_band
+from method.psychometric import yes_probability
+
+RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
+
+
+def counts(yes: list[int], n: int = 6, catch: tuple[int, int] = (6, 120)) -> RampCounts:
+    return RampCounts(RATES, np.array(yes), np.full(8, n), *catch)
+
+
+TYPICAL = counts([0, 1, 1, 3, 4, 5, 6, 6])
+HARD = {
+    "perfect separation": counts([0, 0, 0, 0, 6, 6, 6, 6]),
+    "all yes": counts([6] * 8),
+    "all no": counts([0] * 8, catch=(0, 120)),
+    "one trial per rate": counts([0, 0, 0, 1, 0, 1, 1, 1], n=1, catch=(0, 0)),
+    "one trial": RampCounts(np.array([2.0]), np.array([1]), np.array([1])),
+    "backwards": counts([6, 6, 5, 4, 2, 1, 0, 0]),
+    "very many trials": counts([50, 80, 200, 400, 700, 850, 930, 960], n=1000, catch=(50, 1000)),
+}
+
+
+def test_the_fitted_function_runs_through_75_percent_at_the_threshold() -> None:
+    fit = fit_psychometric(TYPICAL)
+    threshold = math.exp(fit.ln_threshold.median)
+    assert float(yes_probability(threshold, fit.function)) == pytest.approx(0.75, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_answers_give_an_ordered_finite_interval_and_no_warning(name: str) -> None:
+    fit = fit_psychometric(HARD[name])
+    for estimate in (fit.ln_threshold, fit.ln_width, fit.guess_rate, fit.lapse_rate):
+        assert -math.inf < estimate.ci_low < estimate.median < estimate.ci_high < math.inf
+        assert estimate.sd > 0
+
+
+def test_all_yes_and_all_no_say_only_on_which_side_of_the_tested_rates_the_threshold_lies() -> None:
+    below, above = fit_psychometric(HARD["all yes"]), fit_psychometric(HARD["all no"])
+    assert below.ln_threshold.median < math.log(RATES[0])
+    assert above.ln_threshold.median > math.log(RATES[-1])
+    # The prior's flank has a standard deviation of 0.5: nothing narrower can be known of either.
+    for fit in (below, above):
+        assert fit.ln_threshold.ci_high - fit.ln_threshold.ci_low > 1.0
+
+
+def test_a_separated_threshold_lies_in_the_gap() -> None:
+    fit = fit_psychometric(HARD["perfect separation"])
+    assert math.log(2.8) < fit.ln_threshold.median < math.log(4.0) + 0.1
+    assert fit.ln_threshold.ci_low < math.log(2.8) + 0.2
+
+
+def test_more_trials_narrow_the_interval_by_the_square_root_of_their_number() -> None:
+    # 16 times the answers: a quarter of the standard error, up to what the priors add to the smaller sample.
+    few = fit_psychometric(counts([0, 1, 1, 3, 4, 5, 6, 6], catch=(6, 120)))
+    many = fit_psychometric(counts([0, 16, 16, 48, 64, 80, 96, 96], n=96, catch=(96, 1920)))
+    assert many.ln_threshold.sd == pytest.approx(few.ln_threshold.sd / 4, rel=0.2)
+
+
+def test_false_alarms_are_held_against_the_answers_to_ramps() -> None:
+    # Who says "yes" to 30 % of the catch trials has said some of the "yes" to slow ramps without seeing them.
+    honest = fit_psychometric(counts([2, 2, 2, 3, 4, 5, 6, 6], catch=(0, 120)))
+    eager = fit_psychometric(counts([2, 2, 2, 3, 4, 5, 6, 6], catch=(36, 120)))
+    assert eager.guess_rate.median == pytest.approx(0.3, abs=0.05)
+    assert honest.guess_rate.median < 0.1
+    assert eager.ln_width.median < honest.ln_width.median
+
+
+def test_the_band_holds_the_curve_and_stays_within_probabilities() -> None:
+    fit = fit_psychometric(TYPICAL)
+    rates = np.concatenate([[0.0], np.geomspace(0.5, 20, 40)])
+    low, high = posterior_band(fit, rates)
+    curve = yes_probability(rates, fit.function)
+    assert ((low >= 0) & (high <= 1)).all()
+    assert ((low < curve) & (curve < high)).all()
+
+
+def test_the_band_at_75_percent_is_as_wide_as_the_thresholds_interval() -> None:
+    # At the interval's lower end, the function is below 75 % in 97.5 % of the posterior: the upper edge of
+    # the band crosses 75 % there. 400 samples know that quantile to about 0.01.
+    fit = fit_psychometric(TYPICAL)
+    ends = np.exp([fit.ln_threshold.ci_low, fit.ln_threshold.ci_high])
+    low, high = posterior_band(fit, ends)
+    assert high[0] == pytest.approx(0.75, abs=0.02)
+    assert low[1] == pytest.approx(0.75, abs=0.02)
+
+
+def test_the_same_answers_give_the_same_fit() -> None:
+    first, second = fit_psychometric(TYPICAL), fit_psychometric(TYPICAL)
+    assert first.ln_threshold == second.ln_threshold
+    np.testing.assert_array_equal(first.samples, second.samples)
+
+
+def test_a_fit_with_intervals_takes_at_most_50_ms() -> None:
+    durations = []
+    for _ in range(10):
+        start = time.perf_counter()
+        fit_psychometric(TYPICAL)
+        durations.append(time.perf_counter() - start)
+    assert min(durations) < 0.050

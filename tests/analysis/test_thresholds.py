@@ -1,0 +1,119 @@
+"""Thresholds: counting answers, flags, catch trials and the criterion."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import special
+
+from analysis.posterior_grid import RampCounts
+from analysis.thresholds import catch_counts, criterion_of, fit_thresholds_of, flag_of, ramp_counts
+from data_schema.ramp import RampTrial, Response
+from data_schema.threshold import ThresholdFlag
+
+
+def trial(participant: str, rate: float, yes: bool, luminance: float = 100.0) -> RampTrial:
+    return RampTrial(
+        participant_id=participant,
+        session_id="01",
+        trial_index=0,
+        screen="white",
+        factor=luminance / 100,
+        initial_luminance=luminance,
+        final_luminance=luminance - 5 * rate,
+        rate=rate,
+        duration=5.0,
+        is_catch=rate == 0,
+        response=Response.YES if yes else Response.NO,
+        response_time=None,
+        simulated=True,
+    )
+
+
+def answers(
+    participant: str, table: dict[float, tuple[int, int]], luminance: float = 100.0
+) -> list[RampTrial]:
+    """Trials with, for each rate, so many "yes" of so many."""
+    return [
+        trial(participant, rate, i < yes, luminance) for rate, (yes, n) in table.items() for i in range(n)
+    ]
+
+
+RISING = {1.0: (0, 4), 2.0: (1, 4), 4.0: (3, 4), 8.0: (4, 4)}
+
+
+def test_answers_are_counted_by_rate_in_any_order() -> None:
+    trials = answers("01", RISING)
+    counts = ramp_counts([trials[i] for i in np.random.default_rng(1).permutation(16)])
+    assert counts.rates.tolist() == [1.0, 2.0, 4.0, 8.0]
+    assert counts.n_yes.tolist() == [0, 1, 3, 4]
+    assert counts.n_trials.tolist() == [4, 4, 4, 4]
+
+
+def test_there_is_one_threshold_per_participant_and_level_in_order() -> None:
+    trials = answers("02", RISING) + answers("01", RISING, 50.0) + answers("01", RISING)
+    found = [(f.threshold.participant_id, f.threshold.factor) for f in fit_thresholds_of(trials)]
+    assert found == [("01", 1.0), ("01", 0.5), ("02", 1.0)]
+
+
+def test_a_participants_catch_trials_count_at_all_of_their_levels_and_at_nobody_elses() -> None:
+    trials = answers("01", {0.0: (1, 4), **RISING}) + answers("01", {0.0: (2, 4), **RISING}, 50.0)
+    trials += answers("02", {0.0: (0, 2), **RISING})
+    assert catch_counts(trials) == {"01": (3, 8), "02": (0, 2)}
+    records = [fit.threshold for fit in fit_thresholds_of(trials)]
+    assert [(r.n_catch, r.false_alarm_rate) for r in records] == [(8, 3 / 8), (8, 3 / 8), (2, 0.0)]
+    assert [r.n_trials for r in records] == [16, 16, 16]
+
+
+def test_a_level_of_catch_trials_alone_has_no_threshold() -> None:
+    trials = answers("01", {0.0: (1, 4)}, 50.0) + answers("01", RISING)
+    assert [fit.threshold.luminance for fit in fit_thresholds_of(trials)] == [100.0]
+
+
+def test_without_catch_trials_there_is_no_false_alarm_rate() -> None:
+    record = fit_thresholds_of(answers("01", RISING))[0].threshold
+    assert record.false_alarm_rate is None
+    assert record.n_catch == 0
+
+
+def counts(yes: list[int], n: int = 4, catch: tuple[int, int] = (0, 8)) -> RampCounts:
+    return RampCounts(2.0 ** np.arange(len(yes)), np.array(yes), np.full(len(yes), n), *catch)
+
+
+@pytest.mark.parametrize(
+    ("data", "threshold", "flag"),
+    [
+        (counts([0, 1, 3, 4]), 4.0, ThresholdFlag.NONE),
+        (counts([4, 4, 4, 4]), 0.5, ThresholdFlag.ALL_YES),
+        (counts([0, 0, 0, 0]), 12.0, ThresholdFlag.ALL_NO),
+        (counts([0, 0, 4, 4]), 3.0, ThresholdFlag.SEPARATED),
+        (counts([0, 2, 4, 4]), 3.0, ThresholdFlag.NONE),  # one rate has both answers: the slope is known
+        (counts([3, 4, 3, 4]), 0.9, ThresholdFlag.BELOW_RANGE),
+        (counts([0, 0, 1, 1]), 9.0, ThresholdFlag.ABOVE_RANGE),
+        (counts([1, 2, 3, 4], catch=(5, 8)), 4.0, ThresholdFlag.FALSE_ALARMS),
+        (counts([1, 2, 3, 4], catch=(4, 8)), 4.0, ThresholdFlag.NONE),  # half is not more than half
+        (counts([4, 4, 4, 4], catch=(8, 8)), 0.5, ThresholdFlag.ALL_YES),  # the graver reason first
+    ],
+)
+def test_flags(data: RampCounts, threshold: float, flag: ThresholdFlag) -> None:
+    assert flag_of(data, threshold) is flag
+
+
+def test_flagged_answers_still_give_a_valid_record() -> None:
+    for first, last in itertools.product([(0, 4), (4, 4)], repeat=2):
+        table = {1.0: first, 2.0: first, 4.0: last, 8.0: last}
+        record = fit_thresholds_of(answers("01", table))[0].threshold
+        assert record.ci_low <= record.threshold <= record.ci_high
+
+
+def test_d_prime_at_the_raw_75_percent_point_follows_the_false_alarm_rate() -> None:
+    # d' = z(0.75) - z(FA): 3.00, 2.32, 1.52 and 0.67 at FA 1, 5, 20 and 50 %. A million catch trials make the
+    # log-linear correction vanish.
+    n = 1_000_000
+    for share, d_prime in ((0.01, 3.00), (0.05, 2.32), (0.20, 1.52), (0.50, 0.67)):
+        assert criterion_of(round(share * n), n).d_prime_at_threshold == pytest.approx(d_prime, abs=0.006)
+
+
+def test_the_log_linear_correction_keeps_the_criterion_finite() -> None:
+    assert criterion_of(0, 9).criterion == pytest.approx(-special.ndtri(0.05))  # 0.5 / 10
+    assert criterion_of(9, 9).criterion == pytest.approx(-special.ndtri(0.95))
