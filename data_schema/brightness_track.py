@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import enum
-import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from data_schema.errors import InputError
 from data_schema.files import write_whole
-from data_schema.mapping import mapping_from_record, record_from_mapping
+from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity, read_only
-from data_schema.text_files import csv_text, read_json, read_text, write_json
-
-Array = NDArray[Any]
+from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
+from data_schema.text_files import csv_rows, csv_text, number_in, read_json_record, write_json
 
 
 class BudgetUnit(enum.Enum):
@@ -106,6 +98,8 @@ class BrightnessTrack:
         check_limits(self)
         if len({len(getattr(self, name)) for name in _ARRAYS}) != 1 or len(self.times) == 0:
             raise ValueError("the columns of a track must be equally long and hold at least one frame")
+        if not rises(self.times):
+            raise ValueError("time_s must rise from frame to frame")
 
 
 _ARRAYS = ("times", "factors", "contrast_loss", "mean_luminance", "rate", "rate_limit", "power")
@@ -131,23 +125,21 @@ def write_track(path: Path, track: BrightnessTrack) -> None:
 
 def read_track(path: Path) -> BrightnessTrack:
     """Return the track of a csv table and its json header; raise `InputError` if either is unusable."""
-    header = record_from_mapping(
-        TrackHeader,
-        read_json(path.with_suffix(".json"), "the header of a brightness track"),
-        str(path.with_suffix(".json")),
-    )
-    reader = csv.reader(io.StringIO(read_text(path, "a brightness track (csv)")))
-    columns = tuple(next(reader, ()))
-    if columns != TRACK_COLUMNS:
-        raise InputError(f"{path}: expected the columns {','.join(TRACK_COLUMNS)}, got {','.join(columns)}")
+    header = read_json_record(TrackHeader, path.with_suffix(".json"))
+    rows = csv_rows(path, TRACK_COLUMNS, "a brightness track (csv)")
+    table = []
+    for frame, (line, cells) in enumerate(rows):
+        where = f"{path}, line {line}"
+        if cells[0] != str(frame):
+            raise InputError(f"{where}: frame: expected {frame}, the frames from 0 on, got {cells[0]!r}")
+        table.append(
+            [number_in(cell, f"{where}: {name}") for name, cell in zip(TRACK_COLUMNS, cells, strict=True)]
+        )
+    if not table:
+        raise InputError(f"{path}: expected a row for each frame, got none; the table is empty or torn")
+    columns = read_only(table).T[1:]  # the number of the frame is its place
     try:
-        table = np.array([[float(cell) for cell in row] for row in reader])
-    except ValueError as error:
-        raise InputError(f"{path}: {error}; expected numbers in every cell") from None
-    if table.ndim != 2 or table.shape[1] != len(TRACK_COLUMNS):
-        raise InputError(f"{path}: expected rows of {len(TRACK_COLUMNS)} cells; the table is empty or torn")
-    try:
-        return BrightnessTrack(**dict(zip(_ARRAYS, table.T[1:], strict=True)), header=header)
+        return BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -206,9 +198,9 @@ class OptimizationSummary:
     frames_without_contrast: int = quantity("1", "frames with nothing visible even undimmed", minimum=0)
     solver: str = described("which solver")
     iterations: int = quantity("1", "iterations of the solver", minimum=0)
-    solve_s: float = quantity("1", "time that the optimizer took, in seconds", minimum=0.0)
-    curves_s: float = quantity("1", "time that the loss curves took, in seconds", minimum=0.0)
-    seed: int | None = described("seed of the random numbers; null where none were drawn")
+    solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
+    curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
+    seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
     versions: dict[str, str] = described("versions of the software")
     provenance: Provenance = described("how the file was made")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from data_schema.errors import InputError
@@ -15,14 +16,18 @@ from data_schema.errors import InputError
 def write_whole(path: Path, content: bytes | str) -> None:
     """Write a file so that it is there completely or not at all, whatever happens on the way.
 
+    Characters that are none (from file names in another encoding) are written as escapes.
+
     Raises
     ------
     InputError
         If the folder cannot be written, naming it and the system's reason.
     """
     if isinstance(content, str):
-        content = content.encode()
+        content = content.encode(errors="backslashreplace")
+    created = None
     try:
+        created = _topmost_missing(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
@@ -35,8 +40,11 @@ def write_whole(path: Path, content: bytes | str) -> None:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    except BaseException as error:
+        _remove_empty(path.parent, created)
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        raise
 
 
 @contextmanager
@@ -52,10 +60,11 @@ def results_folder(folder: Path) -> Iterator[Path]:
     """
     created = None
     try:
-        created = next((p for p in reversed([folder, *folder.parents]) if not p.exists()), None)
+        created = _topmost_missing(folder)
         folder.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(dir=folder, prefix=".partial-"))
     except OSError as error:
+        _remove_empty(folder, created)
         raise InputError(
             f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
         ) from error
@@ -64,28 +73,53 @@ def results_folder(folder: Path) -> Iterator[Path]:
         _move_into(staging, folder)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
-        if created is not None:
-            _remove_empty(folder, created)
+        _remove_empty(folder, created)
         raise
+    shutil.rmtree(staging, ignore_errors=True)
 
 
 def _move_into(staging: Path, folder: Path) -> None:
-    """Move every file of the staging folder to its place, then remove it."""
+    """Move every file of the staging folder to its place; if one cannot be, put all back as they were."""
+    replaced = Path(tempfile.mkdtemp(dir=staging, prefix=".replaced-"))
+    undo: list[Callable[[], object]] = []
+    parts = [p for p in sorted(staging.rglob("*")) if p.is_file()]
     try:
-        for part in sorted(p for p in staging.rglob("*") if p.is_file()):
+        for number, part in enumerate(parts):
             target = folder / part.relative_to(staging)
-            target.parent.mkdir(parents=True, exist_ok=True)
+            _make_folders(target.parent, undo)
+            if target.is_file():
+                earlier = target.replace(replaced / str(number))
+                undo.append(partial(earlier.replace, target))
+            undo.append(partial(target.unlink, missing_ok=True))
             part.replace(target)
-    except OSError as error:
-        raise InputError(f"cannot write to the folder {folder}: {error.strerror or error}") from error
-    shutil.rmtree(staging)
+    except BaseException as error:
+        for step in reversed(undo):
+            step()
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write to the folder {folder}: {error.strerror or error}") from error
+        raise
 
 
-def _remove_empty(folder: Path, topmost: Path) -> None:
-    """Remove the folders that were created for nothing, from `folder` up to `topmost`."""
-    for part in (folder, *folder.parents):
+def _make_folders(folder: Path, undo: list[Callable[[], object]]) -> None:
+    """Make a folder and those above it, and note how to undo it."""
+    for part in reversed([folder, *folder.parents]):
+        if not part.exists():
+            part.mkdir()
+            undo.append(part.rmdir)
+
+
+def _topmost_missing(folder: Path) -> Path | None:
+    """Return the topmost folder that would have to be made for `folder` to be there."""
+    return next((part for part in reversed([folder, *folder.parents]) if not part.exists()), None)
+
+
+def _remove_empty(folder: Path, topmost: Path | None) -> None:
+    """Remove the folders that were made for nothing, from `folder` up to `topmost`; none if that is None."""
+    for part in (folder, *folder.parents) if topmost else ():
         try:
             part.rmdir()
+        except FileNotFoundError:
+            continue  # it was never made
         except OSError:
             return
         if part == topmost:

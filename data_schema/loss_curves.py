@@ -5,21 +5,36 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.files import write_whole
 from data_schema.mapping import mapping_from_record, record_from_mapping
 from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity, read_only
+from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
 
-Array = NDArray[Any]
+
+@dataclass(frozen=True, slots=True)
+class CurvesHeader:
+    """What loss curves were made for, and how; the `header` of their npz file, in JSON.
+
+    Attributes
+    ----------
+    video : str
+        Name of the video.
+    display : Display
+        The display that it is shown on.
+    provenance : Provenance
+        Software and inputs.
+    """
+
+    video: str = described("name of the video")
+    display: Display = described("display that it is shown on")
+    provenance: Provenance = described("how the file was made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +87,9 @@ class LossCurves:
                 raise ValueError(f"{name} must have the shape {shape}, got {getattr(self, name).shape}")
         if n == 0:
             raise ValueError("loss curves need at least one frame, got none")
-        if k < 2 or (np.diff(self.factors) <= 0).any() or self.factors[-1] != 1:
+        if not rises(self.times):
+            raise ValueError("times_s must rise from frame to frame")
+        if k < 2 or not rises(self.factors) or self.factors[-1] != 1:
             raise ValueError("factors must rise to 1 with at least two knots")
 
     @property
@@ -86,11 +103,9 @@ _ARRAYS = ("times", "durations", "factors", "loss", "visible_contrast", "mean_lu
 
 def write_loss_curves(path: Path, curves: LossCurves) -> None:
     """Write loss curves as a compressed npz file, whole."""
-    header = {
-        "video": curves.video,
-        "display": mapping_from_record(curves.display),
-        "provenance": mapping_from_record(curves.provenance),
-    }
+    import numpy as np
+
+    header = mapping_from_record(CurvesHeader(curves.video, curves.display, curves.provenance))
     stream = io.BytesIO()
     np.savez_compressed(
         stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in _ARRAYS}
@@ -100,19 +115,28 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
 
 def read_loss_curves(path: Path) -> LossCurves:
     """Return the loss curves of an npz file; raise `InputError` if it holds none."""
+    what = "loss curves (npz)"
     try:
-        with np.load(path, allow_pickle=False) as content:
-            header = json.loads(str(content["header"]))
-            data = {**header, **{name: content[name] for name in _ARRAYS}}
+        header, arrays = _npz_content(path)
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; expected loss curves (npz)") from None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path}: holds no loss curves ({error}); expected an npz file of Evenlight"
-        ) from None
-    display = record_from_mapping(Display, data.pop("display"), f"{path}: display")
-    origin = record_from_mapping(Provenance, data.pop("provenance"), f"{path}: provenance")
+        raise InputError(f"{path}: no such file; expected {what}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder; expected {what}") from None
+    except KeyError as error:
+        raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
+    except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
+    made_for = record_from_mapping(CurvesHeader, header, f"{path}: header")
     try:
-        return LossCurves(display=display, provenance=origin, **data)
+        return LossCurves(made_for.video, made_for.display, provenance=made_for.provenance, **arrays)
     except (ValueError, TypeError) as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _npz_content(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return the header and the arrays of an npz file of loss curves."""
+    import numpy as np
+
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        return json.loads(str(content["header"])), {name: content[name] for name in _ARRAYS}

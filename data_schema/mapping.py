@@ -7,11 +7,9 @@ import difflib
 import enum
 import types
 import typing
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from functools import cache
 from typing import Any, TypeVar
-
-import numpy as np
 
 from data_schema.errors import InputError
 from data_schema.provenance import SCHEMA_VERSION
@@ -31,10 +29,8 @@ def _plain(value: Any) -> Any:
         return mapping_from_record(value)
     if isinstance(value, enum.Enum):
         return value.value
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "tolist"):  # of numpy, which this module does without: it is loaded by every command
         return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
     if isinstance(value, tuple | list):
         return [_plain(v) for v in value]
     if isinstance(value, Mapping):
@@ -60,21 +56,20 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
         For a missing, unknown or ill-typed key, a value outside its limits, or a newer schema.
     """
     if not isinstance(data, Mapping):
-        raise InputError(f"{where}: expected the keys of a {cls.__name__}, got {type(data).__name__}")
-    fields = {file_key(f): f for f in dataclasses.fields(cls)}  # type: ignore[arg-type] # Record is a dataclass
-    _refuse_newer_schema(data, where)
+        raise InputError(f"{where}: expected the keys of a {cls.__name__}, got {shown(data)}")
+    refuse_newer_schema(data, where)
+    fields, required = _keys(typing.cast(Hashable, cls))
     for key in data:
         if key not in fields:
-            hint = difflib.get_close_matches(str(key), fields, n=1)
-            known = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(fields)}"
-            raise InputError(f"{where}: unknown key {key!r} for a {cls.__name__}; {known}")
-    kinds = _type_hints(typing.cast(Hashable, cls))
-    values = {}
-    for key, field in fields.items():
-        if key in data:
-            values[field.name] = _typed(kinds[field.name], data[key], f"{where}: {key}")
-        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise InputError(f"{where}: {unknown_key(key, fields)}")
+    for key in required:
+        if key not in data:
             raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
+    kinds = type_hints(typing.cast(Hashable, cls))
+    values = {}
+    for key, name in fields.items():
+        if key in data:
+            values[name] = _typed(kinds[name], data[key], f"{where}: {key}")
     try:
         return cls(**values)
     except InputError:
@@ -83,13 +78,53 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
         raise InputError(f"{where}: {error}") from error
 
 
+def unknown_key(key: object, known: Iterable[str]) -> str:
+    """Return what to say about an unknown key: the one that was probably meant.
+
+    >>> unknown_key("gama", ["name", "gamma"])
+    "unknown key 'gama'; did you mean 'gamma'?"
+    """
+    known = list(known)
+    hint = difflib.get_close_matches(str(key), known, n=1)
+    guess = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(known)}"
+    return f"unknown key {shown(key)}; {guess}"
+
+
+def shown(value: object) -> str:
+    """Return a value as it is put into a message: as JSON names its kind, and not too long.
+
+    >>> shown({"a": 1}), shown([1, 2]), shown(None)
+    ('a table', 'a list', 'null')
+    """
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list | tuple):
+        return "a list"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"
+
+
 @cache
-def _type_hints(cls: Any) -> dict[str, Any]:
+def _keys(cls: Any) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the attribute for each file key of a record, and the keys that a file must have."""
+    fields = dataclasses.fields(cls)
+    required = (
+        file_key(f)
+        for f in fields
+        if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    )
+    return {file_key(f): f.name for f in fields}, tuple(required)
+
+
+@cache
+def type_hints(cls: Any) -> dict[str, Any]:
     """Return the types of a record's fields; looked up once, because a data set has thousands of rows."""
     return typing.get_type_hints(cls)
 
 
-def _refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:
+def refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:
     """Refuse a file whose schema version is newer than this software."""
     origin = data.get("provenance", data)
     version = origin.get("schema_version") if isinstance(origin, Mapping) else None
@@ -109,7 +144,7 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         return _typed(next(k for k in typing.get_args(kind) if k is not type(None)), value, where)
     if origin is tuple:
         if not isinstance(value, list | tuple):
-            raise InputError(f"{where}: expected a list, got {value!r}")
+            raise InputError(f"{where}: expected a list, got {shown(value)}")
         parts = typing.get_args(kind)
         of = [parts[0]] * len(value) if parts[-1] is Ellipsis else list(parts)
         if len(of) != len(value):
@@ -117,18 +152,26 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         return tuple(_typed(k, v, where) for k, v in zip(of, value, strict=True))
     if origin is dict:
         if not isinstance(value, Mapping):
-            raise InputError(f"{where}: expected a table of names and values, got {value!r}")
+            raise InputError(f"{where}: expected a table of names and values, got {shown(value)}")
         return {str(k): _typed(typing.get_args(kind)[1], v, where) for k, v in value.items()}
     if dataclasses.is_dataclass(kind):
         return record_from_mapping(typing.cast("type[Any]", kind), value, where)
     if isinstance(kind, type) and issubclass(kind, enum.Enum):
         return _choice(kind, value, where)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+    if kind is float and type(value) is int:
+        return _float(value, where)
     if kind in (int, float, str, bool) and type(value) is not kind:
         names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-        raise InputError(f"{where}: expected {names[kind]}, got {value!r}")
+        raise InputError(f"{where}: expected {names[kind]}, got {shown(value)}")
     return value
+
+
+def _float(value: int, where: str) -> float:
+    """Return a whole number as a floating-point one, if it has one."""
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{where}: expected a number below 1.8e308, got a whole number beyond it") from None
 
 
 def _choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
@@ -137,4 +180,4 @@ def _choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
         return kind(value)
     except ValueError:
         known = ", ".join(repr(m.value) for m in kind)
-        raise InputError(f"{where}: expected one of {known}, got {value!r}") from None
+        raise InputError(f"{where}: expected one of {known}, got {shown(value)}") from None

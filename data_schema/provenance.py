@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from data_schema.quantities import described
+from data_schema.errors import InputError
+from data_schema.quantities import check_limits, described, quantity
 
 SCHEMA_VERSION = 1
 _PACKAGES = ("numpy", "scipy", "numba", "av")
@@ -35,16 +34,21 @@ class Provenance:
         Versions of Python's packages that the numbers depend on.
     """
 
-    schema_version: int = described("version of the record format", default=SCHEMA_VERSION)
+    schema_version: int = quantity("1", "version of the record format", minimum=1, default=SCHEMA_VERSION)
     software_version: str = described("version of Evenlight", default="unknown")
     software_revision: str = described("revision of Evenlight's source", default="unknown")
-    seed: int | None = described("seed of the random numbers; null where none were drawn", default=None)
+    seed: int | None = quantity(
+        "1", "seed of the random numbers; null where none were drawn", minimum=0, default=None
+    )
     inputs: dict[str, str] = field(
         default_factory=dict, metadata={"doc": "SHA-256 of each input, by its name"}
     )
     versions: dict[str, str] = field(
         default_factory=dict, metadata={"doc": "versions of the packages that the numbers depend on"}
     )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
 
 
 def provenance_now(seed: int | None = None, inputs: dict[str, str] | None = None) -> Provenance:
@@ -85,12 +89,29 @@ def sha256_of_record(record: Any) -> str:
 
 
 def sha256_of_file(path: Path) -> str:
-    """Return the SHA-256 of a file, or of a folder's files (names and contents, in order of name)."""
+    """Return the SHA-256 of a file, or of a folder's files.
+
+    That of a folder is taken over the relative name and the SHA-256 (32 bytes) of each file below it, in
+    order of path.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return _digest(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _digest(path: Path) -> str:
+    """Return the SHA-256 of a file or folder."""
     digest = hashlib.sha256()
     if path.is_dir():
         for part in sorted(p for p in path.rglob("*") if p.is_file()):
             digest.update(part.relative_to(path).as_posix().encode())
-            digest.update(bytes.fromhex(sha256_of_file(part)))
+            digest.update(bytes.fromhex(_digest(part)))
         return digest.hexdigest()
     with path.open("rb") as stream:
         while block := stream.read(1 << 20):
@@ -101,6 +122,8 @@ def sha256_of_file(path: Path) -> str:
 @cache
 def _installed_version(package: str) -> str:
     """Return the version of an installed package, or "unknown"."""
+    from importlib import metadata  # slow to import, and no command needs it to show its help
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -109,16 +132,24 @@ def _installed_version(package: str) -> str:
 
 @cache
 def _source_revision() -> str:
-    """Return the revision of the checkout that this module lies in, marked `-dirty` if it was changed."""
+    """Return the revision of the checkout that this module lies in, marked `-dirty` if it was changed.
+
+    It is "unknown" where this module is installed as a package, even inside the checkout of something else.
+    """
+    own = Path(__file__)
+    if _git("ls-files", "--error-unmatch", own.name, folder=own.parent) is None:
+        return "unknown"
+    return _git("describe", "--always", "--dirty", "--abbrev=12", folder=own.parent) or "unknown"
+
+
+def _git(*arguments: str, folder: Path) -> str | None:
+    """Return what git answers in a folder; None if it cannot."""
+    import subprocess
+
     try:
         answer = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            timeout=10,
-            check=False,
+            ["git", *arguments], cwd=folder, capture_output=True, text=True, timeout=10, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
-        return "unknown"
-    return answer.stdout.strip() or "unknown"
+        return None
+    return answer.stdout.strip() if answer.returncode == 0 else None

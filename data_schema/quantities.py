@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
-from typing import Any
+import operator
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[Any]
+else:
+    Array = Sequence[float]  # at run time a name is enough: numpy is imported where arrays are made
 
 UNIT_SUFFIX = {
     "cd/m^2": "_cd_m2",
@@ -30,6 +36,7 @@ def quantity(
     above: float | None = None,
     minimum: float | None = None,
     maximum: float | None = None,
+    min_items: int = 0,
     key: str | None = None,
 ) -> Any:
     """Return a dataclass field for a physical quantity.
@@ -45,16 +52,21 @@ def quantity(
         The value when none is given.
     above, minimum, maximum : float, optional
         Its limits, which `check_limits` and the JSON Schema both enforce.
+    min_items : int, optional
+        How many numbers a list of them must hold at least.
     key : str, optional
         Its key in files, where it is not the attribute's name with the unit's suffix.
     """
-    limits = {"above": above, "minimum": minimum, "maximum": maximum}
+    limits = {"above": above, "minimum": minimum, "maximum": maximum, "min_items": min_items}
     metadata = {"unit": unit, "doc": doc, "key": key, **limits}
     return dataclasses.field(default=default, metadata=metadata)
 
 
 def described(doc: str, *, default: Any = dataclasses.MISSING, pattern: str | None = None) -> Any:
-    """Return a dataclass field without a unit: a name, a choice, a flag."""
+    """Return a dataclass field without a unit: a name, a choice, a flag.
+
+    A `pattern` is a regular expression that the whole text must match.
+    """
     return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern})
 
 
@@ -71,43 +83,66 @@ def check_limits(record: Any) -> None:
     """
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
-        if "unit" in field.metadata and value is not None:
+        if value is None:
+            continue
+        if "unit" in field.metadata:
             _check_quantity(field, value)
+        elif (pattern := field.metadata.get("pattern")) and not re.fullmatch(pattern, value):
+            raise ValueError(f"{file_key(field)} must match {pattern}, got {value!r}")
 
 
 def _check_quantity(field: dataclasses.Field[Any], value: Any) -> None:
     """Check one quantity, scalar or array, against its limits."""
     meta = field.metadata
-    numbers = np.asarray(value, dtype=np.float64)
     unit = "" if meta["unit"] == "1" else f" {meta['unit']}"
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{file_key(field)} must be finite, got {_first(numbers, ~np.isfinite(numbers))}")
-    for limit, broken, words in (
-        (meta["above"], np.less_equal, "above"),
-        (meta["minimum"], np.less, "at least"),
-        (meta["maximum"], np.greater, "at most"),
-    ):
-        if limit is not None and broken(numbers, limit).any():
-            got = _first(numbers, broken(numbers, limit))
-            raise ValueError(f"{file_key(field)} must be {words} {limit:g}{unit}, got {got}")
+    for number in _extremes(value):
+        if not -math.inf < number < math.inf:
+            raise ValueError(f"{file_key(field)} must be finite, got {number:g}")
+        for limit, breaks, words in (
+            (meta["above"], operator.le, "above"),
+            (meta["minimum"], operator.lt, "at least"),
+            (meta["maximum"], operator.gt, "at most"),
+        ):
+            if limit is not None and breaks(number, limit):
+                got = number if isinstance(number, int) else f"{number:.10g}"
+                raise ValueError(f"{file_key(field)} must be {words} {limit:g}{unit}, got {got}")
+    if meta["min_items"] and len(value) < meta["min_items"]:
+        raise ValueError(
+            f"{file_key(field)} must hold at least {meta['min_items']} number(s), got {len(value)}"
+        )
 
 
-def _first(numbers: NDArray[np.float64], mask: NDArray[np.bool_]) -> str:
-    """Return the first offending number, as text."""
-    return f"{np.atleast_1d(numbers)[np.atleast_1d(mask)][0]:g}"
+def _extremes(value: Any) -> Sequence[float]:
+    """Return the numbers of a value that decide about its limits: its own, or the extremes of an array.
+
+    Scalars and tuples go without numpy: a data set has tens of thousands of records, and an array for each
+    of their numbers would cost ten times as much.
+    """
+    if isinstance(value, int | float):
+        return (value,)
+    if isinstance(value, tuple) and all(isinstance(number, int | float) for number in value):
+        return value
+    import numpy as np
+
+    numbers = np.asarray(value, dtype=np.float64)
+    if numbers.size == 0:
+        return ()
+    return (float(numbers.min()), float(numbers.max()))  # a NaN makes both NaN
 
 
-def read_only(values: ArrayLike, dtype: type[Any] = np.float64) -> NDArray[Any]:
+def read_only(values: ArrayLike, dtype: type[Any] = float) -> NDArray[Any]:
     """Return a copy of an array that cannot be written to, for use in a frozen record."""
+    import numpy as np
+
     array = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array
 
 
-def all_finite(values: Iterable[float]) -> bool:
-    """Return whether every value is a finite number.
+def rises(values: Array) -> bool:
+    """Return whether each number is greater than the one before.
 
-    >>> all_finite([1.0, float("nan")])
+    >>> rises(read_only([0.0, 0.5, 0.5]))
     False
     """
-    return all(math.isfinite(value) for value in values)
+    return bool((values[1:] > values[:-1]).all())

@@ -36,7 +36,12 @@ class RampDesign:
     """
 
     factors: tuple[float, ...] = quantity(
-        "1", "initial brightness factors", above=0.0, maximum=1.0, default=(0.2, 0.4, 0.6, 0.8, 1.0)
+        "1",
+        "initial brightness factors",
+        above=0.0,
+        maximum=1.0,
+        min_items=1,
+        default=(0.2, 0.4, 0.6, 0.8, 1.0),
     )
     white_pixel_value: float = quantity(
         "1", "pixel value of the white screen", above=0.0, maximum=1.0, default=1.0
@@ -48,6 +53,7 @@ class RampDesign:
         "1",
         "rates of decrease as a share of the initial luminance per second",
         above=0.0,
+        min_items=1,
         default=(0.008, 0.013, 0.02, 0.028, 0.04, 0.055, 0.08, 0.12),
         key="relative_rates_per_s",
     )
@@ -101,7 +107,7 @@ class RampTrial:
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
     session_id: str = described("session", pattern="^[0-9A-Za-z]+$")
     trial_index: int = quantity("1", "place in the session, from 0", minimum=0)
-    screen: str = described("white or gray")
+    screen: str = described("white or gray", pattern="^(white|gray)$")
     factor: float = quantity("1", "initial brightness factor", above=0.0, maximum=1.0)
     initial_luminance: float = quantity("cd/m^2", "before the ramp", above=0.0)
     final_luminance: float = quantity("cd/m^2", "after the ramp", minimum=0.0)

@@ -57,7 +57,7 @@ class RateLimit:
     display_fingerprint: str = described("identity of that display's photometry")
     form: RateLimitForm = described("what the polynomial describes, and over what")
     coefficients: tuple[float, ...] = quantity(
-        "1", "Legendre coefficients, constant term first, z = luminance_range mapped to [-1, 1]"
+        "1", "Legendre coefficients, constant term first, z = luminance_range mapped to [-1, 1]", min_items=1
     )
     luminance_range: tuple[float, float] = quantity(
         "cd/m^2", "measured luminances: lowest, highest", above=0.0
@@ -78,8 +78,6 @@ class RateLimit:
         low, high = self.luminance_range
         if not low < high:
             raise ValueError(f"luminance_range_cd_m2 must rise, got {low:g} to {high:g}")
-        if not self.coefficients:
-            raise ValueError("coefficients must hold at least one number, got none")
         if not len(self.band_luminance) == len(self.band_lower) == len(self.band_upper):
             raise ValueError("the three band lists must be equally long")
         if len(self.point_luminance) != len(self.point_rate):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from data_schema.display import Display
 from data_schema.provenance import Provenance
-from data_schema.quantities import described, quantity
+from data_schema.quantities import check_limits, described, quantity
 from data_schema.ramp import RampDesign
 
 
@@ -50,3 +50,6 @@ class SessionManifest:
     display: Display = described("display it ran on")
     design: RampDesign = described("what was shown")
     provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        check_limits(self)

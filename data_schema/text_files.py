@@ -6,27 +6,30 @@ import csv
 import dataclasses
 import io
 import json
+import re
 import tomllib
 import types
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-import tomli_w
-
 from data_schema.errors import InputError
 from data_schema.files import write_whole
-from data_schema.mapping import mapping_from_record, record_from_mapping
+from data_schema.mapping import mapping_from_record, record_from_mapping, shown, type_hints, unknown_key
 from data_schema.quantities import file_key
 
 Record = TypeVar("Record")
+MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return a file's text, or raise an `InputError` that names the file and what was expected in it."""
+    """Return a file's text, or raise an `InputError` that names the file and what was expected in it.
+
+    A byte order mark, as editors of other systems leave it, is taken off.
+    """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; expected {what}") from None
     except IsADirectoryError:
@@ -39,12 +42,43 @@ def read_text(path: Path, what: str) -> str:
 
 def read_json(path: Path, what: str) -> Any:
     """Return the content of a JSON file."""
+    return parse_json(read_text(path, what), str(path), what)
+
+
+def parse_json(text: str, where: str, what: str) -> Any:
+    """Return the content of a JSON text, checked strictly.
+
+    NaN and Infinity, which Python's parser takes though JSON has none, are refused, and so is a key that is
+    there twice, of which it would take the last.
+
+    Raises
+    ------
+    InputError
+        If the text is not JSON; it says in which line.
+    """
     try:
-        return json.loads(read_text(path, what))
+        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
-        raise InputError(
-            f"{path}: not valid JSON at line {error.lineno} ({error.msg}); expected {what}"
-        ) from None
+        line = f" at line {error.lineno}" if text.count("\n") > 1 else ""
+        raise InputError(f"{where}: not valid JSON{line} ({error.msg}); expected {what}") from None
+    except RecursionError:
+        raise InputError(f"{where}: not usable JSON (nested too deep); expected {what}") from None
+    except ValueError as error:
+        raise InputError(f"{where}: not valid JSON ({error}); expected {what}") from None
+
+
+def _refuse_constant(name: str) -> Any:
+    """Refuse what Python's JSON parser calls a constant."""
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object's keys and values, or refuse a key that is there twice."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is there twice")
+    return content
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -62,18 +96,25 @@ def write_json_record(path: Path, record: Any) -> None:
     write_json(path, mapping_from_record(record))
 
 
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Return the content of a TOML file."""
+    try:
+        return tomllib.loads(read_text(path, what))
+    except RecursionError:
+        raise InputError(f"{path}: not usable TOML (nested too deep); expected {what}") from None
+    except ValueError as error:  # a number of thousands of digits is one, and no TOMLDecodeError
+        raise InputError(f"{path}: not valid TOML: {error}; expected {what}") from None
+
+
 def read_toml_record(cls: type[Record], path: Path) -> Record:
     """Return the record that a TOML file holds."""
-    what = f"a {cls.__name__} in TOML"
-    try:
-        data = tomllib.loads(read_text(path, what))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}; expected {what}") from None
-    return record_from_mapping(cls, data, str(path))
+    return record_from_mapping(cls, read_toml(path, f"a {cls.__name__} in TOML"), str(path))
 
 
 def write_toml_record(path: Path, record: Any) -> None:
     """Write a record as a TOML file; TOML has no null, so None is left out."""
+    import tomli_w
+
     write_whole(path, tomli_w.dumps(_without_none(mapping_from_record(record))))
 
 
@@ -93,37 +134,107 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     return stream.getvalue()
 
 
+def csv_rows(
+    path: Path, columns: Sequence[str], what: str, delimiter: str = ","
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of a table with their line numbers; the cells are in the order of `columns`.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its columns may be in any order.
+    columns : sequence of str
+        The columns that it must have, and no other.
+    what : str
+        What it should be, for the error.
+    delimiter : str, optional
+        What divides the cells.
+
+    Raises
+    ------
+    InputError
+        If it is no table of these columns, or a row has not as many cells as the header.
+    """
+    reader = csv.reader(io.StringIO(read_text(path, what), newline=""), delimiter=delimiter)
+    try:
+        order = _column_places(next(reader, []), columns, f"{path}: ", what)
+        for cells in reader:
+            if not cells:
+                continue  # an empty line, as some editors leave at the end
+            where = f"{path}, line {reader.line_num}"
+            if len(cells) != len(order):
+                raise InputError(f"{where}: expected {len(order)} cells, got {len(cells)}; the table is torn")
+            yield reader.line_num, [cells[place] for place in order]
+    except csv.Error as error:
+        raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
+
+
+def _column_places(header: list[str], columns: Sequence[str], where: str, what: str) -> list[int]:
+    """Return where each column is in a header, or raise `InputError` if they are not the same columns."""
+    if not header:
+        raise InputError(f"{where}is empty; expected {what} with the columns {','.join(columns)}")
+    for name in header:
+        if name not in columns:
+            problem = unknown_key(name, columns).replace("key", "column", 1)
+            raise InputError(f"{where}{problem}")
+        if header.count(name) > 1:
+            raise InputError(f"{where}the column {shown(name)} is there twice")
+    for name in columns:
+        if name not in header:
+            raise InputError(f"{where}the column {name!r} of {what} is missing")
+    return [header.index(name) for name in columns]
+
+
 def write_rows(path: Path, cls: type[Any], records: Iterable[Any]) -> None:
     """Write records of one class as a CSV table, one row each."""
-    columns = [file_key(f) for f in dataclasses.fields(cls)]
-    write_whole(path, csv_text(columns, (list(mapping_from_record(r).values()) for r in records)))
+    write_whole(path, csv_text(columns_of(cls), (list(mapping_from_record(r).values()) for r in records)))
+
+
+def columns_of(cls: type[Any]) -> list[str]:
+    """Return the columns of a table of records: their file keys."""
+    return [file_key(field) for field in dataclasses.fields(cls)]
 
 
 def read_rows(cls: type[Record], path: Path) -> list[Record]:
     """Return the records of a CSV table whose columns are the record's keys, in any order."""
-    reader = csv.DictReader(io.StringIO(read_text(path, f"a table of {cls.__name__} rows")))
-    kinds = typing.get_type_hints(cls)
-    by_key = {file_key(f): kinds[f.name] for f in dataclasses.fields(cls)}  # type: ignore[arg-type] # a dataclass
-    records = []
-    for line, row in enumerate(reader, start=2):
-        where = f"{path}, line {line}"
-        if None in row or None in row.values():
-            raise InputError(f"{where}: has not as many cells as the header; the table is torn")
-        cells = {key: _cell(by_key.get(key, str), text, f"{where}: {key}") for key, text in row.items()}
-        records.append(record_from_mapping(cls, cells, where))
-    return records
+    columns = columns_of(cls)
+    return [
+        record_from_mapping(cls, plain_cells(cls, cells, f"{path}, line {line}"), f"{path}, line {line}")
+        for line, cells in csv_rows(path, columns, f"a table of {cls.__name__} rows")
+    ]
+
+
+def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, Any]:
+    """Return the cells of a row, in the order of a record's fields, as the plain values they stand for."""
+    kinds = type_hints(typing.cast(Hashable, cls))
+    return {
+        file_key(field): _cell(kinds[field.name], text, f"{where}: {file_key(field)}")
+        for field, text in zip(dataclasses.fields(cls), cells, strict=True)
+    }
+
+
+def number_in(text: str, where: str) -> float:
+    """Return the number in a cell of a table."""
+    try:
+        if re.search("[0-9]", text) and "_" not in text:  # "nan", "inf" and "1_0" are numbers to Python only
+            return float(text)
+    except ValueError:
+        pass
+    raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 
 def _cell(kind: Any, text: str, where: str) -> Any:
     """Return a cell's text as the plain value of its column."""
     if isinstance(kind, types.UnionType):
-        if text == "":
+        if text in MISSING:
             return None
         kind = next(k for k in typing.get_args(kind) if k is not type(None))
+    if kind is float:
+        return number_in(text, where)
     try:
         if kind is bool:
             return {"True": True, "False": False, "true": True, "false": False}[text]
-        return kind(text) if kind in (int, float) else text
+        return int(text) if kind is int else text
     except (ValueError, KeyError):
-        names = {int: "a whole number", float: "a number", bool: "True or False"}
-        raise InputError(f"{where}: expected {names[kind]}, got {text!r}") from None
+        names = {int: "a whole number", bool: "true or false"}
+        raise InputError(f"{where}: expected {names[kind]}, got {shown(text)}") from None

@@ -53,12 +53,12 @@ class Threshold:
     """
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
-    screen: str = described("white or gray")
+    screen: str = described("white or gray", pattern="^(white|gray)$")
     factor: float = quantity("1", "initial brightness factor", above=0.0, maximum=1.0)
     luminance: float = quantity("cd/m^2", "initial luminance", above=0.0)
     threshold: float = quantity("cd/m^2/s", "rate detected in 75 % of the trials", above=0.0)
-    ci_low: float = quantity("cd/m^2/s", "95 % interval, lower end, in cd/m^2/s", above=0.0, key="ci_low")
-    ci_high: float = quantity("cd/m^2/s", "95 % interval, upper end, in cd/m^2/s", above=0.0, key="ci_high")
+    ci_low: float = quantity("cd/m^2/s", "95 % interval, lower end", above=0.0, key="ci_low")
+    ci_high: float = quantity("cd/m^2/s", "95 % interval, upper end", above=0.0, key="ci_high")
     standard_error_ln: float = quantity("1", "posterior SD of ln(threshold)", above=0.0)
     width: float = quantity("1", "ln(rate) from 5 % to 95 % of the rise", above=0.0)
     guess_rate: float = quantity("1", "fitted lower asymptote", minimum=0.0, maximum=1.0)
