@@ -94,11 +94,12 @@ def _solve(data: GroupedEstimates, group_sd: float, residual_sd: float) -> Mixed
     """
     weights = 1.0 / (data.standard_errors**2 + residual_sd**2)
     stacked = np.column_stack([data.design, data.values])
-    sums = np.zeros((data.n_groups, stacked.shape[1]))
-    np.add.at(sums, data.groups, weights[:, None] * stacked)
-    total = np.bincount(data.groups, weights, minlength=data.n_groups)
+    membership = data.groups[:, None] == np.arange(data.n_groups)
+    weighted = weights[:, None] * stacked
+    sums = membership.T.astype(np.float64) @ weighted
+    total = weights @ membership
     shrink = group_sd**2 / (1.0 + group_sd**2 * total)
-    gram = stacked.T @ (weights[:, None] * stacked) - sums.T @ (shrink[:, None] * sums)
+    gram = stacked.T @ weighted - sums.T @ (shrink[:, None] * sums)
     information, moment, square = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     coefficients = covariance @ moment

@@ -99,10 +99,10 @@ def test_the_same_answers_give_the_same_fit() -> None:
     np.testing.assert_array_equal(first.samples, second.samples)
 
 
-def test_a_fit_with_intervals_takes_at_most_50_ms() -> None:
+def test_a_fit_with_intervals_takes_at_most_50_ms_of_one_core() -> None:
     durations = []
     for _ in range(10):
-        start = time.perf_counter()
+        start = time.process_time()
         fit_psychometric(TYPICAL)
-        durations.append(time.perf_counter() - start)
+        durations.append(time.process_time() - start)
     assert min(durations) < 0.050

@@ -1,0 +1,121 @@
+"""`evenlight fit`: from simulated sessions to the files of the contract."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.fit_commands import fit
+from analysis.published_rate_limit import published_fit
+from data_schema.errors import InputError
+from data_schema.ramp import RampDesign
+from data_schema.rate_limit import RateLimitForm
+from data_schema.text_files import read_rows
+from data_schema.threshold import Threshold
+from experiments.simulate_ramp import RampSimulation, simulate_dataset
+from experiments.simulated_observers import ObserverPopulation
+from method.preset_files import load_display, load_rate_limit
+from method.rate_limit import rate_limit_at
+
+CONTRACT = (
+    "participant_id,factor,luminance_cd_m2,threshold_cd_m2_s,ci_low,ci_high,false_alarm_rate,n_trials,flag"
+)
+
+
+def simulate(folder: Path, participants: int, design: RampDesign, seed: int = 3) -> Path:
+    display = load_display("varjo-xr3")
+    limit = published_fit(display).limit
+    simulate_dataset(RampSimulation(participants, seed, display, design, limit, ObserverPopulation()), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fit") / "dataset"
+    return simulate(folder, 4, RampDesign(repetitions=3))
+
+
+@pytest.fixture(scope="module")
+def results(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    fit(dataset, out=folder, quiet=True)
+    return folder
+
+
+def test_thresholds_have_the_columns_of_the_contract_and_a_row_per_participant_and_level(
+    results: Path,
+) -> None:
+    rows = read_rows(Threshold, results / "thresholds.csv")
+    header = (results / "thresholds.csv").read_text().splitlines()[0].split(",")
+    assert set(CONTRACT.split(",")) <= set(header)
+    assert len({(r.participant_id, r.screen, r.factor) for r in rows}) == 40
+
+
+def test_thresholds_lie_near_the_truth_that_was_written_beside_the_data(dataset: Path, results: Path) -> None:
+    # 24 ramps per level: about a quarter of the threshold each; the mean over 40 is known to 4 %.
+    truth = {
+        (p["participant_id"], level["screen"], level["factor"]): level["threshold_cd_m2_s"]
+        for p in json.loads((dataset / "simulated_truth.json").read_text())["participants"]
+        for level in p["levels"]
+    }
+    rows = read_rows(Threshold, results / "thresholds.csv")
+    errors = np.log([r.threshold / truth[r.participant_id, r.screen, r.factor] for r in rows])
+    assert abs(errors.mean()) < 0.15
+    assert errors.std() < 0.45
+
+
+def test_the_rate_limit_serves_the_optimizer_and_says_that_it_is_simulated(results: Path) -> None:
+    limit = load_rate_limit(str(results / "rate_limit.json"))
+    assert limit.simulated
+    assert limit.display_fingerprint == load_display("varjo-xr3").fingerprint
+    assert limit.form is RateLimitForm.LN_RATE
+    assert len(limit.coefficients) == 5
+    # Four participants whose thresholds have a standard deviation of 25 %: within 3 · 0.25/sqrt(4).
+    ratio = rate_limit_at(limit, [20.0, 60.0]) / rate_limit_at(load_rate_limit("surace2025"), [20.0, 60.0])
+    assert (np.abs(np.log(ratio)) < 0.4).all()
+
+
+def test_the_summary_states_what_the_curve_rests_on(results: Path) -> None:
+    summary = json.loads((results / "fit_summary.json").read_text())
+    assert summary["simulated"] is True
+    assert summary["n_participants"] == 4
+    assert summary["n_thresholds"] == 40
+    assert summary["condition_number"] < 5
+    assert summary["residual_df"] == 5  # ten luminances, five coefficients
+    assert isinstance(summary["monotone"], bool)
+    assert summary["pooled"]["ratio_to_population_mean"] > 0
+    assert set(summary["criteria"]) == {"01", "02", "03", "04"}
+    assert set(summary["provenance"]["inputs"]) == {"dataset"}
+
+
+def test_the_same_data_give_the_same_files(dataset: Path, results: Path, tmp_path: Path) -> None:
+    fit(dataset, out=tmp_path, quiet=True)
+    for name in ("thresholds.csv", "rate_limit.json", "fit_summary.json"):
+        assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
+
+
+def test_a_power_law_can_be_asked_for(dataset: Path, tmp_path: Path) -> None:
+    fit(dataset, out=tmp_path, form=RateLimitForm.LOG_LOG, degree=1, quiet=True)
+    limit = load_rate_limit(str(tmp_path / "rate_limit.json"))
+    assert limit.form is RateLimitForm.LOG_LOG
+    # Near Weber's law: ΔL ∝ L^a with a about 1 (published points: 0.97 by least squares in log-log).
+    low, high = limit.luminance_range
+    exponent = limit.coefficients[1] / (np.log(high / low) / 2)
+    assert 0.7 < exponent < 1.2
+
+
+def test_participants_with_a_single_level_have_no_curve_and_leave_nothing_half_written(
+    tmp_path: Path,
+) -> None:
+    design = RampDesign(factors=(1.0,), repetitions=1)
+    data = simulate(tmp_path / "data", 1, design)
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match="degree 4 needs thresholds at 5 or more luminances, got 2"):
+        fit(data, out=out, quiet=True)
+    assert not out.exists()
+
+
+def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="got 12"):
+        fit(dataset, out=tmp_path / "out", degree=12, quiet=True)

@@ -1,0 +1,57 @@
+"""Simulated participants: their truth, and that their answers follow it."""
+
+import numpy as np
+import pytest
+
+from data_schema.ramp import Response
+from experiments.simulated_observers import ObserverPopulation, SimulatedObserver, draw_observer
+from method.preset_files import load_rate_limit
+
+LIMIT = load_rate_limit("surace2025")
+
+
+def observer(sensitivity: float = 1.0) -> SimulatedObserver:
+    return SimulatedObserver(LIMIT, sensitivity, {}, width=1.6, guess_rate=0.1, lapse_rate=0.05)
+
+
+def share_of_yes(who: SimulatedObserver, luminance: float, rate: float, n: int = 4000) -> float:
+    rng = np.random.default_rng(5)
+    return sum(who.answer(luminance, rate, rng) is Response.YES for _ in range(n)) / n
+
+
+def test_the_median_participant_has_the_published_thresholds() -> None:
+    # The authors' fitted curve: 0.807 at 23.4 and 2.787 at 104.4 cd/m².
+    assert observer().threshold_at(23.4) == pytest.approx(0.807, abs=5e-4)
+    assert observer(1.5).threshold_at(104.4) == pytest.approx(1.5 * 2.787, abs=1e-3)
+
+
+def test_answers_follow_the_psychometric_function() -> None:
+    # At the threshold 75 %, without a change the guess rate, far above one minus the lapse rate; four
+    # standard errors of 4000 answers are at most 0.027.
+    who = observer()
+    threshold = who.threshold_at(60.0)
+    assert share_of_yes(who, 60.0, threshold) == pytest.approx(0.75, abs=0.028)
+    assert share_of_yes(who, 60.0, 0.0) == pytest.approx(0.10, abs=0.019)
+    assert share_of_yes(who, 60.0, 100 * threshold) == pytest.approx(0.95, abs=0.014)
+
+
+def test_a_population_has_the_spread_it_states() -> None:
+    rng = np.random.default_rng(11)
+    people = ObserverPopulation(level_sd=0.0)
+    drawn = [draw_observer(LIMIT, (50.0,), rng, people) for _ in range(2000)]
+    # Standard error of a standard deviation: σ / sqrt(2 n) = 1.6 %; four of them.
+    assert np.std(np.log([o.sensitivity for o in drawn])) == pytest.approx(0.25, rel=0.064)
+    assert np.std(np.log([o.width for o in drawn])) == pytest.approx(0.3, rel=0.064)
+    assert np.median([o.width for o in drawn]) == pytest.approx(1.6, rel=0.04)
+    assert np.mean([o.guess_rate for o in drawn]) == pytest.approx(2 / 30, rel=0.07)
+    assert np.mean([o.lapse_rate for o in drawn]) == pytest.approx(1.5 / 61.5, rel=0.08)
+
+
+def test_levels_scatter_beyond_a_participants_own_factor() -> None:
+    rng = np.random.default_rng(12)
+    people = ObserverPopulation(participant_sd=0.0, level_sd=0.1)
+    luminances = tuple(np.linspace(10, 100, 400))
+    who = draw_observer(LIMIT, luminances, rng, people)
+    assert who.sensitivity == 1.0
+    # Standard error of a standard deviation of 400: 3.5 %; four of them.
+    assert np.std(np.log(list(who.level_factors.values()))) == pytest.approx(0.1, rel=0.14)
