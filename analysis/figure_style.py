@@ -1,0 +1,167 @@
+"""One look for every figure: media, colours, type, and PNG files that are the same on every run."""
+
+from __future__ import annotations
+
+import io
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from data_schema.files import write_whole
+
+# After Tol (2021), "Colour schemes": told apart with any colour vision, and in print without colour.
+OURS = "#004488"  # the brightness track
+BASELINE = "#CC8A00"  # constant dimming at the same power
+LIMIT = "#882255"  # ΔL, and what lies beyond it
+LOST = "#F0433A"  # visible contrast that dimming has lost
+PARTICIPANT = "#7F8791"  # one participant among others
+INK = "#22262B"
+MUTED = "#5F6670"
+FAINT = "#D9DDE2"
+
+
+@dataclass(frozen=True, slots=True)
+class Medium:
+    """Where a figure is shown.
+
+    Attributes
+    ----------
+    width, height : float
+        Of a figure that fills it [inch].
+    font_size : float
+        Of the text [point].
+    dots_per_inch : float
+        Of the PNG.
+    """
+
+    width: float
+    height: float
+    font_size: float
+    dots_per_inch: float
+
+    @property
+    def em(self) -> float:
+        """The font size as a length [inch]: the unit in which margins are given."""
+        return self.font_size / 72
+
+
+PAGE = Medium(width=8.0, height=8.2, font_size=9.0, dots_per_inch=200.0)  # the report, a supplement
+SLIDE = Medium(width=13.333, height=7.5, font_size=12.0, dots_per_inch=144.0)  # a talk, 16:9
+COLUMN = Medium(width=3.4, height=4.4, font_size=6.5, dots_per_inch=400.0)  # one column of a paper
+
+
+def look(medium: Medium) -> AbstractContextManager[None]:
+    """Return a context in which matplotlib draws for a medium: `with look(PAGE): ...`."""
+    size = medium.font_size
+    hair = size / 11
+    settings: dict[Any, Any] = {
+        "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every computer
+        "font.size": size,
+        "mathtext.fontset": "dejavusans",
+        "axes.titlesize": size,
+        "axes.labelsize": size,
+        "xtick.labelsize": size * 0.92,
+        "ytick.labelsize": size * 0.92,
+        "legend.fontsize": size * 0.95,
+        "text.color": INK,
+        "axes.labelcolor": INK,
+        "axes.edgecolor": MUTED,
+        "xtick.color": MUTED,
+        "ytick.color": MUTED,
+        "xtick.labelcolor": INK,
+        "ytick.labelcolor": INK,
+        "axes.linewidth": hair,
+        "xtick.major.width": hair,
+        "ytick.major.width": hair,
+        "xtick.minor.width": hair * 0.6,
+        "ytick.minor.width": hair * 0.6,
+        "xtick.major.size": size * 0.35,
+        "ytick.major.size": size * 0.35,
+        "xtick.minor.size": size * 0.2,
+        "ytick.minor.size": size * 0.2,
+        "lines.linewidth": size / 5.5,
+        "lines.markersize": size * 0.5,
+        "hatch.linewidth": hair * 0.7,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.axisbelow": True,
+        "legend.frameon": False,
+        "legend.borderpad": 0.0,
+        "legend.borderaxespad": 0.0,
+        "legend.handlelength": 1.6,
+        "legend.handletextpad": 0.5,
+        "legend.columnspacing": 1.6,
+        "figure.facecolor": "white",
+        "figure.dpi": medium.dots_per_inch,
+        "savefig.dpi": "figure",
+        "path.simplify": True,
+    }
+    return rc_context(settings)
+
+
+def new_figure(medium: Medium, height: float | None = None) -> Figure:
+    """Return an empty figure as wide as the medium, drawn by Agg and known to no window.
+
+    Parameters
+    ----------
+    medium : Medium
+        Where it is shown.
+    height : float, optional
+        Of the figure [inch]; otherwise the medium's.
+    """
+    figure = Figure(figsize=(medium.width, height or medium.height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def axes_at(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+    """Return new axes with their upper left corner at so many inches from that of the figure."""
+    full_width, full_height = figure.get_size_inches()
+    bottom = full_height - top - height
+    return figure.add_axes(
+        (left / full_width, bottom / full_height, width / full_width, height / full_height)
+    )
+
+
+def text_at(figure: Figure, left: float, top: float, words: str, **style: Any) -> None:
+    """Write a line of text with its upper left corner at so many inches from that of the figure."""
+    full_width, full_height = figure.get_size_inches()
+    settings = {"va": "top", "ha": "left", **style}
+    figure.text(left / full_width, 1 - top / full_height, words, **settings)
+
+
+def legend_above(axes: Axes, **settings: Any) -> None:
+    """Put the legend of some axes above them, in one line from their left end: it covers no data."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=9, borderaxespad=0.4, **settings)
+
+
+def short(value: float) -> str:
+    """Return a number of at least 0 with three significant digits, in plain notation.
+
+    >>> short(0.12345), short(1234.5), short(2e-7), short(0.0)
+    ('0.123', '1234', '< 0.0001', '0')
+    """
+    if 0 < value < 1e-4:
+        return "< 0.0001"
+    if value >= 1000:
+        return f"{value:.0f}"
+    return f"{value:.3g}"
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Return a figure as a PNG without date or versions: equal figures give equal bytes."""
+    stream = io.BytesIO()
+    with rc_context({"savefig.dpi": "figure"}):
+        figure.savefig(stream, format="png", metadata={"Software": None})
+    return stream.getvalue()
+
+
+def write_png(path: Path, figure: Figure) -> None:
+    """Write a figure as a PNG file, whole."""
+    write_whole(path, png_bytes(figure))
