@@ -8,6 +8,7 @@ from typing import Protocol
 from data_schema.errors import InputError
 from stimuli.checkerboard import Checkerboard
 from stimuli.sequence_format import SequenceFormat
+from stimuli.sunrise import Sunrise
 from stimuli.video_source import VideoSource
 
 
@@ -22,6 +23,7 @@ class BuiltInSequence(VideoSource, Protocol):
 # How each is made, and the format it has if nothing else is asked for.
 SEQUENCES: dict[str, tuple[Callable[[SequenceFormat], BuiltInSequence], SequenceFormat]] = {
     "checkerboard": (Checkerboard, SequenceFormat(duration=20.0)),
+    "sunrise": (Sunrise, SequenceFormat(duration=40.0)),
 }
 
 
