@@ -8,7 +8,6 @@ all b. `loss_curves_by_definition` dims and compares instead, and is what the fa
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,25 +18,11 @@ from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.loss_curves import LossCurves
 from data_schema.provenance import Provenance, provenance_now
-from method.bands import band_frequencies
-from method.contrast_loss import DEFAULT_MODEL, ContrastModel, Visibility, loss_of, visible_contrast
-from method.critical_factor import BandTable, band_table, threshold_table
-from method.csf import LOWEST_LUMINANCE, SensitivityModel
-from method.luminance import PixelToLuminance, channel_means, dimmed_luminance, emitted_luminance
-from method.masking import MaskingNeighbourhood
-from method.one_pass import (
-    FLOAT_STEPS,
-    ToContrast,
-    ToFactor,
-    convert_floats,
-    convert_integers,
-    count_band,
-    expanded,
-    reduced,
-)
+from method.contrast_loss import DEFAULT_MODEL, ContrastModel, loss_of, visible_contrast
+from method.frame_analysis import FrameAnalysis
+from method.luminance import dimmed_luminance
 
 SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
-_CELLS = 4096  # of the histogram of critical factors, equal steps of log2 b
 
 Array = NDArray[np.float64]
 
@@ -171,119 +156,3 @@ def loss_curves_by_definition(
     reference = visible_contrast(dimmed_luminance(emitted, 1.0, display), display, model)
     dimmed = (dimmed_luminance(emitted, b, display) for b in np.asarray(factors, dtype=np.float64))
     return np.array([loss_of(visible_contrast(D, display, model), reference) for D in dimmed])
-
-
-@dataclass(frozen=True, slots=True)
-class FrameLoss:
-    """What the analysis of one frame gives; the fields are a row of `LossCurves`."""
-
-    loss: Array
-    visible_contrast: float
-    mean_luminance: float
-    channel_means: Array
-
-
-class FrameAnalysis:
-    """The tables for frames of one size on one display, and the analysis of a frame with them.
-
-    Parameters
-    ----------
-    shape : (height, width)
-        Of the frames.
-    display : Display
-        The display that shows them.
-    model : ContrastModel
-        Choices of the contrast model.
-    factors : array, (K,)
-        Knots b, rising to 1.
-    """
-
-    def __init__(
-        self, shape: tuple[int, int], display: Display, model: ContrastModel, factors: Array
-    ) -> None:
-        self._display, self._model, self._factors = display, model, factors
-        rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
-        frequencies = band_frequencies(shape, display, rule, lowest, count)
-        self._bands = [band_table(float(f), float(factors[0]), display, model) for f in frequencies]
-        self._threshold = threshold_table()
-        self._log_cells = np.linspace(np.log2(factors[0]), 0, _CELLS + 1)
-        self._linear: dict[int, NDArray[np.float32]] = {}
-
-    @property
-    def in_one_pass(self) -> bool:
-        """Whether one pass gives the curve.
-
-        Not where sensitivity falls with luminance somewhere, so that a pixel has no single critical factor;
-        and not where reflected light meets a sensitivity taken at another luminance than the pixel's own.
-        """
-        by_level = self._model.sensitivity is SensitivityModel.AUTHORS
-        return all(band.rises for band in self._bands) and not (
-            by_level and self._display.reflected_luminance > 0
-        )
-
-    def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
-        """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        if self._model.pixel_to_luminance is PixelToLuminance.LUMA_FIRST:
-            wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-            luminance, means = wide.astype(np.float32), channel_means(pixel_values, self._display.gamma)
-        else:
-            luminance, means = self._luminance_of(pixel_values)
-        visible = self.visible_contrast(luminance)
-        reference = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference) for C_v in visible])
-        return FrameLoss(loss, reference, float(luminance.mean(dtype=np.float64)), means)
-
-    def visible_contrast(self, emitted: NDArray[np.float32]) -> Array:
-        """Return C_v at each knot for a frame of emitted luminance I, (height, width) [cd/m^2]."""
-        if not self.in_one_pass:
-            dimmed = (dimmed_luminance(emitted, b, self._display) for b in self._factors)
-            return np.array([visible_contrast(D, self._display, self._model) for D in dimmed])
-        shares, fine = np.zeros(len(self._factors)), np.ascontiguousarray(emitted, dtype=np.float32)
-        coarse = reduced(fine)
-        for band in self._bands:
-            coarser = reduced(coarse)
-            if band.can_be_seen:
-                shares += self._share_of_band(fine, coarse, coarser, band)
-            fine, coarse = coarse, coarser
-        return shares / len(self._bands)
-
-    def _share_of_band(self, fine: Any, coarse: Any, coarser: Any, band: BandTable) -> Array:
-        """Return the share of visible pixels of a band at each knot, from three Gaussian levels."""
-        around = expanded(coarser, *coarse.shape)
-        common = np.nan
-        if self._model.sensitivity is SensitivityModel.AUTHORS:
-            common = np.log2(max(expanded(around, *fine.shape).mean(dtype=np.float64), LOWEST_LUMINANCE))
-        to_contrast = ToContrast(
-            log_sensitivity=band.log_sensitivity,
-            log_darkest=np.float32(band.log_luminance_range[0]),
-            log_span=np.float32(np.ptp(band.log_luminance_range)),
-            log_reference_factor=np.float32(self._log_cells[0] / 2),
-            log_common_adaptation=np.float32(common),
-            positive_only=self._model.visibility is Visibility.POSITIVE_ONLY,
-        )
-        to_factor = ToFactor(
-            log_threshold=self._threshold,
-            log_luminance=band.log_luminance,
-            log_faintest=np.float32(band.log_sensitivity_range[0]),
-            log_span=np.float32(np.ptp(band.log_sensitivity_range)),
-            log_lowest_factor=np.float32(self._log_cells[0]),
-            counts=np.zeros(_CELLS + 2, np.int64),
-        )
-        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
-        count_band(fine, coarse, around, (to_contrast, to_factor, masks_itself))
-        shares = np.cumsum(to_factor.counts[:-1]) / fine.size
-        return np.asarray(np.interp(np.log2(self._factors), self._log_cells, shares))
-
-    def _luminance_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
-        """Return emitted luminance, and the means of the linear channels."""
-        whole = np.issubdtype(pixel_values.dtype, np.integer)
-        steps = np.iinfo(pixel_values.dtype).max if whole else FLOAT_STEPS
-        if steps not in self._linear:
-            encoded = np.arange(steps + 1) / steps
-            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = np.empty(pixel_values.shape[:2], np.float32)
-        black = np.float32(self._display.black_level)
-        span = np.float32(self._display.peak_luminance - self._display.black_level)
-        convert = convert_integers if whole else convert_floats
-        sums = convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
-        return luminance, np.array(sums) / luminance.size
