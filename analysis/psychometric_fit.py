@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.posterior_grid import (
-    MAX_LAPSE,
     PosteriorGrid,
     PsychometricPrior,
     RampCounts,
@@ -22,13 +21,13 @@ SAMPLES = 400
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One parameter: median and 95 % interval of its posterior, its mean and standard deviation."""
+    """One parameter: mean and standard deviation of its posterior, its median and 95 % interval."""
 
+    mean: float
+    sd: float
     median: float
     ci_low: float
     ci_high: float
-    mean: float
-    sd: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,7 @@ class PsychometricFit:
     counts : RampCounts
         The answers it was fitted to.
     function : PsychometricFunction
-        The function of the posterior medians; it runs through 75 % at the threshold.
+        The function of the posterior means; it runs through 75 % at the threshold.
     ln_threshold, ln_width, guess_rate, lapse_rate : Estimate
         The four parameters; the threshold is in ln(cd/m^2/s).
     samples : array (n, 4)
@@ -59,8 +58,8 @@ class PsychometricFit:
 def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None) -> PsychometricFit:
     """Fit threshold, width, guess and lapse rate to the answers at one level, with 95 % intervals.
 
-    The estimate is the median of the posterior: it lies within every interval, is the same for the threshold
-    and its logarithm, and stays where the answers allow any value, where a maximum jumps.
+    The estimate is the mean of the posterior, for threshold and width of their logarithm: of mean, median and
+    maximum it recovers simulated thresholds with the least bias (docs/decisions/threshold-definition.md).
 
     Parameters
     ----------
@@ -74,10 +73,7 @@ def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None)
     samples = grid.sample(SAMPLES)
     samples.flags.writeable = False
     function = PsychometricFunction(
-        float(np.exp(threshold.median)),
-        float(np.exp(width.median)),
-        guess.median,
-        min(lapse.median, MAX_LAPSE),
+        float(np.exp(threshold.mean)), float(np.exp(width.mean)), guess.mean, lapse.mean
     )
     return PsychometricFit(counts, function, threshold, width, guess, lapse, samples)
 
@@ -85,7 +81,7 @@ def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None)
 def _estimate(grid: PosteriorGrid, axis: int) -> Estimate:
     """Return the summary of one parameter."""
     low, median, high = grid.quantiles(axis, INTERVAL)
-    return Estimate(median, low, high, *grid.mean_and_sd(axis))
+    return Estimate(*grid.mean_and_sd(axis), median, low, high)
 
 
 def posterior_band(

@@ -182,7 +182,7 @@ def criterion_of(catch_yes: int, catch_trials: int) -> Criterion:
 def _record(participant: str, level: RampLevelKey, fit: PsychometricFit) -> Threshold:
     """Return the record of a fitted threshold."""
     counts = fit.counts
-    threshold = float(np.exp(fit.ln_threshold.median))
+    threshold = fit.function.threshold
     return Threshold(
         participant_id=participant,
         screen=level.screen,
@@ -192,9 +192,9 @@ def _record(participant: str, level: RampLevelKey, fit: PsychometricFit) -> Thre
         ci_low=float(np.exp(fit.ln_threshold.ci_low)),
         ci_high=float(np.exp(fit.ln_threshold.ci_high)),
         standard_error_ln=fit.ln_threshold.sd,
-        width=float(np.exp(fit.ln_width.median)),
-        guess_rate=fit.guess_rate.median,
-        lapse_rate=fit.lapse_rate.median,
+        width=fit.function.width,
+        guess_rate=fit.guess_rate.mean,
+        lapse_rate=fit.lapse_rate.mean,
         false_alarm_rate=counts.false_alarm_rate,
         n_trials=int(counts.n_trials.sum()),
         n_catch=counts.catch_trials,

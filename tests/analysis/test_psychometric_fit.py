@@ -31,7 +31,7 @@ HARD = {
 
 def test_the_fitted_function_runs_through_75_percent_at_the_threshold() -> None:
     fit = fit_psychometric(TYPICAL)
-    threshold = math.exp(fit.ln_threshold.median)
+    threshold = math.exp(fit.ln_threshold.mean)
     assert float(yes_probability(threshold, fit.function)) == pytest.approx(0.75, abs=1e-12)
 
 
@@ -40,13 +40,14 @@ def test_hard_answers_give_an_ordered_finite_interval_and_no_warning(name: str) 
     fit = fit_psychometric(HARD[name])
     for estimate in (fit.ln_threshold, fit.ln_width, fit.guess_rate, fit.lapse_rate):
         assert -math.inf < estimate.ci_low < estimate.median < estimate.ci_high < math.inf
+        assert estimate.ci_low < estimate.mean < estimate.ci_high
         assert estimate.sd > 0
 
 
 def test_all_yes_and_all_no_say_only_on_which_side_of_the_tested_rates_the_threshold_lies() -> None:
     below, above = fit_psychometric(HARD["all yes"]), fit_psychometric(HARD["all no"])
-    assert below.ln_threshold.median < math.log(RATES[0])
-    assert above.ln_threshold.median > math.log(RATES[-1])
+    assert below.ln_threshold.mean < math.log(RATES[0])
+    assert above.ln_threshold.mean > math.log(RATES[-1])
     # The prior's flank has a standard deviation of 0.5: nothing narrower can be known of either.
     for fit in (below, above):
         assert fit.ln_threshold.ci_high - fit.ln_threshold.ci_low > 1.0
@@ -54,7 +55,7 @@ def test_all_yes_and_all_no_say_only_on_which_side_of_the_tested_rates_the_thres
 
 def test_a_separated_threshold_lies_in_the_gap() -> None:
     fit = fit_psychometric(HARD["perfect separation"])
-    assert math.log(2.8) < fit.ln_threshold.median < math.log(4.0) + 0.1
+    assert math.log(2.8) < fit.ln_threshold.mean < math.log(4.0) + 0.1
     assert fit.ln_threshold.ci_low < math.log(2.8) + 0.2
 
 
@@ -69,9 +70,9 @@ def test_false_alarms_are_held_against_the_answers_to_ramps() -> None:
     # Who says "yes" to 30 % of the catch trials has said some of the "yes" to slow ramps without seeing them.
     honest = fit_psychometric(counts([2, 2, 2, 3, 4, 5, 6, 6], catch=(0, 120)))
     eager = fit_psychometric(counts([2, 2, 2, 3, 4, 5, 6, 6], catch=(36, 120)))
-    assert eager.guess_rate.median == pytest.approx(0.3, abs=0.05)
-    assert honest.guess_rate.median < 0.1
-    assert eager.ln_width.median < honest.ln_width.median
+    assert eager.guess_rate.mean == pytest.approx(0.3, abs=0.05)
+    assert honest.guess_rate.mean < 0.1
+    assert eager.ln_width.mean < honest.ln_width.mean
 
 
 def test_the_band_holds_the_curve_and_stays_within_probabilities() -> None:

@@ -61,7 +61,7 @@ def test_the_95_percent_interval_of_the_threshold_covers_the_truth_in_95_percent
 
 
 def test_the_threshold_is_off_by_less_than_three_percent_on_average(recovered: Recovered) -> None:
-    errors = np.array([fit.ln_threshold.median - np.log(truth.threshold) for truth, fit in recovered])
+    errors = np.array([fit.ln_threshold.mean - np.log(truth.threshold) for truth, fit in recovered])
     assert abs(errors.mean()) < 0.03
     assert (
         errors.std() < 0.21
@@ -69,7 +69,7 @@ def test_the_threshold_is_off_by_less_than_three_percent_on_average(recovered: R
 
 
 def test_the_stated_standard_error_is_the_error_that_is_made(recovered: Recovered) -> None:
-    errors = np.array([fit.ln_threshold.median - np.log(truth.threshold) for truth, fit in recovered])
+    errors = np.array([fit.ln_threshold.mean - np.log(truth.threshold) for truth, fit in recovered])
     stated = np.sqrt(np.mean([fit.ln_threshold.sd**2 for _, fit in recovered]))
     assert stated == pytest.approx(errors.std(), rel=0.2)
 
