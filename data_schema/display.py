@@ -37,7 +37,7 @@ class Display:
     peak_luminance: float = quantity("cd/m^2", "L_max at full pixel value and full brightness", above=0.0)
     black_level: float = quantity("cd/m^2", "L_black at pixel value 0 and full brightness", minimum=0.0)
     gamma: float = quantity("1", "exponent from pixel value to luminance", above=0.0)
-    pixels_per_degree: float = quantity("1", "pixels per degree of visual angle", above=0.0)
+    pixels_per_degree: float = quantity("1/deg", "pixels per degree of visual angle", above=0.0)
     reflected_luminance: float = quantity(
         "cd/m^2", "L_refl, reflected ambient light; not dimmed with the display", minimum=0.0, default=0.0
     )

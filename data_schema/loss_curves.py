@@ -17,6 +17,16 @@ from data_schema.mapping import mapping_from_record, record_from_mapping
 from data_schema.provenance import Provenance
 from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
 
+ARRAY_SHAPES = {  # N frames, K brightness factors
+    "times": ("N",),
+    "durations": ("N",),
+    "factors": ("K",),
+    "loss": ("N", "K"),
+    "visible_contrast": ("N",),
+    "mean_luminance": ("N",),
+    "channel_means": ("N", "3"),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class CurvesHeader:
@@ -77,12 +87,12 @@ class LossCurves:
     provenance: Provenance = described("how the file was made")
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
+        for name in ARRAY_SHAPES:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         check_limits(self)
         n, k = len(self.times), len(self.factors)
-        shapes = {"durations": (n,), "loss": (n, k), "visible_contrast": (n,), "mean_luminance": (n,)}
-        for name, shape in {**shapes, "channel_means": (n, 3)}.items():
+        for name, axes in ARRAY_SHAPES.items():
+            shape = tuple({"N": n, "K": k}.get(axis, 3) for axis in axes)
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} must have the shape {shape}, got {getattr(self, name).shape}")
         if n == 0:
@@ -98,9 +108,6 @@ class LossCurves:
         return len(self.times)
 
 
-_ARRAYS = ("times", "durations", "factors", "loss", "visible_contrast", "mean_luminance", "channel_means")
-
-
 def write_loss_curves(path: Path, curves: LossCurves) -> None:
     """Write loss curves as a compressed npz file, whole."""
     import numpy as np
@@ -108,7 +115,7 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
     header = mapping_from_record(CurvesHeader(curves.video, curves.display, curves.provenance))
     stream = io.BytesIO()
     np.savez_compressed(
-        stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in _ARRAYS}
+        stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in ARRAY_SHAPES}
     )
     write_whole(path, stream.getvalue())
 
@@ -139,4 +146,4 @@ def _npz_content(path: Path) -> tuple[Any, dict[str, Any]]:
     import numpy as np
 
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
-        return json.loads(str(content["header"])), {name: content[name] for name in _ARRAYS}
+        return json.loads(str(content["header"])), {name: content[name] for name in ARRAY_SHAPES}

@@ -20,10 +20,10 @@ Record = TypeVar("Record")
 
 def mapping_from_record(record: Any) -> dict[str, Any]:
     """Return a record as a mapping of plain values under its file keys (units included)."""
-    return {file_key(f): _plain(getattr(record, f.name)) for f in dataclasses.fields(record)}
+    return {file_key(f): plain_value(getattr(record, f.name)) for f in dataclasses.fields(record)}
 
 
-def _plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """Return a value as JSON and TOML know it."""
     if dataclasses.is_dataclass(value):
         return mapping_from_record(value)
@@ -32,9 +32,9 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # of numpy, which this module does without: it is loaded by every command
         return value.tolist()
     if isinstance(value, tuple | list):
-        return [_plain(v) for v in value]
+        return [plain_value(v) for v in value]
     if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items()}
+        return {k: plain_value(v) for k, v in value.items()}
     return value
 
 
@@ -58,14 +58,14 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
     if not isinstance(data, Mapping):
         raise InputError(f"{where}: expected the keys of a {cls.__name__}, got {shown(data)}")
     refuse_newer_schema(data, where)
-    fields, required = _keys(typing.cast(Hashable, cls))
+    fields, required = keys_of(cls)
     for key in data:
         if key not in fields:
             raise InputError(f"{where}: {unknown_key(key, fields)}")
     for key in required:
         if key not in data:
             raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
-    kinds = type_hints(typing.cast(Hashable, cls))
+    kinds = type_hints(cls)
     values = {}
     for key, name in fields.items():
         if key in data:
@@ -106,9 +106,13 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:60]}…"
 
 
+def keys_of(cls: type[Any]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the attribute for each file key of a record, and the keys that a file must have."""
+    return _keys(typing.cast(Hashable, cls))
+
+
 @cache
 def _keys(cls: Any) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the attribute for each file key of a record, and the keys that a file must have."""
     fields = dataclasses.fields(cls)
     required = (
         file_key(f)
@@ -118,9 +122,13 @@ def _keys(cls: Any) -> tuple[dict[str, str], tuple[str, ...]]:
     return {file_key(f): f.name for f in fields}, tuple(required)
 
 
-@cache
-def type_hints(cls: Any) -> dict[str, Any]:
+def type_hints(cls: type[Any]) -> dict[str, Any]:
     """Return the types of a record's fields; looked up once, because a data set has thousands of rows."""
+    return _hints(typing.cast(Hashable, cls))
+
+
+@cache
+def _hints(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 

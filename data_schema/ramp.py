@@ -50,7 +50,7 @@ class RampDesign:
         "1", "pixel value of the gray screen", above=0.0, maximum=1.0, default=0.46
     )
     relative_rates: tuple[float, ...] = quantity(
-        "1",
+        "1/s",
         "rates of decrease as a share of the initial luminance per second",
         above=0.0,
         min_items=1,

@@ -68,7 +68,9 @@ class RateLimit:
     band_level: float = quantity("1", "probability of the band", above=0.0, maximum=1.0, default=0.95)
     point_luminance: tuple[float, ...] = quantity("cd/m^2", "luminances fitted to", above=0.0, default=())
     point_rate: tuple[float, ...] = quantity("cd/m^2/s", "thresholds fitted to", above=0.0, default=())
-    condition_number: float | None = quantity("1", "of the fit's design matrix", minimum=1.0, default=None)
+    condition_number: float | None = quantity(
+        "1", "condition number of the fit's design matrix", minimum=1.0, default=None
+    )
     simulated: bool = described("true if the participants were simulated", default=False)
     source: str = described("where it comes from", default="")
     provenance: Provenance | None = described("how the file was made", default=None)

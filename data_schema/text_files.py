@@ -10,7 +10,7 @@ import re
 import tomllib
 import types
 import typing
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -134,8 +134,16 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     return stream.getvalue()
 
 
+def _raise(error: InputError) -> None:
+    raise error
+
+
 def csv_rows(
-    path: Path, columns: Sequence[str], what: str, delimiter: str = ","
+    path: Path,
+    columns: Sequence[str],
+    what: str,
+    delimiter: str = ",",
+    torn: Callable[[InputError], None] = _raise,
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the rows of a table with their line numbers; the cells are in the order of `columns`.
 
@@ -149,6 +157,8 @@ def csv_rows(
         What it should be, for the error.
     delimiter : str, optional
         What divides the cells.
+    torn : callable, optional
+        What to do about a row that has not as many cells as the header; else it is raised.
 
     Raises
     ------
@@ -163,7 +173,9 @@ def csv_rows(
                 continue  # an empty line, as some editors leave at the end
             where = f"{path}, line {reader.line_num}"
             if len(cells) != len(order):
-                raise InputError(f"{where}: expected {len(order)} cells, got {len(cells)}; the table is torn")
+                got = f"expected {len(order)} cells, got {len(cells)}; the table is torn"
+                torn(InputError(f"{where}: {got}"))
+                continue
             yield reader.line_num, [cells[place] for place in order]
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
@@ -206,9 +218,9 @@ def read_rows(cls: type[Record], path: Path) -> list[Record]:
 
 def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, Any]:
     """Return the cells of a row, in the order of a record's fields, as the plain values they stand for."""
-    kinds = type_hints(typing.cast(Hashable, cls))
+    kinds = type_hints(cls)
     return {
-        file_key(field): _cell(kinds[field.name], text, f"{where}: {file_key(field)}")
+        file_key(field): plain_cell(kinds[field.name], text, f"{where}: {file_key(field)}")
         for field, text in zip(dataclasses.fields(cls), cells, strict=True)
     }
 
@@ -223,8 +235,8 @@ def number_in(text: str, where: str) -> float:
     raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 
-def _cell(kind: Any, text: str, where: str) -> Any:
-    """Return a cell's text as the plain value of its column."""
+def plain_cell(kind: Any, text: str, where: str) -> Any:
+    """Return a cell's text as the plain value of its column's type."""
     if isinstance(kind, types.UnionType):
         if text in MISSING:
             return None

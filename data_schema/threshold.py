@@ -63,7 +63,7 @@ class Threshold:
     width: float = quantity("1", "ln(rate) from 5 % to 95 % of the rise", above=0.0)
     guess_rate: float = quantity("1", "fitted lower asymptote", minimum=0.0, maximum=1.0)
     lapse_rate: float = quantity("1", "one minus the fitted upper asymptote", minimum=0.0, maximum=1.0)
-    false_alarm_rate: float | None = quantity("1", "yes in catch trials", minimum=0.0, maximum=1.0)
+    false_alarm_rate: float | None = quantity("1", "share of yes in catch trials", minimum=0.0, maximum=1.0)
     n_trials: int = quantity("1", "trials with a ramp", minimum=1)
     n_catch: int = quantity("1", "catch trials", minimum=0)
     flag: ThresholdFlag = described("why to look at it before use; empty for none")

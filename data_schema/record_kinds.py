@@ -1,0 +1,145 @@
+"""Which file holds which record: by its name, or by the keys that are in it."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Collection
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
+from data_schema.display import Display
+from data_schema.loss_curves import LossCurves
+from data_schema.mapping import keys_of
+from data_schema.power_model import PowerModel
+from data_schema.ramp import RampDesign, RampTrial
+from data_schema.rate_limit import RateLimit
+from data_schema.session import SessionManifest
+from data_schema.threshold import Threshold
+
+LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
+
+
+class FileFormat(enum.Enum):
+    """How a record lies in a file."""
+
+    TOML = "toml"
+    JSON = "json"
+    JSON_LINES = "jsonl"  # one record per line
+    CSV = "csv"  # one record per row
+    NPZ = "npz"  # arrays
+
+
+@dataclass(frozen=True, slots=True)
+class RecordKind:
+    """A record that is a file, or a line or row of one.
+
+    Attributes
+    ----------
+    name : str
+        Its name; `schemas/<name>.json` is its JSON Schema.
+    record : type
+        Its class.
+    file_format : FileFormat
+        How it lies in a file.
+    file_names : tuple of str
+        Patterns of the names that such a file has.
+    origin : str
+        What writes the file.
+    """
+
+    name: str
+    record: type[Any]
+    file_format: FileFormat
+    file_names: tuple[str, ...]
+    origin: str
+
+    @property
+    def words(self) -> str:
+        """Its name in words."""
+        return self.name.replace("_", " ")
+
+
+DISPLAY = RecordKind(
+    "display", Display, FileFormat.TOML, ("display.toml", "*.display.toml"), "a luminance sweep, or by hand"
+)
+POWER_MODEL = RecordKind(
+    "power_model",
+    PowerModel,
+    FileFormat.TOML,
+    ("power.toml", "power_model.toml", "*.power.toml"),
+    "a power sweep, or by hand",
+)
+RAMP_DESIGN = RecordKind(
+    "ramp_design", RampDesign, FileFormat.TOML, ("design.toml", "*.design.toml"), "an experimenter"
+)
+RATE_LIMIT = RecordKind(
+    "rate_limit", RateLimit, FileFormat.JSON, ("rate_limit.json", "*.rate_limit.json"), "`evenlight fit`"
+)
+THRESHOLD = RecordKind("threshold", Threshold, FileFormat.CSV, ("thresholds.csv",), "`evenlight fit`")
+TRACK_HEADER = RecordKind(
+    "track_header", TrackHeader, FileFormat.JSON, ("track.json",), "`evenlight optimize`"
+)
+BRIGHTNESS_TRACK = RecordKind(
+    "brightness_track", BrightnessTrack, FileFormat.CSV, ("track.csv",), "`evenlight optimize`"
+)
+OPTIMIZATION_SUMMARY = RecordKind(
+    "optimization_summary", OptimizationSummary, FileFormat.JSON, ("summary.json",), "`evenlight optimize`"
+)
+LOSS_CURVES = RecordKind(
+    "loss_curves", LossCurves, FileFormat.NPZ, ("loss_curves.npz", "*.npz"), "`evenlight optimize`"
+)
+SESSION_MANIFEST = RecordKind(
+    "session_manifest", SessionManifest, FileFormat.JSON, ("manifest.json",), "an experiment"
+)
+RAMP_TRIAL = RecordKind(
+    "ramp_trial", RampTrial, FileFormat.JSON_LINES, ("trials.jsonl",), "the experiment `ramp`"
+)
+
+KINDS = (
+    DISPLAY,
+    POWER_MODEL,
+    SESSION_MANIFEST,
+    RAMP_DESIGN,
+    RAMP_TRIAL,
+    THRESHOLD,
+    RATE_LIMIT,
+    LOSS_CURVES,
+    BRIGHTNESS_TRACK,
+    TRACK_HEADER,
+    OPTIMIZATION_SUMMARY,
+)
+TRIALS_OF_TASK = {"ramp": RAMP_TRIAL}  # the kind of the lines of trials.jsonl, by the manifest's task
+
+
+def kind_by_name(path: Path) -> RecordKind | None:
+    """Return the kind of record that a file of this name holds, or None.
+
+    >>> kind_by_name(Path("lab/bench.display.toml")).name
+    'display'
+    """
+    return next((kind for kind in KINDS if any(fnmatchcase(path.name, p) for p in kind.file_names)), None)
+
+
+def kind_by_keys(file_format: FileFormat, keys: Collection[str]) -> RecordKind | None:
+    """Return the kind of record that has most of these keys, or None if none has enough.
+
+    A misspelt or missing key among several does not matter: the file is to be recognized, then checked.
+
+    >>> kind_by_keys(FileFormat.TOML, {"kind", "base_power_w", "name"}).name
+    'power_model'
+    """
+    candidates = [kind for kind in KINDS if kind.file_format is file_format]
+    best = max(candidates, key=lambda kind: _likeness(kind, keys), default=None)
+    return best if best and _likeness(best, keys) >= LIKENESS else None
+
+
+def _likeness(kind: RecordKind, keys: Collection[str]) -> float:
+    """Return the keys in common as a share of those found or required."""
+    if kind is BRIGHTNESS_TRACK:
+        known = required = set(TRACK_COLUMNS)
+    else:
+        known, required = map(set, keys_of(kind.record))
+    return len(known & set(keys)) / max(len(required | set(keys)), 1)
