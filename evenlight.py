@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated, Any, NoReturn, cast
 
 import typer
 
@@ -14,15 +15,27 @@ from stimuli import commands as stimuli_commands
 app = typer.Typer(
     name="evenlight",
     help="Temporal brightness management: dim a display over time, at a power budget, unseen.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 
 
-@app.callback()
-def commands() -> None:
+# Typer has moved this class between its versions; its public subclass tells where it is.
+UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
+
+
+@app.callback(invoke_without_command=True)
+def start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
     """Temporal brightness management: dim a display over time, at a power budget, unseen."""
+    if version:
+        from importlib import metadata
+
+        typer.echo(f"evenlight {metadata.version('evenlight')}")
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 app.command()(stimuli_commands.render)
@@ -31,13 +44,35 @@ app.command()(fit_commands.fit)
 app.command()(optimize_command.optimize)
 
 
-def main() -> None:
-    """Run the command; end with exit code 2 and one line if its input cannot be used."""
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command; end with exit code 2 and one line if its input cannot be used.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of the command line's.
+    """
     try:
-        app()
+        code = app(arguments, standalone_mode=False)
     except InputError as error:
-        print(f"evenlight: {error}", file=sys.stderr)
-        sys.exit(2)
+        _end(str(error), 2)
+    except UsageError as error:
+        _end(_usage(error), 2)
+    except (typer.Abort, KeyboardInterrupt):
+        _end("interrupted; nothing half-written is left", 130)
+    sys.exit(code or 0)
+
+
+def _usage(error: Any) -> str:
+    """Return what is wrong with the command line, and where its help is."""
+    where = error.ctx.command_path if error.ctx else "evenlight"
+    return f"{error.format_message().rstrip('.')}; see {where} --help"
+
+
+def _end(message: str, code: int) -> NoReturn:
+    """Say one line on the error stream and end."""
+    print("evenlight: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -30,4 +30,31 @@ def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
     frame = np.arange(len(factors))
     below, above = curves.loss[frame, segment], curves.loss[frame, segment + 1]
     slope = (above - below) / (knots[segment + 1] - knots[segment])
-    return below + slope * (factors - knots[segment]), slope
+    # Rounding may leave a loss of -1e-20 at factor 1.
+    return np.maximum(below + slope * (factors - knots[segment]), 0.0), slope
+
+
+def factor_at_loss(curves: LossCurves, loss: Array) -> Array:
+    """Return the factor at which each frame has a given contrast loss; the nearest knot where none has.
+
+    A curve that rises somewhere is taken as the falling one above it.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        N curves.
+    loss : array, (N,)
+        𝓛_c wanted of each frame.
+
+    Returns
+    -------
+    array, (N,)
+        b, within the curves' factors.
+    """
+    knots, frame = curves.factors, np.arange(len(loss))
+    falling = np.maximum.accumulate(curves.loss[:, ::-1], axis=1)[:, ::-1]
+    segment = np.clip((falling > loss[:, None]).sum(axis=1) - 1, 0, len(knots) - 2)
+    above, below = falling[frame, segment], falling[frame, segment + 1]
+    drop = np.where(above > below, above - below, 1.0)
+    share = np.where(above > below, (above - loss) / drop, 1.0)
+    return np.asarray(knots[segment] + np.clip(share, 0.0, 1.0) * (knots[segment + 1] - knots[segment]))

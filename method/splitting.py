@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from method.chain import ChainLimits, minimize_chain
-from method.curve_lookup import loss_and_slope
+from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.modulation import step_luminance
 from method.objective import pairwise_spread, proximal_spread
 from method.optimize import Problem, Solution, feasible_blend
@@ -25,6 +25,11 @@ from method.optimize import Problem, Solution, feasible_blend
 Array = NDArray[np.float64]
 
 OVER_RELAXATION = 1.6  # Boyd et al. (2011), section 3.4.3: 1.5 to 1.8 converge faster than 1
+# How far along the loss curves to look, as a difference of factors, and for how many fruitless iterations.
+# Measured curves are stairs from close by, where pixels vanish one by one; only the last look is local.
+LOOKS = ((1.0, 8), (0.125, 8), (0.0, 20))
+FLATTEST = 1e-9  # a curve flatter than this, or rising, gives no direction
+NO_SPREAD = 1e-15  # below this, losses differ by rounding alone
 DAMPING = 1e-3  # share of the mean curvature that holds frames without a slope where they are
 
 
@@ -32,60 +37,59 @@ DAMPING = 1e-3  # share of the mean curvature that holds frames without a slope 
 class SplittingSolver:
     """Alternate between the pair sum and the chain; O(N log N) per iteration.
 
+    It starts with a far look along the loss curves and ends with their local slopes.
+
     Attributes
     ----------
     max_iterations : int
         Iterations at most.
     tolerance : float
-        Stop when `patience` iterations improved the objective by less than this share of it.
-    patience : int
-        See tolerance.
+        A look has done its work when some iterations improved the objective by less than this share of it.
     trust : float
         Largest change of a factor in one iteration.
     """
 
-    max_iterations: int = 300
+    max_iterations: int = 400
     tolerance: float = 1e-6
-    patience: int = 20
     trust: float = 0.15
 
     def solve(self, problem: Problem) -> Solution:
         """Return the best feasible factors of all iterations, and the last dual variables."""
         state = _start(problem)
         best, best_objective = state.factors, pairwise_spread(state.loss)
-        milestone, since = best_objective, 0
         iteration = 0
-        while iteration < self.max_iterations and best_objective > 1e-15 and since < self.patience:
-            iteration += 1
-            state = self._step(problem, state)
-            objective = pairwise_spread(state.loss)
-            if objective < best_objective:
-                best, best_objective = state.factors, objective
-            since += 1
-            if best_objective < milestone * (1 - self.tolerance):
-                milestone, since = best_objective, 0
-            if iteration % 10 == 0:
-                state = _rebalance(state)
+        for reach, patience in LOOKS:
+            milestone, since = best_objective, 0
+            while iteration < self.max_iterations and best_objective > NO_SPREAD and since < patience:
+                iteration += 1
+                state = self._step(problem, state, reach)
+                objective = pairwise_spread(state.loss)
+                if objective < best_objective:
+                    best, best_objective = state.factors, objective
+                since += 1
+                if best_objective < milestone * (1 - self.tolerance):
+                    milestone, since = best_objective, 0
+                if iteration % 10 == 0:
+                    state = _rebalance(state)
         # The weights count pairs divided by N; so does the price.
         return Solution(best, iteration, state.stiffness * state.dual, state.price)
 
-    def _step(self, problem: Problem, state: _State) -> _State:
+    def _step(self, problem: Problem, state: _State, reach: float) -> _State:
         """Return the state after one iteration."""
-        stiffness, slope = state.stiffness, state.slope
+        stiffness = state.stiffness
+        wanted, slope = _aim(problem, state.factors, state.target - state.dual, reach)
         stiff = stiffness * slope**2
         damping = DAMPING * float(np.mean(stiff)) + 1e-9
-        wanted = state.loss - slope * state.factors - state.target + state.dual
-        gradient = stiffness * slope * wanted - damping * state.factors
+        gradient = -stiff * wanted - damping * state.factors
         limits = linearized_limits(problem, state.factors, self.trust)
         factors, price = _within_budget(problem, (stiff + damping, gradient), limits, state)
         factors = feasible_blend(problem, np.clip(factors, problem.lowest_factor, 1.0))
-        loss, slope = loss_and_slope(problem.curves, factors)
+        loss = problem.loss(factors)
         mixed = OVER_RELAXATION * loss + (1 - OVER_RELAXATION) * state.target + state.dual
         target = proximal_spread(mixed, 1 / (stiffness * len(loss)))
         return _State(
             factors=factors,
             loss=loss,
-            slope=slope,
             target=target,
             dual=mixed - target,
             stiffness=stiffness,
@@ -102,7 +106,6 @@ class _State:
 
     factors: Array
     loss: Array
-    slope: Array
     target: Array
     dual: Array
     stiffness: float
@@ -115,9 +118,32 @@ class _State:
 def _start(problem: Problem) -> _State:
     """Return the state of constant dimming; the penalty fits the spread that it has."""
     factors = problem.baseline()
-    loss, slope = loss_and_slope(problem.curves, factors)
+    loss = problem.loss(factors)
     stiffness = 1 / max(float(np.std(loss)), 1e-4)
-    return _State(factors, loss, slope, loss, np.zeros_like(loss), stiffness)
+    return _State(factors, loss, loss, np.zeros_like(loss), stiffness)
+
+
+def _aim(problem: Problem, factors: Array, targets: Array, reach: float) -> tuple[Array, Array]:
+    """Return the factors at which the frames would have target losses, and the slopes on the way there.
+
+    The slope is that of the chord to the target, at most `reach` and at least two knots long; with a reach
+    of 0 it is the local one. Targets that no factor reaches are aimed at along it: they still pull.
+    """
+    curves = problem.curves
+    if reach == 0:
+        start = factors
+        slope = loss_and_slope(curves, factors)[1]
+    else:
+        spacing = (1 - problem.lowest_factor) / (len(curves.factors) - 1)
+        there = factor_at_loss(curves, targets)
+        way = there - factors
+        size = np.clip(np.abs(way), spacing, reach)
+        low = np.maximum(factors - np.where(way > spacing, 0.0, size), problem.lowest_factor)
+        high = np.minimum(factors + np.where(way < -spacing, 0.0, size), 1.0)
+        start = np.where(np.abs(way) > reach, factors, there)
+        slope = (problem.loss(high) - problem.loss(low)) / (high - low)
+    slope = np.minimum(slope, -FLATTEST)
+    return start + np.clip((targets - problem.loss(start)) / slope, -1.0, 1.0), slope
 
 
 def _rebalance(state: _State) -> _State:
@@ -131,7 +157,6 @@ def _rebalance(state: _State) -> _State:
     return _State(
         state.factors,
         state.loss,
-        state.slope,
         state.target,
         state.dual / scale,
         state.stiffness * scale,

@@ -1,11 +1,13 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+import evenlight
 from data_schema.brightness_track import BudgetUnit
 from data_schema.loss_curves import LossCurves
 from data_schema.provenance import Provenance
@@ -75,3 +77,26 @@ def make_problem() -> Callable[..., Problem]:
 @pytest.fixture
 def make_weber_limit() -> Callable[[float], RateLimit]:
     return weber_limit
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run of the command ended with."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    """Run `evenlight` with some arguments, in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            evenlight.main([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        return Outcome(int(ended.value.code or 0), out, err)
+
+    return run
