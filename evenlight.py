@@ -8,6 +8,7 @@ from typing import Annotated, Any, NoReturn, cast
 import typer
 
 from analysis import fit_commands, optimize_command
+from data_schema import validate_command
 from data_schema.errors import InputError
 from experiments import commands as experiment_commands
 from stimuli import commands as stimuli_commands
@@ -42,6 +43,7 @@ app.command()(stimuli_commands.render)
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(optimize_command.optimize)
+app.command()(validate_command.validate)
 
 
 def main(arguments: list[str] | None = None) -> None:

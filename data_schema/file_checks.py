@@ -1,0 +1,215 @@
+"""Checking one file: every problem in it, by its JSON Schema and by making the record."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from data_schema.brightness_track import TRACK_COLUMNS, read_track
+from data_schema.errors import InputError
+from data_schema.line_numbers import Place, json_line_numbers, line_of, toml_line_numbers
+from data_schema.loss_curves import read_loss_curves
+from data_schema.mapping import record_from_mapping, refuse_newer_schema, type_hints
+from data_schema.quantities import file_key
+from data_schema.record_kinds import BRIGHTNESS_TRACK, FileFormat, RecordKind
+from data_schema.schema_problems import schema_problems
+from data_schema.text_files import columns_of, csv_rows, parse_json, plain_cell, read_text, read_toml
+
+Wheres = Callable[[Place], str]
+
+
+@dataclass(slots=True)
+class CheckedFile:
+    """A file, what was found in it, and the records that could be made of it.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    words : str
+        What it was checked as; empty if it was not checked.
+    problems : list of str
+        What is wrong, each with file, line, key and value.
+    notes : list of str
+        What a reader should know, though nothing is wrong.
+    records : list of (int, record)
+        Records with the line they come from (0 for a file that is one record); those with a problem are
+        left out.
+    """
+
+    path: Path
+    words: str
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    records: list[tuple[int, Any]] = field(default_factory=list)
+
+    @property
+    def record(self) -> Any | None:
+        """The record of a file that is one; None if it has a problem."""
+        return self.records[0][1] if self.records else None
+
+    def blame(self, problem: str, line: int = 0) -> None:
+        """Note a problem, in a line if one is given."""
+        self.problems.append(f"{self.path}{f', line {line}' if line else ''}: {problem}")
+
+
+def check_file(path: Path, kind: RecordKind) -> CheckedFile:
+    """Return what is in a file of a kind, and all that is wrong with it."""
+    checked = CheckedFile(path, kind.words)
+    check = {
+        FileFormat.TOML: _check_toml,
+        FileFormat.JSON: _check_json,
+        FileFormat.JSON_LINES: _check_json_lines,
+        FileFormat.CSV: _check_table,
+        FileFormat.NPZ: _check_arrays,
+    }[kind.file_format]
+    try:
+        check(checked, kind)
+    except InputError as error:
+        checked.problems.append(str(error))
+    return checked
+
+
+def _check_toml(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check a TOML file that is one record."""
+    content = read_toml(checked.path, f"a {kind.words} in TOML")
+    lines = toml_line_numbers(read_text(checked.path, kind.words))
+    _check_content(checked, kind, content, 0, _place_in_file(checked.path, lines))
+
+
+def _check_json(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check a JSON file that is one record."""
+    text = read_text(checked.path, f"a {kind.words} in JSON")
+    content = parse_json(text, str(checked.path), f"a {kind.words}")
+    _check_content(checked, kind, content, 0, _place_in_file(checked.path, json_line_numbers(text)))
+
+
+def _place_in_file(path: Path, lines: dict[Place, int]) -> Wheres:
+    """Return a function that tells where a place of a content is: file, line, key."""
+
+    def where(place: Place) -> str:
+        line = line_of(place, lines)
+        return f"{path}{f', line {line}' if line else ''}{_key(place)}"
+
+    return where
+
+
+def _key(place: Place) -> str:
+    """Return a place as it is written, `: display.gamma`; nothing for the whole content."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
+    return f": {text.lstrip('.')}" if text else ""
+
+
+def _check_json_lines(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check a file with one record in each line; a last line without its end was torn off."""
+    text = read_text(checked.path, f"a {kind.words} in each line")
+    for number, line in enumerate(io.StringIO(text), start=1):  # unlike splitlines: at line ends only
+        if not line.strip():
+            continue
+        where = f"{checked.path}, line {number}"
+        try:
+            content = parse_json(line, where, f"a {kind.words}")
+        except InputError as error:
+            torn = not line.endswith("\n")
+            checked.problems.append(
+                f"{where}: the last line is torn, its trial was not complete; delete the line"
+                if torn
+                else str(error)
+            )
+            continue
+        _check_row(checked, kind, content, number)
+
+
+def _check_table(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check a table with one record in each row, or a brightness track."""
+    if kind is BRIGHTNESS_TRACK:
+        _check_track(checked, kind)
+        return
+    for number, cells in _rows_of(checked, columns_of(kind.record), kind.words):
+        row = _row(checked, kind, cells, number)
+        if row is not None:
+            _check_row(checked, kind, row, number)
+
+
+def _check_track(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check a brightness track as a whole; if it is unusable, row by row."""
+    try:
+        checked.records.append((0, read_track(checked.path)))
+    except InputError as error:
+        for number, cells in _rows_of(checked, TRACK_COLUMNS, kind.words):
+            row: dict[str, Any] = {}
+            for name, text in zip(TRACK_COLUMNS, cells, strict=True):
+                kind_of_cell = int if name == "frame" else float
+                _put_cell(checked, row, name, kind_of_cell, text, number)
+            checked.problems += [
+                f"{checked.path}, line {number}{_key(place)}: {problem}"
+                for place, problem in schema_problems(row, kind.name)
+                if place
+            ]
+        if not checked.problems or not checked.path.with_suffix(".json").exists():
+            checked.problems.append(str(error))
+
+
+def _rows_of(checked: CheckedFile, columns: Iterable[str], words: str) -> Iterable[tuple[int, list[str]]]:
+    """Yield the rows of a table; note those that are torn."""
+    return csv_rows(
+        checked.path,
+        list(columns),
+        f"a table ({words})",
+        torn=lambda error: checked.problems.append(str(error)),
+    )
+
+
+def _row(checked: CheckedFile, kind: RecordKind, cells: list[str], number: int) -> dict[str, Any] | None:
+    """Return a row as plain values; None if a cell cannot be one, each of which is noted."""
+    before = len(checked.problems)
+    row: dict[str, Any] = {}
+    kinds = type_hints(kind.record)
+    for column, text in zip(dataclasses.fields(kind.record), cells, strict=True):
+        _put_cell(checked, row, file_key(column), kinds[column.name], text, number)
+    return row if len(checked.problems) == before else None
+
+
+def _put_cell(
+    checked: CheckedFile, row: dict[str, Any], name: str, kind: Any, text: str, number: int
+) -> None:
+    """Put a cell into a row, or note why it cannot be."""
+    try:
+        row[name] = plain_cell(kind, text, f"{checked.path}, line {number}: {name}")
+    except InputError as error:
+        checked.problems.append(str(error))
+
+
+def _check_row(checked: CheckedFile, kind: RecordKind, content: Any, number: int) -> None:
+    """Check one of many records: by making it, and where that fails by its schema, which finds all.
+
+    What its schema refuses cannot be made into a record (a test holds that), so the schema, which takes
+    fifty times as long, has nothing to add where the record could be made.
+    """
+    where = f"{checked.path}, line {number}"
+    try:
+        checked.records.append((number, record_from_mapping(kind.record, content, where)))
+    except InputError as error:
+        found = schema_problems(content, kind.name)
+        checked.problems += [f"{where}{_key(place)}: {problem}" for place, problem in found]
+        if not found:
+            checked.problems.append(str(error))
+
+
+def _check_content(checked: CheckedFile, kind: RecordKind, content: Any, number: int, where: Wheres) -> None:
+    """Check the content of a file that is one record, by its schema and then by making it."""
+    if isinstance(content, dict):
+        refuse_newer_schema(content, str(checked.path))
+    found = schema_problems(content, kind.name)
+    checked.problems += [f"{where(place)}: {problem}" for place, problem in found]
+    if not found:
+        checked.records.append((number, record_from_mapping(kind.record, content, str(checked.path))))
+
+
+def _check_arrays(checked: CheckedFile, kind: RecordKind) -> None:
+    """Check loss curves."""
+    checked.records.append((0, read_loss_curves(checked.path)))
