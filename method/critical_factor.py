@@ -31,7 +31,8 @@ from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 
 LARGEST_LOG_RATIO = 8.0  # log2 r is below, for any image: tests/method/test_critical_factor.py
 MASKING_RANGE = (-12.0, 20.0)  # log2 m; below T is 1 to 4e-4, above a pixel is 2^-100 of its neighbours
-_STEPS = 4096  # of each table
+_STEPS = 4096  # of each table but the inverse
+_INVERSE_STEPS = 16384  # a display without black level spans 27 octaves, the last of them nearly flat
 _MARGIN = 0.01  # by which tables reach beyond the luminances of the display, in log2
 
 Table = NDArray[np.float32]
@@ -49,7 +50,7 @@ class BandTable:
         Of s at these two.
     log_sensitivity : array, (4096,)
         log2 s at equal steps of log2 e.
-    log_luminance : array, (4096,)
+    log_luminance : array, (16384,)
         log2 e at equal steps of log2 s; meaningless unless `rises`.
     rises : bool
         Whether s rises over all these luminances, so that it has an inverse.
@@ -113,9 +114,14 @@ def band_table(
         log_luminance_range=(float(ends[0]), float(ends[1])),
         log_sensitivity_range=sensitivity_ends,
         log_sensitivity=np.interp(np.linspace(*ends, _STEPS), dense, log_s).astype(np.float32),
-        log_luminance=np.interp(np.linspace(*sensitivity_ends, _STEPS), log_s, dense).astype(np.float32),
+        log_luminance=_inverse(log_s, dense),
         rises=bool((np.diff(log_s) > 0).all()),
     )
+
+
+def _inverse(log_s: NDArray[np.float64], log_e: NDArray[np.float64]) -> Table:
+    """Return log2 e at equal steps of log2 s."""
+    return np.interp(np.linspace(log_s[0], log_s[-1], _INVERSE_STEPS), log_s, log_e).astype(np.float32)
 
 
 def effective_sensitivity(

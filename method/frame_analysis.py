@@ -26,7 +26,7 @@ from method.one_pass import (
     reduced,
 )
 
-_CELLS = 4096  # of the histogram of critical factors, equal steps of log2 b
+_CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
 # In a band of few pixels each one shows in the loss. Such a band is cheap, and is counted several times, with
 # neighbours compared at several factors (`method.critical_factor`); each count serves the factors next to it.
 _FEW_PIXELS = 16384
@@ -81,6 +81,8 @@ class FrameAnalysis:
         self._bands = [band_table(float(f), float(factors[0]), display, model) for f in frequencies]
         self._threshold = threshold_table()
         self._log_factors = np.log2(factors)
+        # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
+        self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
         self._linear: dict[int, NDArray[np.float32]] = {}
 
     @property
@@ -132,12 +134,13 @@ class FrameAnalysis:
         nearest = np.minimum((way * n).astype(np.int64), n - 1)
         shares = np.empty(len(way))
         for k in range(n):
-            counts = np.zeros(_CELLS + 2, np.int64)
+            counts = np.zeros(self._n_cells + 2, np.int64)
             reference = self._log_factors[0] * (1 - (k + 0.5) / n)
             to_contrast = tables[0]._replace(log_reference_factor=np.float32(reference))
             count_band(fine, coarse, around, (to_contrast, tables[1]._replace(counts=counts), masks_itself))
             here = nearest == k
-            shares[here] = np.interp(way[here] * _CELLS, np.arange(_CELLS + 1), np.cumsum(counts[:-1]))
+            edges = np.arange(self._n_cells + 1)
+            shares[here] = np.interp(way[here] * self._n_cells, edges, np.cumsum(counts[:-1]))
         # Where two counts meet, a pixel may seem to vanish again as b grows.
         return np.asarray(np.maximum.accumulate(shares) / fine.size)
 
