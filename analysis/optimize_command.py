@@ -17,12 +17,12 @@ from method.choices import LimitCurve, ModulatedLuminance, SolverName
 
 if TYPE_CHECKING:
     from analysis.frame_samples import FrameSamples
-    from data_schema.brightness_track import OptimizationSummary
+    from data_schema.brightness_track import BrightnessTrack, OptimizationSummary
     from data_schema.display import Display
     from data_schema.frame import Frame
     from data_schema.loss_curves import LossCurves
     from data_schema.provenance import Provenance
-    from method.optimize import Request
+    from method.optimize import Problem, Request
     from stimuli.video_source import VideoSource
 
 
@@ -102,6 +102,14 @@ class _Work:
     quiet: bool
 
 
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """What the figures are drawn from."""
+
+    track: BrightnessTrack
+    summary: OptimizationSummary
+
+
 def _run(work: _Work, folder: Path) -> OptimizationSummary:
     """Analyse, optimize, and write every result into a folder."""
     import numpy as np
@@ -139,7 +147,7 @@ def _run(work: _Work, folder: Path) -> OptimizationSummary:
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", track)
     write_json_record(folder / "summary.json", summary)
-    _draw(work, folder, curves, samples)
+    _draw(folder, problem, _Results(track, summary), samples)
     return summary
 
 
@@ -230,8 +238,35 @@ def _provenance(work: _Work, curves: LossCurves | None = None) -> Provenance:
     return provenance_now(work.seed if work.solver is SolverName.SLSQP else None, inputs)
 
 
-def _draw(work: _Work, folder: Path, curves: LossCurves, samples: FrameSamples) -> None:
-    """Draw the figures of the track."""
+def _draw(folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
+    """Draw the figures: the track over time, and where contrast is lost in the frame it changes most."""
+    import numpy as np
+
+    from analysis.contrast_map_figure import contrast_map, contrast_map_figure
+    from analysis.figure_style import write_png
+    from analysis.thumbnails import thumbnails_of
+    from analysis.track_figure import track_figure
+    from analysis.track_story import TrackStory
+
+    story = TrackStory(
+        track=results.track,
+        baseline_factor=problem.baseline_factor,
+        baseline_loss=problem.loss(problem.baseline()),
+        objective=results.summary.objective,
+        objective_baseline=results.summary.objective_baseline,
+        thumbnails=thumbnails_of(samples.held),
+        lowest_factor=problem.lowest_factor,
+    )
+    write_png(folder / "track.png", track_figure(story))
+    gain = np.abs(story.baseline_loss - results.track.contrast_loss)
+    index, pixels = max(samples.held, key=lambda held: float(gain[held[0]]))
+    panel = problem.curves.display
+    ours, constant = (
+        contrast_map(pixels, float(factor), panel)
+        for factor in (results.track.factors[index], problem.baseline_factor)
+    )
+    name = f"{problem.curves.video} at {problem.curves.times[index]:.1f} s"
+    write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))
 
 
 def _tell(summary: OptimizationSummary, out: Path) -> None:
