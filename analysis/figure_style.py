@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -134,6 +135,32 @@ def text_at(figure: Figure, left: float, top: float, words: str, **style: Any) -
     full_width, full_height = figure.get_size_inches()
     settings = {"va": "top", "ha": "left", **style}
     figure.text(left / full_width, 1 - top / full_height, words, **settings)
+
+
+Line = tuple[str, float, dict[str, Any]]  # words, distance from the top [inch], text properties
+
+
+def heading_lines(title: str, subtitle: str, width: float, em: float) -> tuple[list[Line], float]:
+    """Return a title and a line below it, broken to a width [inch], and the height that they take."""
+    bold = {"fontsize": 1.25 * 72 * em, "fontweight": "bold"}
+    lines, below = text_lines(title, 0.8 * em, width, bold)
+    more, below = text_lines(subtitle, below + 0.1 * em, width, {"color": MUTED})
+    return lines + more, below
+
+
+def text_lines(words: str, top: float, width: float, style: dict[str, Any]) -> tuple[list[Line], float]:
+    """Return words broken to a width [inch], from `top` down, and where they end."""
+    size = style.get("fontsize", rcParams["font.size"]) / 72
+    letter = (0.66 if "fontweight" in style else 0.54) * size  # mean advance of DejaVu Sans
+    lines = textwrap.wrap(words, max(int(width / letter), 10))
+    return [(part, top + k * 1.45 * size, style) for k, part in enumerate(lines)], top + len(
+        lines
+    ) * 1.45 * size
+
+
+def text_size() -> float:
+    """Return the size of the text in the look in force [point]."""
+    return float(rcParams["font.size"])
 
 
 def legend_above(axes: Axes, **settings: Any) -> None:

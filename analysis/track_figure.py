@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,13 +20,16 @@ from analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
+    Line,
     Medium,
     axes_at,
+    heading_lines,
     legend_above,
     look,
     new_figure,
     short,
     text_at,
+    text_lines,
 )
 from analysis.thumbnails import Image, dimmed_picture
 from analysis.track_story import TrackStory, budget_in_words, frame_edges, outcome_in_words
@@ -74,7 +76,7 @@ class _Layout:
     em: float
     left: float
     width: float
-    lines: tuple[tuple[str, float, dict[str, Any]], ...]
+    lines: tuple[Line, ...]
     panel_tops: tuple[float, float, float]
     panel_height: float
     picture_top: float
@@ -90,16 +92,14 @@ def _layout(story: TrackStory, medium: Medium) -> _Layout:
     thumbnails = _with_room(story.thumbnails, int(width / (7 * em)))
     heading, above = _heading(story, width, em)
     footer, below = _footer(story, width, em)
+    below += 0.5 * em
     picture = _picture_size(thumbnails, width, 0.1 * medium.height, em)
     pictures = 2 * picture[1] + 2.6 * em if thumbnails else 0.0
     picture_top = medium.height - below - pictures + 1.4 * em
     first, between, axis = above + 1.9 * em, 2.6 * em, 3.8 * em
     panel = (medium.height - below - pictures - axis - first - 2 * between) / 3
     top, middle, bottom = (first + k * (panel + between) for k in range(3))
-    lines = (
-        *heading,
-        *((words, medium.height - below + at, style) for words, at, style in footer),
-    )
+    lines = (*heading, *((words, medium.height - below + at, style) for words, at, style in footer))
     return _Layout(em, left, width, lines, (top, middle, bottom), panel, picture_top, picture, thumbnails)
 
 
@@ -121,25 +121,14 @@ def _picture_size(
     return high * columns / rows, high
 
 
-_Lines = list[tuple[str, float, dict[str, Any]]]
-
-
-def _heading(story: TrackStory, width: float, em: float) -> tuple[_Lines, float]:
+def _heading(story: TrackStory, width: float, em: float) -> tuple[list[Line], float]:
     """Return what video, display and budget it is about and what came out, and the height that it takes."""
     header = story.track.header
     title = f"{_clipped(header.video, 32)} on {_clipped(header.display_name, 24)}, {budget_in_words(header)}"
-    lines: _Lines = []
-    top = 0.8 * em
-    for part in textwrap.wrap(title, int(width / (0.86 * em))):
-        lines.append((part, top, {"fontsize": 1.25 * 72 * em, "fontweight": "bold"}))
-        top += 1.8 * em
-    for part in textwrap.wrap(outcome_in_words(story), int(width / (0.55 * em))):
-        lines.append((part, top, {"color": MUTED}))
-        top += 1.5 * em
-    return lines, top
+    return heading_lines(title, outcome_in_words(story), width, em)
 
 
-def _footer(story: TrackStory, width: float, em: float) -> tuple[_Lines, float]:
+def _footer(story: TrackStory, width: float, em: float) -> tuple[list[Line], float]:
     """Return how the track was made, and the height that it takes."""
     track, header = story.track, story.track.header
     power = float(np.average(track.power, weights=np.diff(frame_edges(track.times))))
@@ -148,12 +137,7 @@ def _footer(story: TrackStory, width: float, em: float) -> tuple[_Lines, float]:
         f"{frames}  ·  solver {header.solver}  ·  mean power {power:.3g} W (model {header.power_model})  ·  "
         f"rate limit {header.rate_limit}"
     )
-    lines: _Lines = []
-    top = 0.8 * em
-    for part in textwrap.wrap(words, int(width / (0.5 * em))):
-        lines.append((part, top, {"color": MUTED, "fontsize": 0.85 * 72 * em}))
-        top += 1.2 * em
-    return lines, top + 0.5 * em
+    return text_lines(words, 0.8 * em, width, {"color": MUTED, "fontsize": 0.85 * 72 * em})
 
 
 def _clipped(words: str, room: int) -> str:
@@ -183,8 +167,8 @@ def _draw_factors(axes: Axes, story: TrackStory) -> None:
     forbidden: dict[str, Any] = {"facecolor": "none", "edgecolor": FAINT, "hatch": "////", "linewidth": 0}
     axes.axhspan(0, story.lowest_factor, **forbidden)
     axes.axhline(1.0, color=FAINT, linewidth=0.4 * rcParams["lines.linewidth"], zorder=0)
-    axes.axhline(story.baseline_factor, color=BASELINE, linestyle="--", zorder=2)
-    _step_line(axes, edges, story.track.factors, color=OURS, zorder=3)
+    axes.axhline(story.baseline_factor, color=BASELINE, linestyle="--", zorder=3)
+    _step_line(axes, edges, story.track.factors, color=OURS, zorder=2)
     axes.set(ylim=(0, 1.3), yticks=[0, 0.5, 1], ylabel="factor b")
     axes.set_yticks([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9], minor=True)
     constant = f"constant, same power: {short(story.baseline_factor)}"
@@ -200,8 +184,8 @@ def _draw_loss(axes: Axes, story: TrackStory) -> None:
     """Draw the contrast loss of the track and of constant dimming."""
     edges = frame_edges(story.track.times)
     loss, constant = story.track.contrast_loss, story.baseline_loss
-    _step_line(axes, edges, loss, color=OURS, label="ours", zorder=3)
-    _step_line(axes, edges, constant, color=BASELINE, linestyle="--", label="constant", zorder=2)
+    _step_line(axes, edges, loss, color=OURS, label="ours", zorder=2)
+    _step_line(axes, edges, constant, color=BASELINE, linestyle="--", label="constant", zorder=3)
     top = max(float(constant.max()), float(loss.max()), 0.01)
     axes.set(ylim=(0, 1.1 * top), ylabel="contrast loss")
     legend_above(axes)
@@ -225,6 +209,8 @@ def _draw_rate(axes: Axes, track: BrightnessTrack) -> None:
         zorder=2,
     )
     axes.set(ylim=(bottom, top), ylabel="rate [cd/m²/s]")
+    if scale == "log":
+        axes.yaxis.set_major_formatter("{x:g}")
     legend_above(axes)
 
 

@@ -73,7 +73,9 @@ def outcome_in_words(story: TrackStory) -> str:
     ours, constant = story.objective, story.objective_baseline
     if not constant > 0:
         return "Constant dimming already loses the same share of contrast in every frame."
+    less = 100 * (1 - ours / constant)
+    compared = f"{less:.0f} % less than" if less >= 0.5 else "about as much as"
     return (
         f"Contrast loss differs between two frames by {short(ours)} on average, "
-        f"{100 * (1 - ours / constant):.0f} % less than with constant dimming ({short(constant)})."
+        f"{compared} with constant dimming ({short(constant)})."
     )
