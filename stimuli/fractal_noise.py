@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,19 +52,21 @@ def fractal_noise(
     return total + np.float32(0.5)
 
 
-def ridged(noise: NDArray[np.float32]) -> NDArray[np.float32]:
+def ridged(noise: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """Return noise folded at its middle, so that sharp crests run where it crosses 0.5."""
-    return 1 - np.abs(2 * noise - 1)
+    crests: NDArray[np.floating[Any]] = 1 - np.abs(2 * noise - 1)
+    return crests
 
 
-def smoothstep(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
+def smoothstep(values: NDArray[np.floating[Any]], low: float, high: float) -> NDArray[np.floating[Any]]:
     """Return 0 below `low`, 1 above `high`, and a smooth rise between.
 
     >>> smoothstep(np.array([0.0, 1.0, 2.0, 3.0]), 0.0, 2.0).tolist()
     [0.0, 0.5, 1.0, 1.0]
     """
-    share: NDArray[np.float32] = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
-    return share * share * (3 - 2 * share)
+    share: NDArray[np.floating[Any]] = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
+    share *= share * (3 - 2 * share)
+    return share
 
 
 def _interpolation(samples: int, cells: int, periodic: bool) -> NDArray[np.float32]:

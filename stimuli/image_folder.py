@@ -18,10 +18,10 @@ from data_schema.frame import Frame
 from data_schema.provenance import sha256_of_bytes, sha256_of_file
 from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
 from stimuli.frame_times import rate_from_number
+from stimuli.strict_decoding import decode_strictly
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 ARRAYS = (".npy",)
-STRICT = {"err_detect": "crccheck+explode"}  # the decoder reports damage instead of guessing the picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
     try:
         with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
             stream = container.streams.video[0]
-            stream.codec_context.options = STRICT
+            decode_strictly(stream.codec_context)
             picture = next(container.decode(stream))
             if picture.is_corrupt:
                 raise InputError(f"{file} is damaged; replace this image")
@@ -152,8 +152,9 @@ def _read_array(file: Path) -> NDArray[Any]:
         raise InputError(
             f"{file} is of shape {pixels.shape}; an image has (height, width, 3) or (height, width)"
         )
+    pixels = pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
     if pixels.dtype in (np.uint8, np.uint16):
-        return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
+        return pixels
     if not np.issubdtype(pixels.dtype, np.floating):
         raise InputError(f"{file} holds {pixels.dtype}; pixel values are uint8, uint16 or floats in [0, 1]")
     if not np.isfinite(pixels).all():

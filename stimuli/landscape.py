@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stimuli.fractal_noise import fractal_noise, ridged, smoothstep
 
-Image = NDArray[np.float32]
+Image = NDArray[np.floating[Any]]  # float32, which NumPy's stubs forget in arithmetic
 
 # Heights are shares of the picture's height from the top.
 WATERLINE = 0.655

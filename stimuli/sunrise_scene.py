@@ -146,10 +146,10 @@ class _Clouds:
     TEXTURE = (512, 1024)  # so fine that the nearest clouds are smooth
 
     def __init__(self, rng: np.random.Generator, rows: Image, columns: Image, aspect: float) -> None:
-        up: Image = np.float32(HORIZON) - rows[rows[:, 0] < HORIZON]
-        away: Image = 1 / (up + np.float32(0.16))
+        up: Image = HORIZON - rows[: np.count_nonzero(rows < HORIZON)]
+        away: Image = 1 / (up + 0.16)
         seen = smoothstep(up, 0.0, 0.14)
-        aside = columns - np.float32(aspect / 2)
+        aside = columns - aspect / 2
         high = fractal_noise(rng, self.TEXTURE, (6, 5), octaves=6, gain=0.55)
         low = fractal_noise(rng, self.TEXTURE, (5, 7), octaves=7, gain=0.52)
         self._decks = (
@@ -179,7 +179,7 @@ class _Deck:
         ahead = np.roll(noise, -6, axis=0) + np.roll(noise, 4, axis=1)
         facing = np.clip(0.45 + 4.0 * (noise - 0.5 * ahead), 0, 1)
         self._wide = noise.shape[1]
-        self._layers = [
+        self._layers: list[tuple[Image, Image]] = [
             (layer.ravel(), (np.roll(layer, -1, axis=1) - layer).ravel())
             for layer in (smoothstep(noise, 0.54, 0.80), facing)
         ]

@@ -20,13 +20,12 @@ from data_schema.provenance import sha256_of_file
 from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
 from stimuli.ffv1_checksum import slices_intact
 from stimuli.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
+from stimuli.strict_decoding import decode_strictly
 
 if TYPE_CHECKING:
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
-# A decoder that meets an error says so instead of guessing the picture; FFV1 and PNG check their CRCs.
-STRICT = {"err_detect": "crccheck+explode"}
 REMEDY = "give a whole copy of it, or one encoded anew"
 WANTED = "give a video file that FFmpeg plays, or a folder of images"
 
@@ -96,7 +95,7 @@ class VideoFile:
     def _decoded(self, container: InputContainer) -> Iterator[av.VideoFrame]:
         """Yield decoded frames; stop at the first that the decoder reports as damaged."""
         stream = _video_stream(self.path, container)
-        stream.codec_context.options = STRICT
+        decode_strictly(stream.codec_context)
         k = 0
         try:
             for picture in container.decode(stream):

@@ -1,0 +1,43 @@
+"""`evenlight render` writes a built-in sequence as a file that reads back as the sequence itself."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from data_schema.errors import InputError
+from evenlight import app
+from stimuli.sequences import SEQUENCES, built_in_sequence
+from stimuli.video_source import open_video
+
+
+def render(*arguments):
+    """Run the command; errors of input come out as exceptions, which `main` turns into a line."""
+    return CliRunner().invoke(app, ["render", *map(str, arguments)], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_the_file_holds_the_sequence_without_loss(tmp_path, name):
+    path = tmp_path / "out.mkv"
+    result = render(name, "--out", path, "--size", "48x27", "--duration", "0.4", "--fps", "29.97", "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+    sequence = built_in_sequence(name, (48, 27), 0.4, 29.97)
+    for read, made in zip(open_video(str(path)).frames(), sequence.frames(), strict=True):
+        np.testing.assert_array_equal(read.pixel_values, made.pixel_values)
+        assert read.time == pytest.approx(made.time, abs=1e-12)
+        assert read.duration == pytest.approx(made.duration, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("sunset",), "there are checkerboard, sunrise"),
+        (("sunrise", "--size", "big"), "--size big: give width and height"),
+        (("sunrise", "--size", "4x4"), "from 8x8"),
+        (("sunrise", "--duration", "0"), "need two frames or more"),
+        (("sunrise", "--fps", "-1"), "need a frame rate"),
+    ],
+)
+def test_what_cannot_be_rendered_is_refused_before_any_work(tmp_path, arguments, message):
+    with pytest.raises(InputError, match=message):
+        render(*arguments, "--out", tmp_path / "out.mkv", "--quiet")
+    assert list(tmp_path.iterdir()) == []

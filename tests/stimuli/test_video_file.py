@@ -1,0 +1,268 @@
+"""Video files: times, sizes and colours arrive as they were written; damage never does."""
+
+import subprocess
+import sys
+import tracemalloc
+from fractions import Fraction
+from itertools import pairwise
+
+import av
+import numpy as np
+import pytest
+from av.video.frame import VideoFrame
+
+from data_schema.errors import InputError
+from stimuli.video_file import open_video_file
+from stimuli.video_source import open_video
+from stimuli.video_writer import write_video
+
+
+def moving_picture(k, size=(96, 64)):
+    """Return frame k of a picture with detail everywhere, so that damage to any byte is seen."""
+    width, height = size
+    texture = np.random.default_rng(7).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    return np.roll(texture, 3 * k, axis=1)
+
+
+def encode(
+    path, codec="mpeg4", pixel_format="yuv420p", stamps=range(40), tick=Fraction(1, 25), size=(96, 64)
+):
+    """Write a lossy video with presentation times of choice."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt = *size, pixel_format
+        stream.codec_context.time_base = tick
+        for k, stamp in enumerate(stamps):
+            frame = VideoFrame.from_ndarray(moving_picture(k, size), "rgb24").reformat(format=pixel_format)
+            frame.pts, frame.time_base = stamp, tick
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "pixel_format"),
+    [
+        ("a.mp4", "mpeg4", "yuv420p"), ("a.mp4", "libx264", "yuv420p"), ("a.mkv", "libx264", "yuv420p"),
+        ("a.avi", "mpeg4", "yuv420p"), ("a.avi", "mjpeg", "yuvj420p"), ("a.webm", "libvpx-vp9", "yuv420p"),
+        ("a.ts", "libx264", "yuv420p"), ("a.mov", "prores_ks", "yuv422p10le"),
+        ("a.h264", "libx264", "yuv420p"), ("a.mp4", "libx265", "yuv420p10le"),
+    ],
+)  # fmt: skip
+def test_every_container_gives_all_frames_at_exact_times(tmp_path, name, codec, pixel_format, capfd):
+    video = open_video(str(encode(tmp_path / name, codec, pixel_format)))
+    frames = list(video.frames())
+    assert video.n_frames == len(frames) == 40
+    np.testing.assert_allclose([f.time for f in frames], np.arange(40) / 25, rtol=0, atol=1e-12)
+    np.testing.assert_allclose([f.duration for f in frames], 0.04)
+    assert {f.pixel_values.dtype for f in frames} == {
+        np.dtype(np.uint16 if "10" in pixel_format else np.uint8)
+    }
+    # The right frame at the right time: the encoder is lossy, but the picture moves by 3 pixels a frame.
+    errors = [np.abs(frames[20].pixel_values.mean(2) / np.iinfo(frames[20].pixel_values.dtype).max
+                     - moving_picture(k).mean(2) / 255).mean() for k in range(40)]  # fmt: skip
+    assert np.argmin(errors) == 20
+    assert capfd.readouterr().err == "" or codec == "libx265"  # this encoder introduces itself
+
+
+def test_varying_frame_rate_keeps_its_times(tmp_path):
+    stamps = [0, 40, 60, 200, 210, 500]
+    video = open_video_file(encode(tmp_path / "v.mkv", stamps=stamps, tick=Fraction(1, 1000)))
+    frames = list(video.frames())
+    np.testing.assert_allclose([f.time for f in frames], np.array(stamps) / 1000)
+    np.testing.assert_allclose([f.duration for f in frames[:-1]], np.diff(stamps) / 1000)
+
+
+def test_the_first_frame_is_at_zero_wherever_the_file_starts(tmp_path):
+    video = open_video_file(encode(tmp_path / "v.mkv", stamps=range(100, 110)))
+    assert next(video.frames()).time == 0
+
+
+def test_frames_can_be_read_again_and_do_not_share_memory(tmp_path):
+    video = open_video_file(encode(tmp_path / "v.mp4", stamps=range(5)))
+    first = list(video.frames())
+    again = list(video.frames())
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.pixel_values, b.pixel_values)
+    assert not any(np.shares_memory(a.pixel_values, b.pixel_values) for a, b in pairwise(first))
+
+
+def test_the_hash_is_that_of_the_file_and_the_name_its_stem(tmp_path):
+    path = encode(tmp_path / "clip.mp4", stamps=range(3))
+    same = tmp_path / "copy.mp4"
+    same.write_bytes(path.read_bytes())
+    assert open_video_file(path).sha256() == open_video_file(same).sha256()
+    assert open_video_file(path).name == "clip"
+
+
+def test_rotation_in_the_metadata_is_applied(tmp_path):
+    path = tmp_path / "phone.mp4"
+    picture = np.zeros((32, 64, 3), dtype=np.uint8)
+    picture[:16, :32] = 255  # white at the top left
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=25, options={"qp": "0"})
+        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
+        stream.set_display_rotation(90)
+        container.mux(stream.encode(VideoFrame.from_ndarray(picture, "rgb24")))
+        container.mux(stream.encode())
+    with av.open(str(path)) as container:
+        degrees = next(container.decode(video=0)).rotation
+    shown = next(open_video_file(path).frames()).pixel_values
+    assert shown.shape == (64, 32, 3)
+    # `degrees` is counterclockwise: +90 brings the top left corner to the bottom left, -90 to the top right.
+    corner = shown[48:, :8] if degrees == 90 else shown[:16, 24:]
+    assert (corner > 240).all()
+
+
+@pytest.mark.parametrize("size", [(8, 8), (9, 11), (17, 64), (161, 23)])
+def test_odd_sizes_come_through_unchanged(tmp_path, size):
+    path = tmp_path / "odd.mkv"
+    write_video(path, [moving_picture(0, size)], 25)
+    np.testing.assert_array_equal(next(open_video_file(path).frames()).pixel_values, moving_picture(0, size))
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path):
+    def peak(frames):
+        path = encode(tmp_path / f"{frames}.mp4", stamps=range(frames), size=(320, 240))
+        tracemalloc.start()
+        for frame in open_video_file(path).frames():
+            assert frame.pixel_values.size
+        high = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return high
+
+    short, long = peak(20), peak(200)
+    # A frame takes 230 kB; 180 frames more may cost their time stamps, far less than one frame.
+    assert long < short + 230_400 / 2
+
+
+NOT_VIDEOS = {
+    "text.mp4": b"once upon a time\n" * 200,
+    "text.txt": b"once upon a time\n" * 200,
+    "noise.mkv": np.random.default_rng(0).bytes(5000),
+}
+
+
+@pytest.mark.parametrize("name", NOT_VIDEOS)
+def test_what_is_no_video_is_refused(tmp_path, name, capfd):
+    path = tmp_path / name
+    path.write_bytes(NOT_VIDEOS[name])
+    with pytest.raises(InputError, match="no video") as caught:
+        open_video(str(path))
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_empty_file_is_refused(tmp_path):
+    path = tmp_path / "empty.mp4"
+    path.touch()
+    with pytest.raises(InputError, match="is empty"):
+        open_video(str(path))
+
+
+def test_an_image_called_a_video_is_refused(tmp_path):
+    VideoFrame.from_ndarray(moving_picture(0), "rgb24").save(tmp_path / "image.png")
+    (tmp_path / "image.png").rename(tmp_path / "video.mp4")
+    with pytest.raises(InputError, match="one image, not a video"):
+        open_video(str(tmp_path / "video.mp4"))
+
+
+def test_sound_alone_is_refused(tmp_path):
+    path = tmp_path / "sound.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=8000)
+        for _ in range(4):
+            frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+            frame.sample_rate = 8000
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    with pytest.raises(InputError, match="holds no video"):
+        open_video(str(path))
+
+
+def test_a_name_that_is_nothing_lists_the_built_in_sequences():
+    with pytest.raises(InputError, match=r"no video 'nothing'.*checkerboard, sunrise"):
+        open_video("nothing")
+
+
+def test_a_frame_rate_for_a_video_file_is_refused(tmp_path):
+    path = encode(tmp_path / "v.mp4", stamps=range(3))
+    with pytest.raises(InputError, match="its own frame rate"):
+        open_video(str(path), frames_per_second=30)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize(
+    ("name", "codec", "pixel_format"),
+    [
+        ("a.mp4", "libx264", "yuv420p"), ("a.mkv", "libx264", "yuv420p"), ("a.webm", "libvpx-vp9", "yuv420p"),
+        ("a.avi", "mjpeg", "yuvj420p"), ("a.mkv", "ffv1", "bgr0"),
+    ],
+)  # fmt: skip
+def test_a_video_that_is_cut_off_is_refused(tmp_path, name, codec, pixel_format, share, capfd):
+    path = encode(tmp_path / name, codec, pixel_format)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=r"cut off|damaged") as caught:
+        list(open_video(str(path)).frames())
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_mp4_whose_end_is_missing_says_how_much_is_there(tmp_path):
+    path = tmp_path / "fast.mp4"
+    with av.open(str(path), "w", container_options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height = 96, 64
+        for k in range(30):
+            container.mux(stream.encode(VideoFrame.from_ndarray(moving_picture(k), "rgb24")))
+        container.mux(stream.encode())
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    with pytest.raises(InputError, match=r"cut off"):
+        open_video(str(path))
+
+
+@pytest.mark.parametrize("start", [0.35, 0.5, 0.65])
+@pytest.mark.parametrize(
+    ("name", "codec", "pixel_format"),
+    [("a.mp4", "libx264", "yuv420p"), ("a.mp4", "mpeg4", "yuv420p"), ("a.mkv", "ffv1", "bgr0")],
+)
+def test_a_sector_lost_in_the_middle_is_noticed(tmp_path, name, codec, pixel_format, start, capfd):
+    path = encode(tmp_path / name, codec, pixel_format)
+    content = bytearray(path.read_bytes())
+    at = int(start * len(content))
+    content[at : at + 4096] = np.random.default_rng(3).bytes(4096)  # a sector of a disk
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=r"damaged at frame [0-9]+"):
+        list(open_video(str(path)).frames())
+    assert capfd.readouterr().err == ""
+
+
+def test_a_single_changed_bit_of_a_lossless_file_is_noticed(tmp_path):
+    path = tmp_path / "lossless.mkv"
+    write_video(path, [moving_picture(k) for k in range(8)], 25)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=r"damaged at frame [345]: its checksum is wrong"):
+        open_video(str(path))
+
+
+def test_the_decoder_says_nothing_on_its_own(tmp_path):
+    """FFmpeg's own complaints about a damaged file stay away from the terminal of a fresh program."""
+    path = encode(tmp_path / "a.mp4", "mpeg4")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
+    path.write_bytes(bytes(content))
+    program = (
+        "import sys; from data_schema.errors import InputError; from stimuli.video_source import open_video\n"
+        "try: list(open_video(sys.argv[1]).frames())\n"
+        "except InputError: print('refused')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True
+    )
+    assert (done.stdout, done.stderr) == ("refused\n", "")
