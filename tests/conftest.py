@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from numpy.typing import ArrayLike
 
 import evenlight
@@ -14,6 +15,10 @@ from data_schema.provenance import Provenance
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from method.optimize import Problem, Request, pose
 from method.preset_files import load_display, load_power_model
+
+# A busy machine is no failure; pytest's own timeout ends what hangs.
+settings.register_profile("evenlight", deadline=None)
+settings.load_profile("evenlight")
 
 
 def weber_limit(relative_rate: float) -> RateLimit:
