@@ -7,7 +7,7 @@ e = b · L_a be what is emitted around a pixel. Its contrast (Eq. 2) is then |C|
     s(e) = S_CSF(f, e + L_refl) · e / (e + L_refl + ε).
 
 Masking (Eq. 3) enters as m, the mean of |C|^0.2 over the neighbourhood divided by the pixel's own |C|^0.2.
-In m only the ratio of sensitivities at neighbouring pixels changes with b, and hardly; it is taken at one
+In m only the ratio of sensitivities at neighbouring pixels changes with b, and hardly; it is taken at a
 reference factor. This is the only approximation. The pixel is then visible where
 
     t^0.7 > 1 + m · t^0.2,   t = r · s(b · L_a).

@@ -75,7 +75,7 @@ _ROOT_HALF_BITS = np.int32(0x3F3504F3)  # of the float32 nearest to sqrt(1/2)
 
 @compiled
 def log2(x: Any) -> Any:
-    """Return log2 of a positive, normal float32; largest error 4e-7."""
+    """Return log2 of a positive, normal float32; largest error 4e-7, and 2e-7 of the result."""
     bits = np.float32(x).view(np.int32)
     exponent = np.int32(np.int32(bits - _ROOT_HALF_BITS) >> np.int32(23))
     t = np.int32(bits - np.int32(exponent << np.int32(23))).view(np.float32) - np.float32(1)
