@@ -72,7 +72,8 @@ class ColourConverter:
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
         """Convert up to 8 bits a channel with FFmpeg."""
-        target = "rgba" if _has_alpha(frame.format) else "rgb24"
+        packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
+        target = "rgba" if _has_alpha(frame.format) else packed
         pixels: NDArray[Any] = self._reformat(frame, target).to_ndarray()
         return _over_black(pixels) if target == "rgba" else pixels
 
@@ -141,8 +142,10 @@ def _complete_tags(frame: VideoFrame) -> None:
 
 def _over_16_bits(codes: NDArray[Any], top: int) -> NDArray[np.uint16]:
     """Scale whole numbers from 0..top to 0..65535, correctly rounded."""
-    scaled: NDArray[np.uint16] = ((codes.astype(np.uint32) * 65535 + top // 2) // top).astype(np.uint16)
-    return scaled
+    if top == 65535:
+        return codes.astype(np.uint16)
+    table = ((np.arange(top + 1) * 65535 + top // 2) // top).astype(np.uint16)
+    return np.take(table, codes)
 
 
 def _from_luma_and_chroma(planes: list[NDArray[Any]], depth: int, frame: VideoFrame) -> NDArray[Any]:

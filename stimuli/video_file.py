@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -236,8 +237,8 @@ def _promised_end(container: InputContainer, stream: VideoStream) -> float:
         return float(stream.frames / stream.average_rate)
     if "matroska" not in container.format.name:
         return 0.0  # FFmpeg's own estimate from the size of the file is no promise
-    if tag := stream.metadata.get("DURATION"):
-        hours, minutes, seconds = tag.split(":")
-        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    tag = re.fullmatch(r"([0-9]+):([0-9]+):([0-9.]+)", stream.metadata.get("DURATION", ""))
+    if tag is not None:
+        return 3600 * int(tag[1]) + 60 * int(tag[2]) + float(tag[3])
     alone = len(container.streams) == 1
     return float(container.duration / av.time_base) if alone and container.duration else 0.0
