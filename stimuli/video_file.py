@@ -1,4 +1,4 @@
-"""Frames of a video file, whatever FFmpeg reads, streamed; damage is refused, never papered over."""
+"""Frames of a video file, whatever FFmpeg reads, streamed; damage that can be noticed is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Video files: times, sizes and colours arrive as they were written; damage never does."""
+"""Video files: times, sizes and colours arrive as they were written; noticeable damage is refused."""
 
 import subprocess
 import sys
