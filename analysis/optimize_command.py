@@ -60,6 +60,9 @@ def optimize(
     curves: Annotated[
         Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
     ] = None,
+    calm: Annotated[
+        float, typer.Option(help="Share of the gain to give up for a calmer track, e.g. 0.02.")
+    ] = 0.0,
     other_display_ok: Annotated[
         bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
     ] = False,
@@ -75,12 +78,14 @@ def optimize(
 
     if not 0 < min_factor < 1:
         raise InputError(f"--min-factor must lie between 0 and 1, got {min_factor:g}")
+    if not 0 <= calm <= 1:
+        raise InputError(f"--calm must lie between 0 and 1, got {calm:g}")
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
     request = Request(budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated)
     source = open_video(video, fps)
-    work = _Work(source, panel, request, solver, seed, min_factor, field_of_view, curves, quiet)
+    work = _Work(source, panel, request, solver, seed, min_factor, calm, field_of_view, curves, quiet)
     with results_folder(out) as folder:
         summary = _run(work, folder)
     if not quiet:
@@ -97,6 +102,7 @@ class _Work:
     solver: SolverName
     seed: int
     min_factor: float
+    calm: float
     field_of_view: float | None
     curves: Path | None
     quiet: bool
@@ -118,6 +124,7 @@ def _run(work: _Work, folder: Path) -> OptimizationSummary:
     from data_schema.brightness_track import TrackHeader, write_track
     from data_schema.loss_curves import write_loss_curves
     from data_schema.text_files import write_json_record
+    from method.calm import calmed
     from method.evaluate import Timing, summarize, track_of
     from method.optimize import optimize as optimize_problem
     from method.optimize import pose
@@ -129,6 +136,8 @@ def _run(work: _Work, folder: Path) -> OptimizationSummary:
     analysed = time.perf_counter()
     problem = pose(curves, work.request)
     solution = optimize_problem(problem, make_solver(work.solver, np.random.default_rng(work.seed)))
+    if work.calm > 0:
+        solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
     timing = Timing(solve_s=time.perf_counter() - analysed, curves_s=analysed - start)
     request, display = work.request, work.display
     header = TrackHeader(

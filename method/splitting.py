@@ -82,7 +82,9 @@ class SplittingSolver:
         damping = DAMPING * float(np.mean(stiff)) + 1e-9
         gradient = -stiff * wanted - damping * state.factors
         limits = linearized_limits(problem, state.factors, self.trust)
-        factors, price = _within_budget(problem, (stiff + damping, gradient), limits, state)
+        factors, price = _within_budget(
+            problem, (stiff + damping, gradient), limits, (state.price, state.price_step)
+        )
         factors = feasible_blend(problem, np.clip(factors, problem.lowest_factor, 1.0))
         loss = problem.loss(factors)
         mixed = OVER_RELAXATION * loss + (1 - OVER_RELAXATION) * state.target + state.dual
@@ -196,13 +198,22 @@ def linearized_limits(problem: Problem, factors: Array, trust: float) -> ChainLi
     )
 
 
+def nearest_within_budget(problem: Problem, wanted: Array, limits: ChainLimits) -> Array:
+    """Return the factors nearest to the ones wanted, within the budget and the limits of a chain."""
+    return _within_budget(problem, (np.ones_like(wanted), -wanted), limits, (0.0, 1e-3))[0]
+
+
 def _within_budget(
-    problem: Problem, quadratic: tuple[Array, Array], limits: ChainLimits, state: _State
+    problem: Problem,
+    quadratic: tuple[Array, Array],
+    limits: ChainLimits,
+    start: tuple[float, float],
 ) -> tuple[Array, float]:
     """Return the chain's minimizer that meets the budget, and the budget's price.
 
-    The budget used falls with the price. Once the price is bracketed, the blend of the two ends that meets
-    the budget exactly is feasible too, since the linearized limits are convex.
+    The budget used falls with the price; `start` is a first guess at the price, and a step. Once it is
+    bracketed, the blend of the two ends that meets the budget exactly is feasible too, since the linearized
+    limits are convex.
     """
     curvature, gradient = quadratic
     weights = problem.budget_weights * len(gradient)
@@ -211,10 +222,10 @@ def _within_budget(
         x = minimize_chain(curvature, gradient + price * weights, limits)
         return price, x, problem.budget_error(x)
 
-    here = at(state.price)
+    here = at(start[0])
     if abs(here[2]) < 1e-14:
         return here[1], here[0]
-    step = np.copysign(state.price_step, here[2])
+    step = np.copysign(start[1], here[2])
     other = at(here[0] + step)
     while here[2] * other[2] > 0:
         if abs(step) > 1e12:  # the budget is at the end of the range that the trust region leaves
