@@ -1,15 +1,12 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` alone does their installation.
 .PHONY: setup demo test check format
 
-VENV := .venv
-BIN := $(VENV)/bin
+BIN := .venv/bin
 
-setup: $(VENV)/.ready
+setup: .venv/.ready
 
-$(VENV)/.ready: pyproject.toml constraints.txt
-	@python3 -m venv $(VENV) || { echo "need Python 3.11 or 3.12 with venv"; exit 1; }
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	@touch $@
+.venv/.ready: setup.sh pyproject.toml constraints.txt
+	@./setup.sh
 
 demo: setup
 	$(BIN)/evenlight demo --out demo
