@@ -137,7 +137,7 @@ def contrast_map_figure(
         panels[0].imshow(small_picture(pixel_values, 640), aspect="auto")
         _draw_map(panels[1], ours)
         _draw_map(panels[2], baseline)
-        _name_panel(panels[0], "full brightness", ("the frame",), MUTED)
+        _name_panel(panels[0], "full brightness", ("the frame", ""), MUTED)
         _name_panel(panels[1], f"ours, b = {ours.factor:.2f}", _loss_in_words(ours), OURS)
         _name_panel(panels[2], f"constant, b = {baseline.factor:.2f}", _loss_in_words(baseline), BASELINE)
         _draw_key(figure, em, panel_top + high + 0.8 * em, key_columns)

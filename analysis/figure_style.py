@@ -13,6 +13,7 @@ from matplotlib import rc_context, rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
 
 from data_schema.files import write_whole
 
@@ -102,6 +103,7 @@ def look(medium: Medium) -> AbstractContextManager[None]:
         "figure.dpi": medium.dots_per_inch,
         "savefig.dpi": "figure",
         "path.simplify": True,
+        "text.parse_math": False,  # a "$" in the name of a video is a dollar
     }
     return rc_context(settings)
 
@@ -134,7 +136,17 @@ def text_at(figure: Figure, left: float, top: float, words: str, **style: Any) -
     """Write a line of text with its upper left corner at so many inches from that of the figure."""
     full_width, full_height = figure.get_size_inches()
     settings = {"va": "top", "ha": "left", **style}
-    figure.text(left / full_width, 1 - top / full_height, words, **settings)
+    figure.text(left / full_width, 1 - top / full_height, drawable(words), **settings)
+
+
+def drawable(words: str) -> str:
+    """Return words with a box for every character that the font lacks, as names of videos may hold any.
+
+    >>> drawable("ΔL of 東京.mp4")
+    'ΔL of □□.mp4'
+    """
+    font = get_font(findfont("DejaVu Sans"))
+    return "".join(c if c == "\n" or font.get_char_index(ord(c)) else "□" for c in words)
 
 
 Line = tuple[str, float, dict[str, Any]]  # words, distance from the top [inch], text properties
@@ -151,7 +163,7 @@ def heading_lines(title: str, subtitle: str, width: float, em: float) -> tuple[l
 def text_lines(words: str, top: float, width: float, style: dict[str, Any]) -> tuple[list[Line], float]:
     """Return words broken to a width [inch], from `top` down, and where they end."""
     size = style.get("fontsize", rcParams["font.size"]) / 72
-    letter = (0.66 if "fontweight" in style else 0.54) * size  # mean advance of DejaVu Sans
+    letter = (0.66 if "fontweight" in style else 0.52) * size  # mean advance of DejaVu Sans
     lines = textwrap.wrap(words, max(int(width / letter), 10))
     return [(part, top + k * 1.45 * size, style) for k, part in enumerate(lines)], top + len(
         lines

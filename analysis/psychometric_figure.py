@@ -201,7 +201,12 @@ def pooled_answers(fits: Sequence[ThresholdFit]) -> tuple[Array, Array, Array]:
     distinct, index = np.unique(np.round(rates, 9), return_inverse=True)
     yes = np.concatenate([fit.fit.counts.n_yes for fit in fits]).astype(np.float64)
     trials = np.concatenate([fit.fit.counts.n_trials for fit in fits]).astype(np.float64)
-    return distinct, np.bincount(index, yes), np.bincount(index, trials)
+    return distinct, _summed(index, yes), _summed(index, trials)
+
+
+def _summed(index: NDArray[np.intp], values: Array) -> Array:
+    """Return the sum of the values of each index."""
+    return np.asarray(np.bincount(index, values), dtype=np.float64)
 
 
 def _draw_answers(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, float]) -> None:
@@ -209,7 +214,16 @@ def _draw_answers(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, flo
     size = text_size()
     rates, yes, trials = pooled_answers(fits)
     area = (0.75 * size) ** 2 * trials / trials.max()
-    axes.scatter(rates, yes / trials, s=area, facecolor=INK, edgecolor="white", linewidth=size / 22, zorder=4)
+    axes.scatter(
+        rates,
+        yes / trials,
+        s=area,
+        facecolor=INK,
+        edgecolor="white",
+        linewidth=size / 22,
+        clip_on=False,
+        zorder=4,
+    )
     alarms = [f.threshold.false_alarm_rate for f in fits if f.threshold.false_alarm_rate is not None]
     if alarms:
         zero = np.full(len(alarms), _zero_at(limits))

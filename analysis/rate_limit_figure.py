@@ -19,6 +19,7 @@ from analysis.figure_style import (
     PARTICIPANT,
     Medium,
     axes_at,
+    drawable,
     heading_lines,
     look,
     new_figure,
@@ -61,20 +62,29 @@ def rate_limit_figure(
         left = 4.6 * em
         width = medium.width - left - 4.2 * em
         lines, above = heading_lines(*_heading(limit, thresholds), width, em)
-        height = min(0.56 * width, medium.height - above - 5.2 * em)
-        figure = new_figure(medium, above + 1.0 * em + height + 4.2 * em)
+        columns = 3 if width > 50 * em else 2
+        key = 1.7 * em * (-(-_key_count(limit, thresholds, compared) // columns))
+        height = min(0.56 * width, medium.height - above - key - 5.6 * em)
+        figure = new_figure(medium, above + 1.2 * em + height + key + 4.4 * em)
         for words, top, style in lines:
             text_at(figure, left, top, words, **style)
-        axes = axes_at(figure, left, above + 1.0 * em, width, height)
+        axes = axes_at(figure, left, above + 1.2 * em, width, height)
         _draw_curve(axes, limit)
         _draw_points(axes, limit, thresholds)
         if compared is not None:
             _draw_compared(axes, compared)
         _frame(axes, limit, compared)
         _draw_rays(axes)
-        axes.legend(loc="upper left", bbox_to_anchor=(0.01, 0.99), frameon=True, fancybox=False,
-                    facecolor="white", edgecolor="none", framealpha=1.0, borderpad=0.4)  # fmt: skip
+        axes.legend(loc="upper left", bbox_to_anchor=(0.0, -3.9 * em / height), ncols=columns)
     return figure
+
+
+def _key_count(limit: RateLimit, thresholds: Sequence[Threshold], compared: RateLimit | None) -> int:
+    """Return how many entries the key has."""
+    used = [t for t in thresholds if t.flag not in UNUSABLE]
+    several = len({t.participant_id for t in used}) > 1
+    left_out = len(thresholds) > len(used) > 0
+    return 3 + bool(limit.band_luminance) + several + left_out + (compared is not None)
 
 
 def _heading(limit: RateLimit, thresholds: Sequence[Threshold]) -> tuple[str, str]:
@@ -91,7 +101,7 @@ def _heading(limit: RateLimit, thresholds: Sequence[Threshold]) -> tuple[str, st
         who = "simulated participant" if limit.simulated else "participant"
         origin = f"{people} {who}{'s' if people > 1 else ''}"
     else:
-        origin = "simulated participants" if limit.simulated else limit.name
+        origin = "simulated participants" if limit.simulated else f"rate limit {limit.name}"
     return title, f"{origin} · {forms[limit.form]}"
 
 
@@ -162,7 +172,7 @@ def _draw_curve(axes: Axes, limit: RateLimit) -> None:
 def _draw_compared(axes: Axes, other: RateLimit) -> None:
     """Draw another rate limit within the range that it was measured in."""
     inside = np.linspace(*other.luminance_range, 401)
-    label = f"{other.name} ({other.display_name})"
+    label = drawable(f"{other.name} ({other.display_name})")
     axes.plot(
         inside, rate_limit_at(other, inside), color=INK, linestyle="-.", linewidth=1.2, label=label, zorder=3
     )

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from analysis.figure_style import (
@@ -211,6 +212,7 @@ def _draw_rate(axes: Axes, track: BrightnessTrack) -> None:
     axes.set(ylim=(bottom, top), ylabel="rate [cd/m²/s]")
     if scale == "log":
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
     legend_above(axes)
 
 

@@ -1,0 +1,261 @@
+"""The report: one self-contained HTML page of text, tables and figures, for screen and paper."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+
+from data_schema.files import write_whole
+
+Cell = str | int | float | None
+
+SIMULATED_NOTE = (
+    "Simulated: the answers come from simulated participants, drawn at random around the published rate "
+    "limit. They show how the procedure works and say nothing about people."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure of the report.
+
+    Attributes
+    ----------
+    png : bytes
+        The figure, from `png_bytes` or a file.
+    caption : str
+        What is to be seen; also the text for those who cannot see it.
+    """
+
+    png: bytes
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of the report.
+
+    Attributes
+    ----------
+    caption : str
+        What it lists.
+    columns : tuple of str
+        Names of the columns, with units.
+    rows : tuple of tuples of str, int, float or None
+        The cells; a float is shown with three significant digits, None as a dash.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"each row needs {len(self.columns)} cells, got {len(row)}: {row}")
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of the report: paragraphs, then tables and figures.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    paragraphs : tuple of str
+        Plain text.
+    tables : tuple of Table
+        Its tables.
+    pictures : tuple of Picture
+        Its figures.
+    notes : tuple of str
+        What a reader should be warned of.
+    simulated : bool
+        Whether it rests on simulated participants; the heading says so.
+    """
+
+    title: str
+    paragraphs: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    notes: tuple[str, ...] = ()
+    simulated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A report.
+
+    Attributes
+    ----------
+    title : str
+        Its title.
+    lead : str
+        What came out, in a sentence or two.
+    sections : tuple of Section
+        In order.
+    """
+
+    title: str
+    lead: str
+    sections: tuple[Section, ...] = field(default=())
+
+
+def write_report(path: Path, report: Report) -> None:
+    """Write a report as an HTML file that needs no other file, no network and no script.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    report : Report
+        What to write; its text is plain, and is escaped here.
+    """
+    write_whole(path, report_html(report))
+
+
+def report_html(report: Report) -> str:
+    """Return a report as a page of HTML."""
+    simulated = any(section.simulated for section in report.sections)
+    parts = [
+        "<!DOCTYPE html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(report.title)}</title>",
+        f"<style>{_STYLE}</style></head><body><main>",
+        f"<h1>{escape(report.title)}</h1>",
+        f'<p class="lead">{escape(report.lead)}</p>',
+        f'<p class="simulated">{escape(SIMULATED_NOTE)}</p>' if simulated else "",
+        _contents(report.sections),
+        *(_section(number, section) for number, section in enumerate(report.sections, start=1)),
+        "</main></body></html>\n",
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _contents(sections: tuple[Section, ...]) -> str:
+    """Return the table of contents."""
+    links = (f'<a href="#s{k}">{escape(s.title)}</a>' for k, s in enumerate(sections, start=1))
+    return f"<nav>{' '.join(links)}</nav>" if len(sections) > 1 else ""
+
+
+def _section(number: int, section: Section) -> str:
+    """Return a section."""
+    mark = ' <span class="mark">simulated</span>' if section.simulated else ""
+    return "\n".join(
+        [
+            f'<section id="s{number}"><h2>{escape(section.title)}{mark}</h2>',
+            *(f"<p>{escape(text)}</p>" for text in section.paragraphs),
+            *(f'<p class="note">{escape(text)}</p>' for text in section.notes),
+            *(_figure(picture) for picture in section.pictures),
+            *(_table(table) for table in section.tables),
+            "</section>",
+        ]
+    )
+
+
+def _figure(picture: Picture) -> str:
+    """Return a figure with its picture inside."""
+    data = base64.b64encode(picture.png).decode()
+    caption = escape(picture.caption)
+    return (
+        f'<figure><img alt="{caption}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _table(table: Table) -> str:
+    """Return a table; columns of numbers are aligned to the right."""
+    texts = [[cell_text(cell) for cell in row] for row in table.rows]
+    numeric = [_are_numbers([row[k] for row in texts]) for k in range(len(table.columns))]
+    kinds = [' class="number"' if is_numeric else "" for is_numeric in numeric]
+    head = "".join(f"<th{kind}>{escape(name)}</th>" for kind, name in zip(kinds, table.columns, strict=True))
+    body = "\n".join(
+        "<tr>"
+        + "".join(f"<td{kind}>{escape(text)}</td>" for kind, text in zip(kinds, row, strict=True))
+        + "</tr>"
+        for row in texts
+    )
+    return (
+        f'<div class="wide"><table><caption>{escape(table.caption)}</caption>'
+        f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _cells(texts: list[str], kinds: list[str]) -> str:
+    """Return the cells of a row."""
+    return "".join(f"<td{kind}>{escape(text)}</td>" for kind, text in zip(kinds, texts, strict=True))
+
+
+def cell_text(cell: Cell) -> str:
+    """Return a cell as text.
+
+    >>> [cell_text(cell) for cell in ("a", 12000, 0.123456, 1234.5, 0.000012, None)]
+    ['a', '12000', '0.123', '1234', '1.2e-05', '–']
+    """
+    if cell is None:
+        return "–"
+    if isinstance(cell, float):
+        return f"{cell:.0f}" if 1000 <= abs(cell) < 1e6 else f"{cell:.3g}"
+    return str(cell)
+
+
+_NUMBER = r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[-+][0-9]+)?( %)?"
+
+
+def _are_numbers(texts: list[str]) -> bool:
+    """Return whether the cells of a column are numbers or ranges of numbers, some of them missing."""
+    given = [text for text in texts if text != "–"]
+    return bool(given) and all(re.fullmatch(f"{_NUMBER}( (to|of) {_NUMBER})?", text) for text in given)
+
+
+_STYLE = """
+:root { --ink: #22262b; --muted: #5f6670; --line: #d9dde2; --accent: #004488; --warn: #882255; }
+* { box-sizing: border-box; }
+html { background: #fff; color: var(--ink); font: 17px/1.55 Georgia, "Times New Roman", serif; }
+body { margin: 0; }
+main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
+h1, h2, nav, table, figcaption, .mark, .simulated {
+  font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif;
+}
+h1 { font-size: 2.1rem; line-height: 1.2; letter-spacing: -0.01em; margin: 0 0 0.6rem; }
+h2 { font-size: 1.35rem; line-height: 1.3; margin: 3rem 0 0.6rem; padding-top: 0.8rem;
+  border-top: 2px solid var(--ink); }
+p { max-width: 42rem; margin: 0 0 0.9rem; }
+.lead { font-size: 1.2rem; color: var(--muted); }
+.simulated, .note { border-left: 4px solid var(--warn); padding: 0.1rem 0 0.1rem 0.9rem; }
+.simulated, .note, .mark { color: var(--warn); }
+.simulated { font-size: 0.95rem; }
+.mark { font-size: 0.75rem; font-weight: normal; letter-spacing: 0.04em; vertical-align: 0.2em;
+  border: 1px solid var(--warn); border-radius: 0.6rem; padding: 0.05rem 0.5rem; margin-left: 0.4rem; }
+nav { margin: 1.6rem 0 0; font-size: 0.9rem; }
+nav a { color: var(--accent); text-decoration: none; margin-right: 1.1rem; white-space: nowrap; }
+nav a:hover { text-decoration: underline; }
+figure { margin: 1.6rem 0; }
+figure img { display: block; width: 100%; height: auto; }
+figcaption { font-size: 0.85rem; line-height: 1.45; color: var(--muted); margin-top: 0.5rem;
+  max-width: 46rem; }
+.wide { overflow-x: auto; margin: 1.4rem 0; }
+table { border-collapse: collapse; font-size: 0.85rem; line-height: 1.35;
+  font-variant-numeric: tabular-nums; }
+caption { text-align: left; color: var(--muted); padding-bottom: 0.5rem; }
+th { text-align: left; font-weight: 600; vertical-align: bottom; border-bottom: 1.5px solid var(--ink); }
+th, td { padding: 0.28rem 1.2rem 0.28rem 0; }
+td { border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: anywhere; }
+.number { text-align: right; white-space: nowrap; }
+@page { size: A4; margin: 18mm 16mm; }
+@media print {
+  html { font-size: 10.5pt; }
+  main { max-width: none; padding: 0; }
+  nav { display: none; }
+  h2 { break-after: avoid; margin-top: 1.6rem; }
+  figure, tr, .note { break-inside: avoid; }
+  figure img { max-height: 225mm; width: auto; max-width: 100%; }
+  thead { display: table-header-group; }
+  .wide { overflow: visible; }
+}
+"""
