@@ -129,13 +129,14 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
             if got != right:
                 checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
     count, planned = len(checked.records), manifest.n_trials
-    found = f"{count} usable trial{'' if count == 1 else 's'} of {planned}"
     if manifest.status is SessionStatus.COMPLETE and count != planned:
-        checked.blame(f"expected {planned} trials, because the session is complete, got {found}")
+        checked.blame(f"expected {planned} usable trials, because the session is complete, got {count}")
     elif count > planned:
-        checked.blame(f"expected at most {planned} trials, got {found}")
+        checked.blame(f"expected at most {planned} trials, as in {MANIFEST}, got {count}")
     elif manifest.status is not SessionStatus.COMPLETE:
-        checked.notes.append(f"{checked.path}: the session is {manifest.status.value}, with {found}")
+        checked.notes.append(
+            f"{checked.path}: the session is {manifest.status.value}, with {count} of {planned} trials"
+        )
 
 
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:

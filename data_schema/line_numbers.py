@@ -39,6 +39,16 @@ def json_line_numbers(text: str) -> dict[Place, int]:
     return lines
 
 
+def line_of_token(text: str, token: str) -> int | None:
+    r"""Return the line of a bare word in a JSON text, such as NaN; None if it is not there outside texts.
+
+    >>> line_of_token('["NaN",\n NaN]', "NaN")
+    2
+    """
+    start = next((match.start() for match in _JSON_TOKEN.finditer(text) if match[0] == token), None)
+    return None if start is None else text.count("\n", 0, start) + 1
+
+
 def toml_line_numbers(text: str) -> dict[Place, int]:
     r"""Return the line of each key of a TOML text, of tables in brackets too.
 

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from data_schema.errors import InputError
 from data_schema.files import write_whole
+from data_schema.line_numbers import line_of_token
 from data_schema.mapping import mapping_from_record, record_from_mapping, shown, type_hints, unknown_key
 from data_schema.quantities import file_key
 
@@ -59,17 +60,32 @@ def parse_json(text: str, where: str, what: str) -> Any:
     try:
         return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
-        line = f" at line {error.lineno}" if text.count("\n") > 1 else ""
-        raise InputError(f"{where}: not valid JSON{line} ({error.msg}); expected {what}") from None
+        raise InputError(
+            f"{where}: not valid JSON{_at(error.lineno, text)} ({error.msg}); expected {what}"
+        ) from None
+    except _NotANumberError as error:
+        line = _at(line_of_token(text, str(error)), text)
+        raise InputError(
+            f"{where}: not valid JSON{line} ({error} is no number of JSON); expected {what}"
+        ) from None
     except RecursionError:
         raise InputError(f"{where}: not usable JSON (nested too deep); expected {what}") from None
     except ValueError as error:
         raise InputError(f"{where}: not valid JSON ({error}); expected {what}") from None
 
 
+class _NotANumberError(ValueError):
+    """NaN, Infinity or -Infinity in JSON."""
+
+
 def _refuse_constant(name: str) -> Any:
     """Refuse what Python's JSON parser calls a constant."""
-    raise ValueError(f"{name} is no number of JSON")
+    raise _NotANumberError(name)
+
+
+def _at(line: int | None, text: str) -> str:
+    """Return where in a text a problem is; nothing where the text is a single line."""
+    return f" at line {line}" if line and text.count("\n") > 1 else ""
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from data_schema.errors import InputError
 if TYPE_CHECKING:
     from data_schema.file_checks import CheckedFile
 
-MOST_SHOWN = 20  # problems of one file; a thousand of the same help nobody
+MOST_SHOWN = 20  # problems of one file, files not checked: a thousand of the same help nobody
 
 
 def validate(
@@ -23,39 +23,47 @@ def validate(
     from data_schema.validation import KNOWN
     from data_schema.validation import validate as checked_files
 
-    counts = {"ok": 0, "problem": 0, "not checked": 0}
-    problems = 0
+    ok, wrong, problems = 0, 0, 0
+    unknown = []
     for checked in checked_files(path):
-        verdict = "problem" if checked.problems else "ok" if checked.words else "not checked"
-        counts[verdict] += 1
+        if not checked.words:
+            unknown.append(f"not checked  {checked.path}")
+            continue
+        ok, wrong = (ok, wrong + 1) if checked.problems else (ok + 1, wrong)
         problems += len(checked.problems)
-        _show(checked, verdict, quiet)
-    if not counts["ok"] and not counts["problem"]:
+        _show(checked, quiet)
+    if not ok and not wrong:
         raise InputError(f"{path}: nothing that Evenlight knows; expected {KNOWN}")
     if not quiet:
-        typer.echo(_total(counts, problems))
+        _show_some(unknown, "not checked  and {} files more")
+        found = f"{_count(problems, 'problem')} in {_count(wrong, 'file')}" if problems else "no problem"
+        typer.echo(f"{found}; {ok} ok, {len(unknown)} not checked")
     if problems:
         raise typer.Exit(1)
 
 
-def _show(checked: CheckedFile, verdict: str, quiet: bool) -> None:
+def _show(checked: CheckedFile, quiet: bool) -> None:
     """Show what was found in one file."""
-    for problem in checked.problems[:MOST_SHOWN]:
-        typer.echo(f"problem      {problem}")
-    if len(checked.problems) > MOST_SHOWN:
-        typer.echo(f"problem      {checked.path}: and {len(checked.problems) - MOST_SHOWN} problems more")
+    _show_some(
+        [f"problem      {problem}" for problem in checked.problems],
+        f"problem      {checked.path}: and {{}} problems more",
+    )
     if quiet:
         return
-    if verdict == "ok":
+    if not checked.problems:
         typer.echo(f"ok           {checked.path} ({checked.words})")
-    elif verdict == "not checked":
-        typer.echo(f"not checked  {checked.path}")
     for note in checked.notes:
         typer.echo(f"note         {note}")
 
 
-def _total(counts: dict[str, int], problems: int) -> str:
-    """Return the closing line."""
-    found = f"{problems} problem{'' if problems == 1 else 's'} in {counts['problem']}"
-    wrong = f"{found} file{'' if counts['problem'] == 1 else 's'}" if problems else "no problem"
-    return f"{wrong}; {counts['ok']} ok, {counts['not checked']} not checked"
+def _show_some(lines: list[str], rest: str) -> None:
+    """Show lines, and how many there would be more."""
+    for line in lines[:MOST_SHOWN]:
+        typer.echo(line)
+    if len(lines) > MOST_SHOWN:
+        typer.echo(rest.format(len(lines) - MOST_SHOWN))
+
+
+def _count(number: int, thing: str) -> str:
+    """Return how many things there are, in words."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

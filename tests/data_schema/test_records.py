@@ -18,7 +18,8 @@ def test_a_display_survives_toml(tmp_path: Path) -> None:
 def test_a_misspelt_key_is_named_with_the_right_one(tmp_path: Path) -> None:
     file = tmp_path / "d.toml"
     file.write_text(
-        'name = "x"\npeak_luminance_cd_m2 = 100\nblack_level_cd_m2 = 0.1\ngama = 2.2\npixels_per_degree = 30\n'
+        'name = "x"\npeak_luminance_cd_m2 = 100\nblack_level_cd_m2 = 0.1\n'
+        "gama = 2.2\npixels_per_degree = 30\n"
     )
     with pytest.raises(InputError, match=r"d\.toml: unknown key 'gama'.*did you mean 'gamma'"):
         read_toml_record(Display, file)

@@ -1,0 +1,138 @@
+"""Hypothesis strategies that make any record from the limits its fields declare."""
+
+import dataclasses
+import enum
+import types
+import typing
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import strategies as st
+
+from data_schema.display import Display
+from data_schema.mapping import type_hints
+from data_schema.power_model import PanelKind, PowerModel
+from data_schema.provenance import Provenance
+from data_schema.ramp import RampDesign, RampTrial
+from data_schema.rate_limit import RateLimit
+from data_schema.session import SessionManifest
+from data_schema.threshold import Threshold
+
+Values = dict[str, Any]
+
+
+def any_record(cls: type[Any]) -> st.SearchStrategy[Any]:
+    """Records of a class: fields within their own limits, then made to keep the rules between fields."""
+    kinds = type_hints(cls)
+    fields = {f.name: field_values(kinds[f.name], f.metadata) for f in dataclasses.fields(cls)}
+    repair = RULES.get(cls, lambda values: values)
+    return st.fixed_dictionaries(fields).map(lambda values: cls(**repair(dict(values))))
+
+
+def field_values(kind: Any, meta: Any) -> st.SearchStrategy[Any]:
+    """Values of a type within the limits of its field."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is types.UnionType:
+        return st.none() | field_values(arguments[0], meta)
+    if origin is tuple:
+        size = {"min_size": meta.get("min_items", 0), "max_size": 6}
+        if arguments[-1] is not Ellipsis:
+            size = {"min_size": len(arguments), "max_size": len(arguments)}
+        return st.lists(field_values(arguments[0], meta), **size).map(tuple)
+    if origin is dict:
+        return st.dictionaries(st.text(max_size=8), st.text(max_size=8), max_size=3)
+    if dataclasses.is_dataclass(kind):
+        return any_record(kind)
+    if issubclass(kind, enum.Enum):
+        return st.sampled_from(list(kind))
+    if kind is str:
+        pattern = meta.get("pattern")
+        return st.from_regex(pattern, fullmatch=True) if pattern else st.text(max_size=12)
+    if kind is bool:
+        return st.booleans()
+    if kind is int:
+        return st.integers(int(meta.get("minimum") or 0), 2**63 - 1)
+    return numbers(meta)
+
+
+def numbers(meta: Any) -> st.SearchStrategy[float]:
+    """Floats within limits, at moderate size so that ratios and products of them are finite."""
+    above, minimum, maximum = meta.get("above"), meta.get("minimum"), meta.get("maximum")
+    low = above + 1e-6 if above is not None else minimum if minimum is not None else -1e6
+    return st.floats(low, 1e6 if maximum is None else maximum, allow_subnormal=False)
+
+
+def darker_black(values: Values) -> Values:
+    return values | {"black_level": values["peak_luminance"] * 0.5}
+
+
+def some_power(values: Values) -> Values:
+    key = "power_per_luminance" if values["kind"] is PanelKind.LCD else "red_power"
+    return values | {key: 1.5, "peak_luminance": 300.0}
+
+
+def consistent_limit(values: Values) -> Values:
+    low, high = sorted(values["luminance_range"])
+    n, m = len(values["band_luminance"]), len(values["point_luminance"])
+    return values | {
+        "luminance_range": (low, 2 * high),
+        "band_lower": (0.25,) * n,
+        "band_upper": (0.75,) * n,
+        "point_rate": (0.5,) * m,
+    }
+
+
+def threshold_in_interval(values: Values) -> Values:
+    return values | {"ci_low": values["threshold"] * 0.5, "ci_high": values["threshold"] * 1.5}
+
+
+def ends_above_black(values: Values) -> Values:
+    return values | {"ramp_duration": 0.5 / max(values["relative_rates"])}
+
+
+def catch_means_no_rate(values: Values) -> Values:
+    return values | {"is_catch": values["rate"] == 0}
+
+
+RULES: dict[type[Any], Callable[[Values], Values]] = {
+    Display: darker_black,
+    PowerModel: some_power,
+    RateLimit: consistent_limit,
+    Threshold: threshold_in_interval,
+    RampDesign: ends_above_black,
+    RampTrial: catch_means_no_rate,
+    Provenance: lambda values: values | {"schema_version": 1},
+}
+
+
+@pytest.fixture(scope="session")
+def records_of() -> Callable[[type[Any]], st.SearchStrategy[Any]]:
+    return any_record
+
+
+@pytest.fixture(scope="session")
+def display() -> Display:
+    return Display("bench", 104.4, 0.2, 1.95, 72.28, source="a meter")
+
+
+@pytest.fixture(scope="session")
+def manifest_of() -> Callable[..., SessionManifest]:
+    """A complete ramp session, with what a test wants to be otherwise."""
+    from data_schema.session import SessionStatus
+
+    def made(**changes: Any) -> SessionManifest:
+        values: Values = {
+            "participant_id": "01",
+            "session_id": "01",
+            "task": "ramp",
+            "simulated": True,
+            "status": SessionStatus.COMPLETE,
+            "n_trials": 2,
+            "display": Display("bench", 104.4, 0.2, 1.95, 72.28),
+            "design": RampDesign(),
+            "provenance": Provenance(),
+        }
+        return SessionManifest(**(values | changes))
+
+    return made
