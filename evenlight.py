@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+from pathlib import Path
 from typing import Annotated, Any, NoReturn, cast
 
 import typer
@@ -44,6 +46,34 @@ app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(optimize_command.optimize)
 app.command()(validate_command.validate)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for all of it; report.html tells the story.")],
+    participants: Annotated[int, typer.Option(help="How many simulated participants.", min=2)] = 10,
+    budget: Annotated[float, typer.Option(help="Mean brightness factor of the track.")] = 0.4,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated participants.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
+) -> None:
+    """Run the whole loop, small: simulated calibration, rate limit, a track, a report."""
+    from analysis.closed_loop import close_loop
+    from data_schema.files import results_folder
+    from stimuli.sequences import built_in_sequence
+
+    if not 0.2 <= budget <= 1:
+        raise InputError(f"--budget must lie between 0.2 and 1, got {budget:g}")
+    dataset = out / "dataset"
+    if dataset.exists() and not (dataset / "simulated_truth.json").exists():
+        raise InputError(f"{dataset} holds data that no demo made; choose another folder with --out")
+    # Experiments and analysis meet here alone, and only through the files of the data set.
+    with results_folder(out) as folder:
+        experiment_commands.simulate("ramp", folder / "dataset", participants, seed, quiet=True)
+        sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
+        close_loop(folder / "dataset", sunrise, budget, folder, quiet)
+        shutil.rmtree(dataset, ignore_errors=True)  # of an earlier demo, perhaps with more participants
+    if not quiet:
+        typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
 
 
 def main(arguments: list[str] | None = None) -> None:

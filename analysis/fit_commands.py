@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,6 +54,7 @@ def fit(
 
 
 def _write_figures(calibration: Calibration, folder: Path) -> None:
-    """Write the figures of a calibration, where the module that draws them is there."""
-    if importlib.util.find_spec("analysis.calibration_figures"):
-        importlib.import_module("analysis.calibration_figures").write_figures(calibration, folder)
+    """Write the figures of a calibration."""
+    from analysis.calibration_figures import write_figures
+
+    write_figures(calibration, folder)

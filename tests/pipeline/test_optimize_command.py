@@ -163,7 +163,7 @@ def test_budgets_of_power_are_met_in_their_unit(command, tmp_path, unit) -> None
 
 
 def test_the_papers_solver_gives_a_track_as_good(command, tmp_path) -> None:
-    # Curves of so few pixels are stairs with many local optima: either solver may end in a slightly better one.
+    # Curves of so few pixels are stairs with many local optima: either solver may end slightly better.
     clip = video(tmp_path / "v.mkv", [texture(1, 72, 96) * s for s in np.linspace(0.2, 1, 30)], fps=1.0)
     _, ours = optimized(command, tmp_path, clip)
     _, paper = optimized(command, tmp_path, clip, 0.5, "--solver", "slsqp")

@@ -1,0 +1,90 @@
+"""The second half of the loop: from a data set of ramp sessions to a brightness track and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from analysis.calibration import Calibration, calibrate, write_calibration
+from analysis.calibration_figures import write_figures
+from analysis.loading import load_ramp_data
+from analysis.optimization import Work, run_optimization
+from analysis.rate_limit_curve import RateLimitOptions
+from analysis.report import Report, write_report
+from analysis.report_sections import (
+    calibration_section,
+    contrast_map_section,
+    files_section,
+    introduction_section,
+    meaning_of,
+    provenance_section,
+    rate_limit_section,
+    track_section,
+)
+from data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from data_schema.provenance import provenance_now
+from method.optimize import Request
+from method.preset_files import load_power_model, load_rate_limit
+from method.rate_limit import require_same_display
+from stimuli.video_source import VideoSource
+
+CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
+
+FILES = {
+    "dataset/": "trials of every participant, as recorded",
+    "calibration/thresholds.csv": "thresholds of each participant and level, with intervals",
+    "calibration/rate_limit.json": "the fitted rate limit, which the optimizer read",
+    "calibration/fit_summary.json": "what the fit rests on",
+    "track/track.csv": "the brightness factor of each frame, and what it does",
+    "track/summary.json": "what the track achieves",
+    "track/loss_curves.npz": "contrast loss of each frame at every factor, for another run",
+}
+
+
+def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, quiet: bool = False) -> None:
+    """Fit a data set, optimize a video within the rate limit that comes out, and report both.
+
+    Parameters
+    ----------
+    dataset : Path
+        Ramp sessions.
+    source : VideoSource
+        The video.
+    budget : float
+        Mean brightness factor.
+    folder : Path
+        Where `calibration/`, `track/` and `report.html` go.
+    quiet : bool
+        Whether to show no progress.
+    """
+    data = load_ramp_data(dataset)
+    calibration = calibrate(data, RateLimitOptions())
+    fitted = folder / CALIBRATION
+    write_calibration(calibration, fitted, provenance_now(inputs={"dataset": data.sha256}))
+    write_figures(calibration, fitted, load_rate_limit("surace2025"))
+    # The optimizer reads the file that the fit wrote, as it would on another day.
+    limit = load_rate_limit(str(fitted / "rate_limit.json"))
+    require_same_display(limit, data.display)
+    request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
+    summary = run_optimization(Work(source, data.display, request, quiet=quiet), folder / TRACK)
+    write_report(folder / REPORT, _report(calibration, summary, folder))
+
+
+def _report(calibration: Calibration, summary: OptimizationSummary, folder: Path) -> Report:
+    """Return the report on what lies in the folder."""
+    fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
+    origins = {"track": summary.provenance}
+    if calibration.rate_limit.limit.provenance is not None:
+        origins["rate limit"] = calibration.rate_limit.limit.provenance
+    return Report(
+        "From ramps to a brightness track",
+        meaning_of(summary),
+        (
+            introduction_section(),
+            calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),
+            rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
+            track_section(summary, (track / "track.png").read_bytes(), simulated),
+            contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
+            provenance_section(origins),
+            files_section(FILES),
+        ),
+    )

@@ -1,0 +1,98 @@
+"""`evenlight demo`: the loop is closed, and by files."""
+
+import re
+
+import numpy as np
+import pytest
+
+import evenlight
+from data_schema.brightness_track import OptimizationSummary, read_track
+from data_schema.provenance import sha256_of_file, sha256_of_record
+from data_schema.rate_limit import RateLimit
+from data_schema.text_files import read_json_record, read_rows
+from data_schema.threshold import Threshold
+from method.rate_limit import rate_limit_at
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("demo") / "out"
+    with pytest.raises(SystemExit) as ended:
+        evenlight.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
+    assert not ended.value.code
+    return out
+
+
+def limit_and_summary(folder):
+    limit = read_json_record(RateLimit, folder / "calibration" / "rate_limit.json")
+    return limit, read_json_record(OptimizationSummary, folder / "track" / "summary.json")
+
+
+def test_the_rate_limit_that_was_fitted_is_the_one_the_optimizer_used(folder) -> None:
+    limit, summary = limit_and_summary(folder)
+    assert summary.provenance.inputs["rate_limit"] == sha256_of_record(limit)
+    track = read_track(folder / "track" / "track.csv")
+    at_ends = rate_limit_at(limit, track.mean_luminance)
+    np.testing.assert_allclose(track.rate_limit[:-1], np.minimum(at_ends[:-1], at_ends[1:]), rtol=1e-6)
+    assert (np.abs(track.rate) <= track.rate_limit * (1 + 1e-6)).all()
+
+
+def test_the_rate_limit_comes_from_the_data_set_beside_it(folder) -> None:
+    limit, _ = limit_and_summary(folder)
+    assert limit.simulated
+    assert limit.provenance is not None
+    assert len(read_rows(Threshold, folder / "calibration" / "thresholds.csv")) == 4 * 10
+    assert limit.provenance.inputs["dataset"]
+
+
+def test_the_track_is_better_than_constant_dimming_at_equal_power(folder) -> None:
+    _, summary = limit_and_summary(folder)
+    assert summary.achieved == pytest.approx(summary.budget, abs=1e-6)
+    assert summary.mean_power == pytest.approx(summary.baseline_power, rel=1e-6)
+    assert summary.lower_bound <= summary.objective < summary.objective_baseline
+
+
+def test_the_sun_gets_less_light_than_the_night(folder) -> None:
+    factors = read_track(folder / "track" / "track.csv").factors
+    n = len(factors)
+    assert factors[: n // 10].mean() > factors[4 * n // 10 : 6 * n // 10].mean() + 0.05
+    assert factors[-n // 10 :].mean() > factors[4 * n // 10 : 6 * n // 10].mean() + 0.05
+
+
+def test_the_report_needs_nothing_but_itself_and_says_what_is_simulated(folder) -> None:
+    html = (folder / "report.html").read_text()
+    assert not re.search(r'(src|href)="(?!data:|#)', html)
+    assert "simulated participants" in html
+    for name in ("psychometric.png", "rate_limit.png"):
+        assert (folder / "calibration" / name).stat().st_size > 10_000
+
+
+def test_everything_validates(folder, command) -> None:
+    assert command("validate", folder / "dataset").code == 0
+    assert command("validate", folder / "calibration").code == 0
+    assert command("validate", folder / "track").code == 0
+
+
+def test_a_second_demo_may_take_the_place_of_the_first(folder) -> None:
+    before = sha256_of_file(folder / "calibration" / "thresholds.csv")
+    with pytest.raises(SystemExit) as ended:
+        evenlight.main(["demo", "--out", str(folder), "--participants", "2", "--seed", "3", "--quiet"])
+    assert not ended.value.code
+    assert sha256_of_file(folder / "calibration" / "thresholds.csv") != before
+    assert len(list((folder / "dataset").glob("sub-*"))) == 2
+
+
+def test_a_demo_never_touches_recorded_data(command, tmp_path) -> None:
+    recorded = tmp_path / "dataset" / "sub-01" / "ses-01" / "trials.jsonl"
+    recorded.parent.mkdir(parents=True)
+    recorded.write_text("precious")
+    result = command("demo", "--out", tmp_path)
+    assert result.code == 2
+    assert "holds data that no demo made" in result.err
+    assert recorded.read_text() == "precious"
+
+
+def test_a_demo_with_an_impossible_budget_leaves_nothing(command, tmp_path) -> None:
+    result = command("demo", "--out", tmp_path / "out", "--budget", 0.1)
+    assert result.code == 2
+    assert not (tmp_path / "out").exists()
