@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -90,7 +90,7 @@ def _move_into(staging: Path, folder: Path) -> None:
             if target.is_file():
                 earlier = target.replace(replaced / str(number))
                 undo.append(partial(earlier.replace, target))
-            undo.append(partial(target.unlink, missing_ok=True))
+            undo.append(partial(_remove_file, target))
             part.replace(target)
     except BaseException as error:
         for step in reversed(undo):
@@ -98,6 +98,12 @@ def _move_into(staging: Path, folder: Path) -> None:
         if isinstance(error, OSError):
             raise InputError(f"cannot write to the folder {folder}: {error.strerror or error}") from error
         raise
+
+
+def _remove_file(path: Path) -> None:
+    """Remove a file if it is there; a folder in its place is somebody else's."""
+    if path.is_file():
+        path.unlink()
 
 
 def _make_folders(folder: Path, undo: list[Callable[[], object]]) -> None:
@@ -116,11 +122,7 @@ def _topmost_missing(folder: Path) -> Path | None:
 def _remove_empty(folder: Path, topmost: Path | None) -> None:
     """Remove the folders that were made for nothing, from `folder` up to `topmost`; none if that is None."""
     for part in (folder, *folder.parents) if topmost else ():
-        try:
+        with suppress(OSError):  # it was never made, or somebody else put something into it
             part.rmdir()
-        except FileNotFoundError:
-            continue  # it was never made
-        except OSError:
-            return
         if part == topmost:
             return

@@ -114,8 +114,9 @@ def write_json_record(path: Path, record: Any) -> None:
 
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the content of a TOML file."""
+    text = read_text(path, what)
     try:
-        return tomllib.loads(read_text(path, what))
+        return tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: not usable TOML (nested too deep); expected {what}") from None
     except ValueError as error:  # a number of thousands of digits is one, and no TOMLDecodeError
