@@ -256,6 +256,6 @@ td { border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: a
   figure, tr, .note { break-inside: avoid; }
   figure img { max-height: 225mm; width: auto; max-width: 100%; }
   thead { display: table-header-group; }
-  .wide { overflow: visible; }
+  .wide { overflow: visible; break-inside: avoid; }
 }
 """

@@ -90,8 +90,8 @@ def _level_table(thresholds: list[Threshold]) -> Table:
         )
     return Table(
         "Thresholds of each level: geometric mean over participants with its 95 % interval.",
-        ("screen", "factor b", "luminance [cd/m²]", "used", "threshold [cd/m²/s]", "95 % interval", "threshold [%/s]",
-         "flags"),
+        ("screen", "factor b", "luminance [cd/m²]", "used", "threshold [cd/m²/s]", "95 % interval",
+         "threshold [%/s]", "flags"),
         tuple(rows),
     )  # fmt: skip
 
