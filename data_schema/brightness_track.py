@@ -165,6 +165,8 @@ class OptimizationSummary:
         Mean power of the track, of the baseline and at full brightness [W].
     solver, iterations : str, int
         Which solver, and its iterations.
+    calm : float
+        Share of the gain that was to be given up, at most, for a calmer track.
     solve_s, curves_s : float
         Time taken by the optimizer, and by the loss curves [s].
     frames_without_contrast : int
@@ -198,6 +200,7 @@ class OptimizationSummary:
     frames_without_contrast: int = quantity("1", "frames with nothing visible even undimmed", minimum=0)
     solver: str = described("which solver")
     iterations: int = quantity("1", "iterations of the solver", minimum=0)
+    calm: float = quantity("1", "share of the gain given up at most for calm", minimum=0.0, maximum=1.0)
     solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
     curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
     seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)

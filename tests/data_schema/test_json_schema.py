@@ -1,0 +1,195 @@
+"""The JSON Schemas and the data dictionary: up to date, valid, and at one with the records."""
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
+from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack
+from data_schema.data_dictionary import data_dictionary
+from data_schema.errors import InputError
+from data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
+from data_schema.loss_curves import LossCurves
+from data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
+from data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL, RecordKind
+from data_schema.schema_problems import schema_problems
+
+Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
+MAPPED = [kind for kind in KINDS if kind.record not in (LossCurves, BrightnessTrack)]
+REGENERATE = "run `python -m data_schema.json_schema`"
+
+kinds = pytest.mark.parametrize("kind", MAPPED, ids=lambda kind: kind.name)
+
+
+def test_the_committed_schemas_are_those_of_the_records() -> None:
+    committed = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.json")}
+    assert committed == {name: schema_text(schema) for name, schema in schemas().items()}, REGENERATE
+
+
+def test_the_data_dictionary_is_that_of_the_records() -> None:
+    assert DICTIONARY.read_text(encoding="utf-8") == data_dictionary(schemas()), REGENERATE
+
+
+@pytest.mark.parametrize("name", schemas())
+def test_a_schema_is_valid_itself(name: str) -> None:
+    Draft202012Validator.check_schema(schemas()[name])
+
+
+@kinds
+def test_a_schema_has_the_keys_of_its_record_and_no_other(kind: RecordKind) -> None:
+    schema = schemas()[kind.name]
+    known, required = keys_of(kind.record)
+    assert list(schema["properties"]) == list(known)
+    assert schema["required"] == list(required)
+    assert schema["additionalProperties"] is False
+
+
+def test_a_row_of_a_track_has_the_columns_of_the_file() -> None:
+    assert tuple(schemas()["brightness_track"]["properties"]) == TRACK_COLUMNS
+
+
+@pytest.mark.parametrize("name", schemas())
+def test_every_key_says_what_it_is_and_its_unit_is_that_of_its_name(name: str) -> None:
+    suffixes = {"_cd_m2_s": "cd/m^2/s", "_cd_m2": "cd/m^2", "_w_m2_cd": "W m^2/cd", "_w": "W"}
+    for key, value in schemas()[name]["properties"].items():
+        assert value["description"]
+        suffix = next((s for s in suffixes if key.endswith(s)), None)
+        if suffix:
+            assert value["unit"] == suffixes[suffix]
+
+
+def test_limits_units_and_choices_are_in_the_schema() -> None:
+    """Display.peak_luminance > 0 cd/m^2; a factor in (0, 1]; a response is yes or no; a pattern for names."""
+    peak = schemas()["display"]["properties"]["peak_luminance_cd_m2"]
+    assert (peak["type"], peak["exclusiveMinimum"], peak["unit"]) == ("number", 0.0, "cd/m^2")
+    trial = schemas()["ramp_trial"]["properties"]
+    assert (trial["factor"]["exclusiveMinimum"], trial["factor"]["maximum"]) == (0.0, 1.0)
+    assert trial["response"]["enum"] == ["yes", "no"]
+    assert trial["response_time_s"]["type"] == ["number", "null"]
+    assert trial["participant_id"]["pattern"] == "^[0-9A-Za-z]+$"
+    limit = schemas()["rate_limit"]["properties"]
+    assert (limit["luminance_range_cd_m2"]["minItems"], limit["luminance_range_cd_m2"]["maxItems"]) == (2, 2)
+    assert limit["coefficients"]["minItems"] == 1
+
+
+@kinds
+@settings(max_examples=20, deadline=None)
+@given(data=st.data())
+def test_what_a_record_writes_its_schema_accepts(
+    kind: RecordKind, records_of: Strategies, data: st.DataObject
+) -> None:
+    assert schema_problems(mapping_from_record(data.draw(records_of(kind.record))), kind.name) == []
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 3),
+    st.floats(-2.0, 2.0),
+    st.text(max_size=3),
+    st.lists(st.floats(-1.0, 2.0), max_size=3),
+    st.dictionaries(st.text(max_size=2), st.integers(), max_size=1),
+)
+
+
+@kinds
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_what_a_schema_refuses_cannot_be_made_into_a_record(
+    kind: RecordKind, records_of: Strategies, data: st.DataObject
+) -> None:
+    """`evenlight validate` relies on it: it asks the schema about a row only if the record cannot be made."""
+    content = changed(mapping_from_record(data.draw(records_of(kind.record))), data)
+    problems = schema_problems(content, kind.name)
+    try:
+        record_from_mapping(kind.record, content, "memory")
+        refused = False
+    except InputError:
+        refused = True
+    assert refused or not problems
+
+
+def changed(content: dict[str, Any], data: st.DataObject) -> dict[str, Any]:
+    """A mapping with one key, on some level, replaced, removed or added."""
+    content = copy.deepcopy(content)
+    target = content
+    inner = [value for value in content.values() if isinstance(value, dict)]
+    if inner and data.draw(st.booleans()):
+        target = data.draw(st.sampled_from(inner))
+    key = data.draw(st.sampled_from(sorted(target)) if target else st.just("new"))
+    how = data.draw(st.sampled_from(["replace", "remove", "add"]))
+    if how == "replace":
+        target[key] = data.draw(JUNK)
+    elif how == "remove":
+        target.pop(key, None)
+    else:
+        target["never_heard_of"] = data.draw(JUNK)
+    return content
+
+
+def trial(**changes: Any) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "participant_id": "01",
+        "session_id": "01",
+        "trial_index": 0,
+        "screen": "white",
+        "factor": 0.5,
+        "initial_luminance_cd_m2": 50.0,
+        "final_luminance_cd_m2": 40.0,
+        "rate_cd_m2_s": 2.0,
+        "duration_s": 5.0,
+        "is_catch": False,
+        "response": "yes",
+        "response_time_s": None,
+        "simulated": True,
+    }
+    return content | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"factor": 0}, "expected above 0, got 0"),
+        ({"factor": 1.5}, "expected at most 1, got 1.5"),
+        ({"rate_cd_m2_s": -1.0}, "expected at least 0 cd/m^2/s, got -1.0"),
+        ({"factor": "a"}, "expected a number, got 'a'"),
+        ({"trial_index": 1.5}, "expected a whole number, got 1.5"),
+        ({"is_catch": 0}, "expected true or false, got 0"),
+        ({"response": "maybe"}, "expected one of 'yes', 'no', got 'maybe'"),
+        ({"response_time_s": "a"}, "expected a number or null, got 'a'"),
+        ({"participant_id": "a b"}, "expected text that matches ^[0-9A-Za-z]+$, got 'a b'"),
+    ],
+)
+def test_a_problem_is_told_in_words(changes: dict[str, Any], problem: str) -> None:
+    (key,) = changes
+    assert schema_problems(trial(**changes), RAMP_TRIAL.name) == [((key,), problem)]
+
+
+def test_all_problems_are_told_not_only_the_first() -> None:
+    content = trial(factor=2.0, response="no!", facto=1)
+    del content["screen"]
+    assert schema_problems(content, RAMP_TRIAL.name) == [
+        ((), "the key 'screen' is missing"),
+        (("facto",), "unknown key 'facto'; did you mean 'factor'?"),
+        (("factor",), "expected at most 1, got 2.0"),
+        (("response",), "expected one of 'yes', 'no', got 'no!'"),
+    ]
+
+
+def test_a_problem_inside_what_may_be_null_is_told_where_it_is() -> None:
+    """`provenance` of a display is a Provenance or null; what is wrong with the Provenance is told."""
+    content = {
+        "name": "d",
+        "peak_luminance_cd_m2": 100.0,
+        "black_level_cd_m2": 0.1,
+        "gamma": 2.2,
+        "pixels_per_degree": 30.0,
+        "provenance": {"seed": "x"},
+    }
+    assert schema_problems(content, DISPLAY.name) == [
+        (("provenance", "seed"), "expected a whole number or null, got 'x'")
+    ]

@@ -1,0 +1,420 @@
+"""`evenlight validate`: every problem is found, told with its place, and nothing else is."""
+
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import evenlight
+from data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    TrackHeader,
+    write_track,
+)
+from data_schema.dataset_layout import behaviour_file, session_folder
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves, write_loss_curves
+from data_schema.mapping import mapping_from_record
+from data_schema.provenance import Provenance
+from data_schema.ramp import RampTrial, Response
+from data_schema.results_checks import mean_absolute_difference
+from data_schema.session import SessionManifest, SessionStatus
+from data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
+from data_schema.validation import validate
+
+
+def problems_of(path: Path) -> list[str]:
+    """The problems at a path, without the path."""
+    found = [problem for checked in validate(path) for problem in checked.problems]
+    assert all(problem.startswith(str(path)) and "\n" not in problem for problem in found)
+    return [problem.removeprefix(str(path)).lstrip("/") for problem in found]
+
+
+def trial(index: int, **changes: Any) -> dict[str, Any]:
+    """A line of trials; the first is a catch trial."""
+    rate = 0.0 if index == 0 else 2.0
+    record = RampTrial(
+        "01", "01", index, "white", 0.5, 50.0, 40.0, rate, 5.0, rate == 0, Response.NO, None, True
+    )
+    return mapping_from_record(record) | changes
+
+
+def write_dataset(root: Path, manifest: SessionManifest, trials: list[dict[str, Any]]) -> Path:
+    """A data set of one session, as BIDS lays it out; by hand, so that it does not depend on the writer."""
+    folder = session_folder(root, "01", "01")
+    table = behaviour_file(root, "01", "01", "ramp")
+    table.parent.mkdir(parents=True)
+    write_json(root / "dataset_description.json", {"Name": "made", "BIDSVersion": "1.10.0"})
+    (root / "participants.tsv").write_text("participant_id\tsimulated\nsub-01\ttrue\n")
+    write_json(root / "participants.json", {"participant_id": {"Description": "participant"}})
+    write_json_record(folder / "manifest.json", manifest)
+    (folder / "trials.jsonl").write_text("".join(json.dumps(line) + "\n" for line in trials))
+    columns = columns_of(RampTrial)
+    rows = [[cell(line[column]) for column in columns] for line in trials]
+    table.write_text("".join("\t".join(cells) + "\n" for cells in [columns, *rows]))
+    write_json(table.with_suffix(".json"), {column: {"Description": column} for column in columns})
+    return root
+
+
+def cell(value: Any) -> str:
+    return "n/a" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+@pytest.fixture
+def dataset(tmp_path: Path, manifest_of: Callable[..., SessionManifest]) -> Path:
+    return write_dataset(tmp_path / "lab", manifest_of(), [trial(0), trial(1)])
+
+
+TRIALS = "sub-01/ses-01/trials.jsonl"
+MANIFEST = "sub-01/ses-01/manifest.json"
+TABLE = "sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.tsv"
+
+
+def test_a_right_dataset_has_no_problem_and_every_file_is_checked(dataset: Path) -> None:
+    found = {c.path.relative_to(dataset).as_posix(): c.words for c in validate(dataset)}
+    assert problems_of(dataset) == []
+    assert found == {
+        "dataset_description.json": "description of a data set",
+        MANIFEST: "session manifest",
+        TRIALS: "ramp trial",
+        TABLE: "exported trials",
+        TABLE.replace(".tsv", ".json"): "description of columns",
+        "participants.tsv": "list of participants",
+        "participants.json": "description of columns",
+    }
+
+
+def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
+    answer = CliRunner().invoke(
+        evenlight.app, ["simulate", "ramp", "--participants", "2", "--quiet", "--out", str(tmp_path / "d")]
+    )
+    assert answer.exit_code == 0
+    assert problems_of(tmp_path / "d") == []
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "problem"),
+    [
+        (TRIALS, '"factor": 0.5', '"factor": 1.5', "line 1: factor: expected at most 1, got 1.5"),
+        (TRIALS, '"factor"', '"factr"', "line 1: factr: unknown key 'factr'; did you mean 'factor'?"),
+        (TRIALS, '"factor"', '"factr"', "line 1: the key 'factor' is missing"),
+        (TRIALS, '"rate_cd_m2_s": 0.0', '"rate_cd_m2_s": 1.0', "only a catch trial has, got rate 1"),
+        (
+            TRIALS,
+            '"trial_index": 1',
+            '"trial_index": 0',
+            "line 2: trial_index: 0 is there already, in line 1",
+        ),
+        (TRIALS, '"participant_id": "01"', '"participant_id": "02"', "expected '01', as in manifest.json"),
+        (TRIALS, '"session_id": "01"', '"session_id": "02"', "line 1: session_id: expected '01'"),
+        (TRIALS, '"simulated": true', '"simulated": false', "line 1: simulated: expected True"),
+        (TRIALS, '"screen": "white"', '"screen": NaN', "line 1: not valid JSON (NaN is no number of JSON)"),
+        (TRIALS, "{", "[", "line 1: not valid JSON"),
+        (MANIFEST, '"gamma": 1.95', '"gamma": -1', "line 12: display.gamma: expected above 0, got -1"),
+        (MANIFEST, '"participant_id": "01"', '"participant_id": "07"', "expected '01', as in the folder's"),
+        (MANIFEST, '"schema_version": 1', '"schema_version": 9', "schema version 9, this Evenlight reads up"),
+        (MANIFEST, '"black_level_cd_m2": 0.2', '"black_level_cd_m2": 200', "need black_level < peak_lum"),
+        (TABLE, "\t50.0\t", "\t51.0\t", "line 2: initial_luminance: not as in line 1 of trials.jsonl"),
+        (TABLE, "\tno\t", "\tmaybe\t", "line 2: response: expected one of 'yes', 'no', got 'maybe'"),
+        (TABLE, "\tn/a\t", "\t", "line 2: expected 13 cells, got 12; the table is torn"),
+        (TABLE, "screen\t", "sreen\t", "unknown column 'sreen'; did you mean 'screen'?"),
+        ("participants.tsv", "sub-01", "sub-02", "'sub-01' has a folder and is not listed"),
+        ("participants.tsv", "sub-01", "sub-02", "line 2: participant_id: 'sub-02' is listed and has no"),
+        ("participants.tsv", "sub-01\ttrue", "sub-01\tfalse", "line 2: simulated: expected 'true'"),
+        (
+            "participants.tsv",
+            "sub-01\ttrue",
+            "sub-01\ttrue\nsub-01\ttrue",
+            "line 3: participant_id: 'sub-01'",
+        ),
+        (
+            "participants.tsv",
+            "sub-01\t",
+            "01\t",
+            "line 2: participant_id: expected sub- and letters or digits",
+        ),
+        ("participants.tsv", "\ttrue", "", "line 2: expected 2 cells, got 1"),
+        ("participants.tsv", "participant_id", "id", "line 1: expected the first column participant_id"),
+        ("dataset_description.json", '"Name"', '"name"', "Name: expected text, got null"),
+        ("participants.json", '"participant_id"', '"x"', "the column 'participant_id' is not described"),
+    ],
+)
+def test_a_problem_is_told_with_its_place(file: str, old: str, new: str, problem: str, dataset: Path) -> None:
+    text = (dataset / file).read_text()
+    assert old in text
+    (dataset / file).write_text(text.replace(old, new, 1))
+    found = problems_of(dataset)
+    assert any(told.startswith(file) and problem in told for told in found), found
+
+
+@pytest.mark.parametrize(
+    ("file", "problem"),
+    [
+        ("dataset_description.json", "no such file"),
+        ("participants.tsv", "no such file"),
+        ("participants.json", "no such file"),
+        (MANIFEST, "no such file; every session has one"),
+        (TRIALS, "no such file; the session is complete with 2 trials"),
+        (TABLE, "no such file; trials.jsonl is to be exported there"),
+        (TABLE.replace(".tsv", ".json"), "no such file"),
+    ],
+)
+def test_a_missing_file_is_told(file: str, problem: str, dataset: Path) -> None:
+    (dataset / file).unlink()
+    assert any(told.startswith(f"{file}: {problem}") for told in problems_of(dataset))
+
+
+@pytest.mark.parametrize("n_trials", [1, 3])
+def test_a_complete_session_has_as_many_trials_as_its_manifest_says(n_trials: int, dataset: Path) -> None:
+    text = (dataset / MANIFEST).read_text()
+    (dataset / MANIFEST).write_text(text.replace('"n_trials": 2', f'"n_trials": {n_trials}'))
+    wanted = f"expected {n_trials} usable trials, because the session is complete, got 2"
+    assert problems_of(dataset) == [f"{TRIALS}: {wanted}"]
+
+
+def test_a_torn_last_line_is_told_and_the_trials_before_it_count(dataset: Path) -> None:
+    text = (dataset / TRIALS).read_text()
+    (dataset / TRIALS).write_text(text[:-20])
+    found = problems_of(dataset)
+    assert found[0].startswith(f"{TRIALS}, line 2: the last line is torn")
+    assert found[1] == f"{TRIALS}: expected 2 usable trials, because the session is complete, got 1"
+    assert len(found) == 2
+
+
+def test_a_session_that_was_cut_short_is_a_note_and_no_problem(
+    tmp_path: Path, manifest_of: Callable[..., SessionManifest]
+) -> None:
+    manifest = manifest_of(status=SessionStatus.ABORTED, n_trials=600)
+    root = write_dataset(tmp_path / "lab", manifest, [trial(0), trial(1)])
+    assert problems_of(root) == []
+    notes = [note for checked in validate(root) for note in checked.notes]
+    assert notes == [f"{root / TRIALS}: the session is aborted, with 2 of 600 trials"]
+
+
+def test_a_participant_without_sessions_is_told(dataset: Path) -> None:
+    (dataset / "sub-02").mkdir()
+    assert "sub-02: holds no session folder (ses-*)" in problems_of(dataset)
+
+
+def test_all_problems_of_a_file_are_told_in_one_go(dataset: Path) -> None:
+    lines = [trial(0, factor=-1.0, response="?", simulated=3), trial(1, duration_s=0)]
+    (dataset / TRIALS).write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert problems_of(dataset)[:4] == [
+        f"{TRIALS}, line 1: factor: expected above 0, got -1.0",
+        f"{TRIALS}, line 1: response: expected one of 'yes', 'no', got '?'",
+        f"{TRIALS}, line 1: simulated: expected true or false, got 3",
+        f"{TRIALS}, line 2: duration_s: expected above 0 s, got 0",
+    ]
+
+
+def test_a_line_separator_of_unicode_ends_no_trial(dataset: Path) -> None:
+    """U+2028 may stand in a JSON text; only a line feed ends a line."""
+    text = (dataset / MANIFEST).read_text().replace('"bench"', '"be\u2028nch"')
+    (dataset / MANIFEST).write_text(text)
+    assert problems_of(dataset) == []
+
+
+def test_trials_of_a_task_without_a_record_are_not_checked(
+    tmp_path: Path, manifest_of: Callable[..., SessionManifest]
+) -> None:
+    root = write_dataset(tmp_path / "lab", manifest_of(task="juggling"), [])
+    (root / TRIALS).write_text('{"balls": 3}\n')
+    assert not [told for told in problems_of(root) if told.startswith(TRIALS)]
+    assert [c.words for c in validate(root) if c.path == root / TRIALS] == [""]
+
+
+def results(folder: Path, **changes: Any) -> Path:
+    """Results of an optimization of four frames; their loss is 0, 0.1, 0.2, 0.4."""
+    loss = np.array([0.0, 0.1, 0.2, 0.4])
+    origin = Provenance()
+    display = Display("bench", 104.4, 0.2, 1.95, 72.28)
+    header = TrackHeader(
+        "v", "bench", display.fingerprint, "panel", "limit", 0.6, BudgetUnit.FACTOR, "s", origin
+    )
+    factors, rest = np.full(4, 0.6), [np.full(4, value) for value in (20.0, 0.0, 2.0, 0.5)]
+    times = np.arange(4) * 0.04
+    write_track(folder / "track.csv", BrightnessTrack(times, factors, loss, *rest, header=header))
+    values: dict[str, Any] = {field.name: 0.5 for field in dataclasses.fields(OptimizationSummary)} | {
+        "video": "v",
+        "display": "bench",
+        "rate_limit": "limit",
+        "power_model": "panel",
+        "frames": 4,
+        "budget": 0.6,
+        "budget_unit": BudgetUnit.FACTOR,
+        # pairs: 0.1 + 0.2 + 0.4 + 0.1 + 0.3 + 0.2 = 1.3 in 6
+        "objective": 1.3 / 6,
+        "mean_contrast_loss": 0.175,
+        "mean_factor": 0.6,
+        "frames_without_contrast": 0,
+        "solver": "s",
+        "iterations": 3,
+        "seed": None,
+        "versions": {},
+        "provenance": origin,
+    }
+    write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
+    curves = LossCurves(
+        "v", display, times, np.full(4, 0.04), np.array([0.2, 1.0]), np.zeros((4, 2)),
+        np.full(4, 0.5), np.full(4, 20.0), np.full((4, 3), 0.2), origin,
+    )  # fmt: skip
+    write_loss_curves(folder / "loss_curves.npz", curves)
+    return folder
+
+
+def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:
+    (results(tmp_path) / "track.png").write_bytes(b"\x89PNG")
+    assert problems_of(tmp_path) == []
+    assert {c.path.name: c.words for c in validate(tmp_path)} == {
+        "loss_curves.npz": "loss curves",
+        "summary.json": "optimization summary",
+        "track.csv": "brightness track",
+        "track.json": "track header",
+        "track.png": "",
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"frames": 5}, "summary.json: frames: expected 4, the rows of track.csv, got 5"),
+        ({"video": "w"}, "summary.json: video: expected 'v', as in track.json, got 'w'"),
+        ({"display": "w"}, "summary.json: display: expected 'bench', as in track.json, got 'w'"),
+        ({"budget": 0.5}, "summary.json: budget: expected 0.6, as in track.json, got 0.5"),
+        ({"budget_unit": BudgetUnit.WATT}, "summary.json: budget_unit: expected 'factor', as in"),
+        ({"solver": "t"}, "summary.json: solver: expected 's', as in track.json, got 't'"),
+        ({"mean_factor": 0.7}, "summary.json: mean_factor: expected 0.6 to 0.6, as the track's column"),
+        ({"mean_contrast_loss": 0.5}, "summary.json: mean_contrast_loss: expected 0 to 0.4"),
+        ({"mean_power": 0.6}, "summary.json: mean_power_w: expected 0.5 to 0.5"),
+        ({"objective": 0.2}, "summary.json: objective: expected 0.216667, the mean absolute difference"),
+    ],
+)
+def test_results_that_contradict_each_other_are_told(
+    changes: dict[str, Any], problem: str, tmp_path: Path
+) -> None:
+    found = problems_of(results(tmp_path, **changes))
+    assert len(found) == 1
+    assert found[0].startswith(problem)
+
+
+def test_a_row_missing_from_a_track_is_told(tmp_path: Path) -> None:
+    track = results(tmp_path) / "track.csv"
+    track.write_text("".join(track.read_text().splitlines(keepends=True)[:-1]))
+    assert "summary.json: frames: expected 3, the rows of track.csv, got 4" in problems_of(tmp_path)
+
+
+def test_loss_curves_of_another_display_are_told(tmp_path: Path) -> None:
+    text = (results(tmp_path) / "track.json").read_text()
+    fingerprint = json.loads(text)["display_fingerprint"]
+    (tmp_path / "track.json").write_text(text.replace(fingerprint, "0" * 16))
+    assert problems_of(tmp_path) == [
+        f"loss_curves.npz: display fingerprint: expected '{'0' * 16}', as in the track's header, "
+        f"got {fingerprint!r}"
+    ]
+
+
+def test_every_wrong_cell_of_a_track_is_told(tmp_path: Path) -> None:
+    track = results(tmp_path) / "track.csv"
+    text = track.read_text().replace("\n1,0.04,0.6,", "\n1,0.04,1.6,").replace("\n2,0.08,", "\n2,now,")
+    track.write_text(text.replace("\n3,0.12,0.6,0.4,", "\n3,0.12,0.6,-0.4,"))
+    assert [told for told in problems_of(tmp_path) if told.startswith("track.csv")] == [
+        "track.csv, line 3: factor: expected at most 1, got 1.6",
+        "track.csv, line 4: time_s: expected a number, got 'now'",
+        "track.csv, line 5: contrast_loss: expected at least 0, got -0.4",
+    ]
+
+
+def test_a_track_without_its_header_is_told(tmp_path: Path) -> None:
+    (results(tmp_path) / "track.json").unlink()
+    assert problems_of(tmp_path) == ["track.json: no such file; expected a TrackHeader in JSON"]
+
+
+@pytest.mark.parametrize("values", [[], [0.3], [0.0, 1.0], [0.2, 0.2, 0.9, 0.1, 0.4]])
+def test_the_mean_absolute_difference_is_the_double_sum(values: list[float]) -> None:
+    pairs = [abs(x - y) for i, x in enumerate(values) for y in values[i + 1 :]]
+    expected = sum(pairs) / len(pairs) if pairs else 0.0
+    assert mean_absolute_difference(np.array(values)) == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_file_is_known_by_its_keys_where_its_name_says_nothing(display: Display, tmp_path: Path) -> None:
+    write_toml_record(tmp_path / "mine.toml", display)
+    assert [c.words for c in validate(tmp_path / "mine.toml")] == ["display"]
+    text = (tmp_path / "mine.toml").read_text().replace("gamma = 1.95", "gama = 1.95")
+    (tmp_path / "mine.toml").write_text(text)
+    line = text.splitlines().index("gama = 1.95") + 1
+    assert problems_of(tmp_path / "mine.toml") == [
+        ": the key 'gamma' is missing",
+        f", line {line}: gama: unknown key 'gama'; did you mean 'gamma'?",
+    ]
+
+
+def test_the_presets_are_right() -> None:
+    presets = Path(evenlight.__file__).parent / "method" / "presets"
+    checked = list(validate(presets))
+    assert {c.path.name for c in checked} == {p.name for p in presets.iterdir()}
+    assert all(c.words and not c.problems for c in checked)
+
+
+def test_a_folder_of_data_sets_and_results_is_searched_through(dataset: Path, tmp_path: Path) -> None:
+    results(tmp_path / "deep" / "optimized")
+    shutil.copytree(dataset, tmp_path / "deep" / "second")
+    found = list(validate(tmp_path))
+    assert not [problem for checked in found for problem in checked.problems]
+    assert sum(checked.words == "ramp trial" for checked in found) == 2
+    assert sum(checked.words == "brightness track" for checked in found) == 1
+
+
+@pytest.mark.parametrize("content", ["", "text", '{"a": 1}'])
+def test_a_single_file_that_is_nothing_known_is_refused(content: str, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text(content)
+    with pytest.raises(InputError, match=r"notes\.txt: nothing that Evenlight knows; expected a data set"):
+        list(validate(tmp_path / "notes.txt"))
+
+
+def run(*arguments: str) -> tuple[Any, list[str]]:
+    """The exit code of a command, as `main` ends with it, and the lines that it shows."""
+    answer = CliRunner().invoke(evenlight.app, list(arguments))
+    refused = isinstance(answer.exception, InputError)
+    return (2 if refused else answer.exit_code), answer.stdout.splitlines()
+
+
+def test_the_command_ends_with_0_and_says_what_is_ok(dataset: Path) -> None:
+    (dataset / "notes.txt").write_text("mine")
+    code, lines = run("validate", str(dataset))
+    assert code == 0
+    assert f"ok           {dataset / TRIALS} (ramp trial)" in lines
+    assert lines[-2:] == [f"not checked  {dataset / 'notes.txt'}", "no problem; 7 ok, 1 not checked"]
+    assert run("validate", str(dataset), "--quiet") == (0, [])
+
+
+def test_the_command_ends_with_1_if_there_is_a_problem(dataset: Path) -> None:
+    (dataset / "participants.tsv").write_text("participant_id\n")
+    code, lines = run("validate", str(dataset), "--quiet")
+    assert code == 1
+    assert lines == [f"problem      {dataset}/participants.tsv: 'sub-01' has a folder and is not listed"]
+
+
+def test_the_command_ends_with_2_if_there_is_nothing_to_check(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    assert run("validate", str(tmp_path / "nowhere")) == (2, [])
+    assert run("validate", str(tmp_path)) == (2, [])
+    assert run("validate", str(tmp_path / "notes.txt")) == (2, [])
+
+
+def test_a_thousand_problems_are_not_all_shown(dataset: Path) -> None:
+    (dataset / TRIALS).write_text((json.dumps(trial(0, factor=2)) + "\n") * 1000)
+    code, lines = run("validate", str(dataset))
+    shown = [line for line in lines if TRIALS in line]
+    assert code == 1
+    assert len(shown) == 21
+    assert shown[-1] == f"problem      {dataset / TRIALS}: and 981 problems more"  # 1000 and the count of 2
+    assert lines[-1] == "1001 problems in 1 file; 6 ok, 0 not checked"
