@@ -238,9 +238,9 @@ def meaning_of(summary: OptimizationSummary) -> str:
         )
     else:
         words += "Constant dimming already loses the same share of contrast in every frame. "
-    return words + (
-        f"The fastest change reaches {100 * summary.max_rate_ratio:.0f} % of the rate limit, so the "
-        "modulation should go unseen."
+    seen = "and so goes unseen" if summary.max_rate_ratio <= 1 + 1e-6 else "and so may be seen"
+    return (
+        words + f"The fastest change reaches {100 * summary.max_rate_ratio:.0f} % of the rate limit, {seen}."
     )
 
 

@@ -74,8 +74,8 @@ def outcome_in_words(story: TrackStory) -> str:
     if not constant > 0:
         return "Constant dimming already loses the same share of contrast in every frame."
     less = 100 * (1 - ours / constant)
-    compared = f"{less:.0f} % less than" if less >= 0.5 else "about as much as"
+    compared = f"{less:.0f} % less than" if less >= 0.5 else "about as much as with"
     return (
         f"Contrast loss differs between two frames by {short(ours)} on average, "
-        f"{compared} with constant dimming ({short(constant)})."
+        f"{compared} constant dimming ({short(constant)})."
     )

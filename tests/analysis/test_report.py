@@ -77,7 +77,7 @@ def summary(**changed: object) -> OptimizationSummary:
         "objective": 0.0123, "objective_baseline": 0.0456, "lower_bound": 0.0119, "max_rate_ratio": 0.997,
         "mean_contrast_loss": 0.0781, "mean_contrast_loss_baseline": 0.0812, "mean_factor": 0.513,
         "baseline_factor": 0.514, "mean_power": 0.991, "baseline_power": 0.992, "full_power": 1.69,
-        "frames_without_contrast": 0, "solver": "splitting", "iterations": 48, "solve_s": 0.132,
+        "frames_without_contrast": 0, "solver": "splitting", "iterations": 48, "calm": 0.02, "solve_s": 0.132,
         "curves_s": 5.76, "seed": None, "versions": {}, "provenance": Provenance(),
     }  # fmt: skip
     return OptimizationSummary(**{**given, **changed})  # type: ignore[arg-type] # names checked by the record
@@ -170,6 +170,11 @@ def test_the_meaning_of_a_track_is_computed_from_its_figures() -> None:
     words = meaning_of(summary(objective=0.01, objective_baseline=0.04, mean_power=1.0, full_power=4.0))
     assert "75 % less than at full brightness" in words  # 1 - 1/4
     assert "75 % less than under constant dimming" in words  # 1 - 0.01/0.04
+
+
+def test_a_track_within_the_limit_goes_unseen_and_one_beyond_it_may_not() -> None:
+    assert "goes unseen" in meaning_of(summary(max_rate_ratio=1.0))
+    assert "may be seen" in meaning_of(summary(max_rate_ratio=1.01))
 
 
 def test_a_video_in_which_constant_dimming_is_even_is_not_divided_by_zero() -> None:
