@@ -29,7 +29,7 @@ from data_schema.provenance import Provenance, provenance_now, sha256_of_record
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
-from method.evaluate import Timing, summarize, track_of
+from method.evaluate import Effort, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
 from method.optimize import Problem, Request, pose
 from method.optimize import optimize as optimize_problem
@@ -95,7 +95,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
     solution = optimize_problem(problem, make_solver(work.solver, np.random.default_rng(work.seed)))
     if work.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
-    timing = Timing(solve_s=time.perf_counter() - analysed, curves_s=analysed - start)
+    effort = Effort(time.perf_counter() - analysed, analysed - start, work.calm)
     request, display = work.request, work.display
     header = TrackHeader(
         video=curves.video,
@@ -109,7 +109,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
         provenance=_provenance(work, curves),
     )
     track = track_of(problem, request, solution.factors, header)
-    summary = summarize(problem, request, solution, track, timing)
+    summary = summarize(problem, request, solution, track, effort)
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", track)
     write_json_record(folder / "summary.json", summary)

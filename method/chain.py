@@ -79,14 +79,14 @@ def minimize_chain(curvature: Array, gradient: Array, limits: ChainLimits) -> Ar
 _A, _C, _U, _V, _W = range(5)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _knot(xs: Array, ds: Array, mapping: Array, index: int) -> tuple[float, float]:
     """Return position and derivative of a knot."""
     x0 = xs[index]
     return mapping[_A] * x0 + mapping[_C], mapping[_U] * ds[index] + mapping[_V] * x0 + mapping[_W]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _put(xs: Array, ds: Array, mapping: Array, index: int, x: float, d: float) -> None:
     """Store a knot."""
     x0 = (x - mapping[_C]) / mapping[_A]
@@ -94,7 +94,7 @@ def _put(xs: Array, ds: Array, mapping: Array, index: int, x: float, d: float) -
     ds[index] = (d - mapping[_V] * x0 - mapping[_W]) / mapping[_U]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _move(xs: Array, ds: Array, ends: Ends, mapping: Array, slope: float, offset: float) -> None:
     """Map all knots of a stack: x to slope·x + offset, and with it d to d / slope."""
     mapping[_A] *= slope
@@ -110,7 +110,7 @@ def _move(xs: Array, ds: Array, ends: Ends, mapping: Array, slope: float, offset
         mapping[:] = (1.0, 0.0, 1.0, 0.0, 0.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _cut(
     near_x: Array,
     near_d: Array,
@@ -157,7 +157,7 @@ def _cut(
     far_ends[1] += 1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _balance(
     from_x: Array,
     from_d: Array,
@@ -179,7 +179,7 @@ def _balance(
         to_ends[1] += 1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _zero(
     left_x: Array,
     left_d: Array,
@@ -203,7 +203,7 @@ def _zero(
     return zero
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _minimize(
     curvature: Array,
     gradient: Array,

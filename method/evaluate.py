@@ -19,17 +19,20 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
-    """How long the work took.
+class Effort:
+    """How the work was done.
 
     Attributes
     ----------
     solve_s, curves_s : float
-        The optimizer, and the loss curves [s].
+        Time that the optimizer took, and the loss curves [s].
+    calm : float
+        Share of the gain that could be given up for a calmer track.
     """
 
     solve_s: float
     curves_s: float
+    calm: float = 0.0
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
@@ -59,7 +62,7 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
 
 
 def summarize(
-    problem: Problem, request: Request, solution: Solution, track: BrightnessTrack, timing: Timing
+    problem: Problem, request: Request, solution: Solution, track: BrightnessTrack, effort: Effort
 ) -> OptimizationSummary:
     """Return the figures of an optimization, from the finished track.
 
@@ -69,8 +72,8 @@ def summarize(
         What was to be solved, and the answer.
     track : BrightnessTrack
         The answer's track.
-    timing : Timing
-        How long the work took.
+    effort : Effort
+        How the work was done.
     """
     curves, header = problem.curves, track.header
     share = curves.durations / curves.durations.sum()
@@ -108,8 +111,9 @@ def summarize(
         frames_without_contrast=int(np.count_nonzero(curves.visible_contrast == 0)),
         solver=header.solver,
         iterations=solution.iterations,
-        solve_s=timing.solve_s,
-        curves_s=timing.curves_s,
+        calm=effort.calm,
+        solve_s=effort.solve_s,
+        curves_s=effort.curves_s,
         seed=origin.seed,
         versions={"evenlight": origin.software_version, **origin.versions},
         provenance=origin,

@@ -28,6 +28,7 @@ OVER_RELAXATION = 1.6  # Boyd et al. (2011), section 3.4.3: 1.5 to 1.8 converge 
 # How far along the loss curves to look, as a difference of factors, and for how many fruitless iterations.
 # Measured curves are stairs from close by, where pixels vanish one by one; only the last look is local.
 LOOKS = ((1.0, 8), (0.125, 8), (0.0, 20))
+BUDGET_CLOSE = 1e-6  # mean factor at which the search for the price may end; the blend does the rest
 FLATTEST = 1e-9  # a curve flatter than this, or rising, gives no direction
 NO_SPREAD = 1e-15  # below this, losses differ by rounding alone
 DAMPING = 1e-3  # share of the mean curvature that holds frames without a slope where they are
@@ -236,7 +237,7 @@ def _within_budget(
     over, under = (here, other) if here[2] > 0 else (other, here)
     for _ in range(4):
         share = over[2] / (over[2] - under[2])
-        if min(over[2], -under[2]) < 1e-9:
+        if min(over[2], -under[2]) < BUDGET_CLOSE:
             break
         middle = at(over[0] + float(np.clip(share, 0.02, 0.98)) * (under[0] - over[0]))
         over, under = (middle, under) if middle[2] > 0 else (over, middle)
