@@ -188,7 +188,7 @@ def _check_row(checked: CheckedFile, kind: RecordKind, content: Any, number: int
     """Check one of many records: by making it, and where that fails by its schema, which finds all.
 
     What its schema refuses cannot be made into a record (a test holds that), so the schema, which takes
-    fifty times as long, has nothing to add where the record could be made.
+    four times as long, has nothing to add where the record could be made.
     """
     where = f"{checked.path}, line {number}"
     try:

@@ -1,12 +1,22 @@
 """Records: their limits, and the way to a file and back."""
 
+import dataclasses
+import math
+import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, read_track, write_track
 from data_schema.display import Display
 from data_schema.errors import InputError
+from data_schema.power_model import PanelKind, PowerModel
+from data_schema.provenance import Provenance
+from data_schema.ramp import RampDesign, RampTrial, Response
 from data_schema.text_files import read_toml_record, write_toml_record
+from data_schema.threshold import Threshold, ThresholdFlag
 
 
 def test_a_display_survives_toml(tmp_path: Path) -> None:
@@ -28,3 +38,137 @@ def test_a_misspelt_key_is_named_with_the_right_one(tmp_path: Path) -> None:
 def test_a_limit_names_quantity_unit_and_value() -> None:
     with pytest.raises(ValueError, match=r"peak_luminance_cd_m2 must be above 0 cd/m\^2, got -1"):
         Display("x", -1.0, 0.0, 2.2, 30.0)
+
+
+def test_a_scalar_and_an_array_keep_the_same_limits() -> None:
+    """A factor lies in (0, 1]: alone, in a tuple, and in an array."""
+    for factors in ((0.5, 1.5), (1.5,)):
+        with pytest.raises(ValueError, match=r"factors must be at most 1, got 1\.5"):
+            RampDesign(factors=factors)
+    with pytest.raises(ValueError, match=r"factor must be at most 1, got 1\.5"):
+        track(factors=np.array([0.5, 1.5]))
+    with pytest.raises(ValueError, match="factor must be above 0, got 0"):
+        track(factors=np.array([0.5, 0.0]))
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_numbers_are_finite(number: float) -> None:
+    with pytest.raises(ValueError, match=f"gamma must be finite, got {number:g}"):
+        Display("x", 100.0, 0.1, number, 30.0)
+    with pytest.raises(ValueError, match="relative_rates_per_s must be finite"):
+        RampDesign(relative_rates=(0.01, number))
+    with pytest.raises(ValueError, match=r"rate_cd_m2_s must be finite, got (nan|inf|-inf)"):
+        track(rate=np.array([0.0, number]))
+
+
+@pytest.mark.parametrize("order", [(math.nan, 0.01), (0.01, math.nan)])
+def test_a_nan_is_found_wherever_it_stands(order: tuple[float, float]) -> None:
+    """NaN compares false with everything, so a smallest and a largest number can hide it."""
+    with pytest.raises(ValueError, match="must be finite, got nan"):
+        RampDesign(relative_rates=order)
+
+
+def test_limits_are_kept_and_their_own_values_are_within_them() -> None:
+    """A black level of 0 and a factor of 1 are allowed; a gamma of 0 is not."""
+    assert Display("x", 100.0, 0.0, 2.2, 30.0).black_level == 0
+    assert RampDesign(factors=(1.0,)).factors == (1.0,)
+    with pytest.raises(ValueError, match="gamma must be above 0, got 0"):
+        Display("x", 100.0, 0.1, 0.0, 30.0)
+
+
+def test_black_is_darker_than_white() -> None:
+    with pytest.raises(ValueError, match=r"need black_level < peak_luminance, got 100 and 100 cd/m\^2"):
+        Display("x", 100.0, 100.0, 2.2, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [(PanelKind.LCD, "an lcd power model needs"), (PanelKind.OLED, "an oled power model needs")],
+)
+def test_a_power_model_needs_what_its_panel_takes_power_for(kind: PanelKind, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        PowerModel("x", kind, base_power=1.0)
+
+
+def test_no_ramp_ends_below_black() -> None:
+    """0.2 of the luminance per second for 5 s is all of it."""
+    with pytest.raises(ValueError, match=r"the fastest must stay below 0\.2"):
+        RampDesign(relative_rates=(0.2,), ramp_duration=5.0)
+    assert RampDesign(relative_rates=(0.19,), ramp_duration=5.0).relative_rates == (0.19,)
+
+
+@pytest.mark.parametrize(("rate", "is_catch"), [(0.0, False), (1.0, True)])
+def test_a_catch_trial_is_one_without_change(rate: float, is_catch: bool) -> None:
+    with pytest.raises(ValueError, match="a catch trial has rate 0 and only a catch trial has"):
+        RampTrial("01", "01", 0, "white", 0.5, 50.0, 40.0, rate, 5.0, is_catch, Response.NO, None, True)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "sub-01", "01\n", "ü"])
+def test_a_participant_has_a_name_of_letters_and_digits(name: str) -> None:
+    """BIDS: labels hold letters and digits only, for the hyphen and the underscore divide them."""
+    with pytest.raises(ValueError, match=r"participant_id must match \^\[0-9A-Za-z\]\+\$"):
+        RampTrial(name, "01", 0, "white", 0.5, 50.0, 40.0, 1.0, 5.0, False, Response.NO, None, True)
+
+
+def test_what_was_not_measured_is_none_and_has_no_limit() -> None:
+    trial = RampTrial("01", "01", 0, "white", 0.5, 50.0, 40.0, 1.0, 5.0, False, Response.NO, None, True)
+    assert trial.response_time is None
+
+
+def test_an_estimate_lies_in_its_interval() -> None:
+    with pytest.raises(ValueError, match="need ci_low <= threshold <= ci_high, got 2, 1, 3"):
+        Threshold(
+            "01", "white", 0.5, 50.0, 1.0, 2.0, 3.0, 0.2, 1.0, 0.1, 0.1, None, 48, 0, ThresholdFlag.NONE
+        )
+
+
+def test_frames_come_one_after_another() -> None:
+    for times in ([0.0, 0.0], [0.04, 0.0]):
+        with pytest.raises(ValueError, match="time_s must rise from frame to frame"):
+            track(times=np.array(times))
+
+
+def test_the_columns_of_a_track_are_equally_long() -> None:
+    with pytest.raises(ValueError, match="must be equally long"):
+        track(power=np.zeros(3))
+
+
+def test_records_cannot_be_changed() -> None:
+    display = Display("x", 100.0, 0.1, 2.2, 30.0)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        display.gamma = 2.4  # type: ignore[misc] # that it cannot be is the claim
+
+
+def track(**changes: Any) -> BrightnessTrack:
+    """A track of two frames, with what a test wants to be otherwise."""
+    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
+    columns = {
+        "times": np.array([0.0, 0.04]),
+        "factors": np.array([0.5, 0.5]),
+        "contrast_loss": np.zeros(2),
+        "mean_luminance": np.full(2, 20.0),
+        "rate": np.zeros(2),
+        "rate_limit": np.ones(2),
+        "power": np.ones(2),
+    }
+    return BrightnessTrack(**(columns | changes), header=header)
+
+
+def test_a_long_track_is_read_well_within_a_second(tmp_path: Path) -> None:
+    """10 000 frames, about seven minutes of film; processor time, because the machine has other work."""
+    n = 10_000
+    values = np.random.default_rng(1).uniform(0.3, 1.0, (5, n))
+    long = track(
+        times=np.arange(n) / 25,
+        factors=values[0],
+        contrast_loss=values[1],
+        mean_luminance=values[2],
+        rate=values[3],
+        rate_limit=values[4],
+        power=values[0],
+    )
+    write_track(tmp_path / "track.csv", long)
+    begin = time.process_time()
+    read = read_track(tmp_path / "track.csv")
+    assert time.process_time() - begin < 1.0
+    np.testing.assert_array_equal(read.factors, long.factors)
