@@ -29,10 +29,10 @@ def introduction_section() -> Section:
             "is lost, more of it in some scenes than in others. Evenlight dims a video over time so that "
             "a power budget is met, every frame loses about the same share of its visible contrast, and "
             "the brightness moves too slowly to be noticed. For that it needs to know how fast a change "
-            "of luminance may be before it is seen on a display. Participants watch screens that darken "
+            "may be on a display before it is noticed. Participants watch plain screens that darken "
             "slowly, and say whether they saw a change; from their answers follows the rate limit, the "
-            "fastest change that goes unseen. Within it, an optimizer looks for the brightness of each "
-            "frame.",
+            "change that people who watch for it notice in 75 % of the trials. Within that limit an "
+            "optimizer looks for the brightness of each frame.",
         ),
     )
 
@@ -149,9 +149,9 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes) -> Secti
     if excluded:
         text.append("No threshold was used of " + ", ".join(excluded) + ".")
     caption = (
-        "The fastest change of luminance that goes unseen. Small dots: participants' thresholds; large "
-        "dots: means of a level with 95 % interval; line and area: the fitted limit and its 95 % band; "
-        "dashed: held outside the measured range. Grey rays: constant relative rates."
+        "Rate of luminance change that is noticed in 75 % of the trials. Small dots: participants' "
+        "thresholds; large dots: means of a level with 95 % interval; line and area: the fitted limit and "
+        "its 95 % band; dashed: held outside the measured range. Grey rays: constant relative rates."
     )
     return Section(
         "Rate limit",
@@ -238,9 +238,10 @@ def meaning_of(summary: OptimizationSummary) -> str:
         )
     else:
         words += "Constant dimming already loses the same share of contrast in every frame. "
-    seen = "and so goes unseen" if summary.max_rate_ratio <= 1 + 1e-6 else "and so may be seen"
-    return (
-        words + f"The fastest change reaches {100 * summary.max_rate_ratio:.0f} % of the rate limit, {seen}."
+    kept = "stays within" if summary.max_rate_ratio <= 1 + 1e-6 else "goes beyond"
+    return words + (
+        f"The fastest change reaches {100 * summary.max_rate_ratio:.0f} % of the rate limit and {kept} "
+        "what the calibration allows."
     )
 
 
