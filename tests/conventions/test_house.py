@@ -1,0 +1,74 @@
+"""The house keeps its own rules: layers, lint, types, and documents that tell the truth."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+import evenlight
+
+ROOT = Path(evenlight.__file__).parent
+BIN = Path(sys.executable).parent
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [str(BIN / "ruff"), "format", "--check", "."],
+        [str(BIN / "ruff"), "check", "."],
+        [str(BIN / "lint-imports")],
+        [str(BIN / "mypy")],
+    ],
+    ids=["format", "lint", "layers", "types"],
+)
+def test_the_checks_of_make_check_pass(command: list[str]) -> None:
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def command_names() -> set[str]:
+    group = typer.main.get_command(evenlight.app)
+    return set(group.commands)  # type: ignore[attr-defined] # a group, since there are several commands
+
+
+def test_the_readme_lists_exactly_the_commands_there_are() -> None:
+    table = (ROOT / "README.md").read_text().split("## Commands")[1].split("##")[0]
+    listed = set(re.findall(r"^\| `evenlight ([a-z-]+)", table, flags=re.MULTILINE))
+    assert listed == command_names()
+
+
+def test_every_command_helps_within_its_own_words(command) -> None:
+    for name in sorted(command_names()):
+        result = command(name, "--help")
+        assert result.code == 0
+        assert "--quiet" in result.out or name == "validate"
+
+
+@pytest.mark.parametrize("document", ["README.md", "CHANGELOG.md", *sorted(
+    str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md")
+)])  # fmt: skip
+def test_links_and_pictures_in_the_documents_exist(document: str) -> None:
+    text = (ROOT / document).read_text()
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
+        assert ((ROOT / document).parent / target).exists(), f"{document} points to {target}"
+
+
+def test_the_folders_of_the_readme_are_the_packages() -> None:
+    configured = re.search(r"^packages = \[(.*?)\]", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert configured is not None
+    readme = (ROOT / "README.md").read_text()
+    for package in re.findall(r'"(\w+)"', configured[1]):
+        assert f"`{package}/`" in readme
+        assert (ROOT / package / "__init__.py").exists()
+
+
+def test_no_module_has_a_name_that_says_nothing() -> None:
+    empty = {"utils", "util", "helpers", "helper", "common", "core", "base", "misc"}
+    packages = ("data_schema", "method", "hardware", "stimuli", "experiments", "analysis")
+    names = [path.stem for package in packages for path in (ROOT / package).glob("*.py")]
+    assert len(names) > 50
+    assert not empty & set(names)
+    assert not {name for name in names if name in sys.stdlib_module_names}
