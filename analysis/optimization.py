@@ -29,6 +29,7 @@ from data_schema.provenance import Provenance, provenance_now, sha256_of_record
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
+from method.contrast_loss import DEFAULT_MODEL, ContrastModel
 from method.evaluate import Effort, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
 from method.optimize import Problem, Request, pose
@@ -49,6 +50,8 @@ class Work:
         What it is shown on.
     request : Request
         Budget, power model, rate limit.
+    model : ContrastModel
+        Choices of the contrast model.
     solver : SolverName
         Which solver.
     seed : int
@@ -68,6 +71,7 @@ class Work:
     source: VideoSource
     display: Display
     request: Request
+    model: ContrastModel = DEFAULT_MODEL
     solver: SolverName = SolverName.SPLITTING
     seed: int = 1
     min_factor: float = 0.2
@@ -113,7 +117,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", track)
     write_json_record(folder / "summary.json", summary)
-    _draw(folder, problem, _Results(track, summary), samples)
+    _draw(work, folder, problem, _Results(track, summary), samples)
     return summary
 
 
@@ -126,6 +130,7 @@ def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
                 watched,
                 work.source.name,
                 display,
+                work.model,
                 factors=brightness_factors(work.min_factor),
                 provenance=_provenance(work),
             )
@@ -140,6 +145,8 @@ def _require_same_source(work: Work, curves: LossCurves, display: Display) -> No
     """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
     if curves.provenance.inputs.get("video") != work.source.sha256():
         raise InputError(f"--curves {work.curves}: made of another video than {work.source.name}")
+    if curves.provenance.inputs.get("contrast_model") != sha256_of_record(work.model):
+        raise InputError(f"--curves {work.curves}: made with another contrast model than the one asked for")
     if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
         display.fingerprint,
         display.pixels_per_degree,
@@ -186,6 +193,7 @@ def _provenance(work: Work, curves: LossCurves | None = None) -> Provenance:
     """Return where the results come from; the seed where the solver draws random numbers."""
     video = curves.provenance.inputs.get("video") if curves else None
     inputs = {"video": video or work.source.sha256(), "display": sha256_of_record(work.display)}
+    inputs["contrast_model"] = sha256_of_record(work.model)
     if curves is None:
         return provenance_now(inputs=inputs)
     inputs["power_model"] = sha256_of_record(work.request.power_model)
@@ -193,7 +201,7 @@ def _provenance(work: Work, curves: LossCurves | None = None) -> Provenance:
     return provenance_now(work.seed if work.solver is SolverName.SLSQP else None, inputs)
 
 
-def _draw(folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
+def _draw(work: Work, folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
     """Draw the figures: the track over time, and where contrast is lost in the frame it changes most."""
     story = TrackStory(
         track=results.track,
@@ -209,7 +217,7 @@ def _draw(folder: Path, problem: Problem, results: _Results, samples: FrameSampl
     index, pixels = max(samples.held, key=lambda held: float(gain[held[0]]))
     panel = problem.curves.display
     ours, constant = (
-        contrast_map(pixels, float(factor), panel)
+        contrast_map(pixels, float(factor), panel, work.model)
         for factor in (results.track.factors[index], problem.baseline_factor)
     )
     name = f"{problem.curves.video} at {problem.curves.times[index]:.1f} s"

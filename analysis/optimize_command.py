@@ -29,6 +29,9 @@ def optimize(
     rate_limit: Annotated[
         str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")
     ] = "surace2025",
+    contrast_model: Annotated[
+        str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
+    ] = "default",
     solver: Annotated[
         SolverName, typer.Option(help="The fast one, or the paper's (short clips).")
     ] = SolverName.SPLITTING,
@@ -62,7 +65,12 @@ def optimize(
     from analysis.optimization import Work, run_optimization
     from data_schema.files import results_folder
     from method.optimize import Request
-    from method.preset_files import load_display, load_power_model, load_rate_limit
+    from method.preset_files import (
+        load_contrast_model,
+        load_display,
+        load_power_model,
+        load_rate_limit,
+    )
     from method.rate_limit import require_same_display
     from stimuli.video_source import open_video
 
@@ -75,7 +83,19 @@ def optimize(
         require_same_display(limit, panel)
     request = Request(budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated)
     source = open_video(video, fps)
-    work = Work(source, panel, request, solver, seed, min_factor, calm, field_of_view, curves, quiet)
+    work = Work(
+        source=source,
+        display=panel,
+        request=request,
+        model=load_contrast_model(contrast_model),
+        solver=solver,
+        seed=seed,
+        min_factor=min_factor,
+        calm=calm,
+        field_of_view=field_of_view,
+        curves=curves,
+        quiet=quiet,
+    )
     with results_folder(out) as folder:
         summary = run_optimization(work, folder)
     if not quiet:

@@ -1,17 +1,20 @@
-"""Displays, power models and rate limits: presets by name, files by path."""
+"""Displays, power models, rate limits and contrast models: presets by name, files by path."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.power_model import PowerModel
 from data_schema.rate_limit import RateLimit
 from data_schema.text_files import read_json_record, read_toml_record
+
+if TYPE_CHECKING:
+    from method.contrast_loss import ContrastModel
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -42,8 +45,18 @@ def load_rate_limit(name_or_path: str) -> RateLimit:
     return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
 
 
+def load_contrast_model(name_or_path: str) -> ContrastModel:
+    """Return the contrast model of a preset (`default`, `as-printed`) or of a toml file.
+
+    Errors as `load_display`.
+    """
+    from method.contrast_loss import ContrastModel  # imported late: it needs compiled code, presets do not
+
+    return _load(name_or_path, "contrast_model", "toml", lambda path: read_toml_record(ContrastModel, path))
+
+
 def preset_names(kind: str) -> list[str]:
-    """Return the names of the presets of a kind ("display", "power", "rate_limit")."""
+    """Return the names of the presets of a kind ("display", "power", "rate_limit", "contrast_model")."""
     return sorted(path.name.split(".")[0] for path in PRESETS.glob(f"*.{kind}.*"))
 
 

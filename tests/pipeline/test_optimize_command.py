@@ -179,6 +179,19 @@ def test_loss_curves_of_an_earlier_run_give_the_same_track(command, tmp_path) ->
     np.testing.assert_array_equal(first.factors, again.factors)
 
 
+def test_a_contrast_model_of_ones_own_is_used_and_remembered(command, tmp_path) -> None:
+    clip = video(tmp_path / "v.mkv", [texture(1) * s for s in np.linspace(0.2, 1, 6)])
+    optimized(command, tmp_path, clip)
+    default = read_loss_curves(tmp_path / "out" / "loss_curves.npz")
+    optimized(command, tmp_path, clip, 0.5, "--contrast-model", "as-printed")
+    kept = tmp_path / "out" / "loss_curves.npz"
+    printed = read_loss_curves(kept)
+    # Bright detail alone is less than bright and dark detail.
+    assert (printed.visible_contrast < default.visible_contrast).all()
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--curves", kept)
+    assert "made with another contrast model" in line
+
+
 def test_a_wider_field_of_view_makes_the_detail_coarser(command, tmp_path) -> None:
     clip = video(tmp_path / "v.mkv", [texture(1) * s for s in np.linspace(0.2, 1, 6)])
     optimized(command, tmp_path, clip, 0.5, "--field-of-view", 2)
