@@ -27,9 +27,10 @@ from analysis.figure_style import (
     text_size,
 )
 from analysis.thumbnails import small_picture
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from data_schema.display import Display
 from method.bands import band_frequencies
-from method.contrast_loss import DEFAULT_MODEL, ContrastModel, loss_of, visible_map
+from method.contrast_loss import loss_of, visible_map
 from method.luminance import dimmed_luminance, emitted_luminance
 
 Mask = NDArray[np.bool_]

@@ -21,6 +21,7 @@ from analysis.thumbnails import thumbnails_of
 from analysis.track_figure import track_figure
 from analysis.track_story import TrackStory
 from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader, write_track
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.frame import Frame
@@ -29,7 +30,6 @@ from data_schema.provenance import Provenance, provenance_now, sha256_of_record
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
-from method.contrast_loss import DEFAULT_MODEL, ContrastModel
 from method.evaluate import Effort, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
 from method.optimize import Problem, Request, pose

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
+from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
@@ -72,6 +73,13 @@ POWER_MODEL = RecordKind(
     ("power.toml", "power_model.toml", "*.power.toml"),
     "a power sweep, or by hand",
 )
+CONTRAST_MODEL = RecordKind(
+    "contrast_model",
+    ContrastModel,
+    FileFormat.TOML,
+    ("contrast_model.toml", "*.contrast_model.toml"),
+    "a researcher",
+)
 RAMP_DESIGN = RecordKind(
     "ramp_design", RampDesign, FileFormat.TOML, ("design.toml", "*.design.toml"), "an experimenter"
 )
@@ -101,6 +109,7 @@ RAMP_TRIAL = RecordKind(
 KINDS = (
     DISPLAY,
     POWER_MODEL,
+    CONTRAST_MODEL,
     SESSION_MANIFEST,
     RAMP_DESIGN,
     RAMP_TRIAL,

@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency
 from data_schema.display import Display
 from method.pyramid import level_shapes
-
-LOWEST_FREQUENCY = 0.5  # [cpd] FovVideoVDP's lowest band, Mantiuk et al. (2021)
 
 # Energy centroid of each band of the a = 0.4 pyramid, as a share of the Nyquist frequency; further bands
 # halve. Computed from the kernel in tests/method/test_bands.py.
 _CENTROIDS = (0.672, 0.294, 0.138, 0.068)
-
-
-class BandFrequency(enum.Enum):
-    """Which frequency f a band of the pyramid stands for."""
-
-    NYQUIST = "nyquist"  # upper end: Nyquist, halved per level, as Tursun et al. (2019)
-    CENTROID = "centroid"  # energy centroid of the band's filter
-    AUTHORS = "authors"  # a quarter of Nyquist, halved per level: as the authors' script
 
 
 def band_frequencies(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-EPSILON = 1e-6  # ε [cd/m^2]; "a small value" in the paper: the luminance below which the eye sees nothing
+from data_schema.contrast_model import EPSILON
 
 
 def csf_contrast(

@@ -5,76 +5,24 @@ This is the plain and slow form, the oracle of everything faster; `method.loss_c
 
 from __future__ import annotations
 
-import enum
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    ContrastModel,
+    SensitivityModel,
+    Visibility,
+)
 from data_schema.display import Display
-from data_schema.quantities import check_limits, described, quantity
-from method.bands import LOWEST_FREQUENCY, BandFrequency, band_frequencies
-from method.contrast import EPSILON, csf_contrast
-from method.csf import FIELD_SIZE, SensitivityModel, contrast_sensitivity
-from method.luminance import PixelToLuminance, dimmed_luminance
-from method.masking import MaskingNeighbourhood, perceived_contrast
+from method.bands import band_frequencies
+from method.contrast import csf_contrast
+from method.csf import contrast_sensitivity
+from method.luminance import dimmed_luminance
+from method.masking import perceived_contrast
 from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
 
 VISIBILITY_THRESHOLD = 1.0  # of |C_t| (paper, below Eq. 4)
-
-
-class Visibility(enum.Enum):
-    """Which perceived contrasts count as visible."""
-
-    BOTH_POLARITIES = "both_polarities"  # |C_t| > 1: dark detail is seen as well as bright detail
-    POSITIVE_ONLY = "positive_only"  # C_t > 1, as printed
-
-
-@dataclass(frozen=True, slots=True)
-class ContrastModel:
-    """All choices of the contrast model; the defaults are those of docs/decisions.
-
-    Attributes
-    ----------
-    pixel_to_luminance : PixelToLuminance
-        How colour becomes luminance.
-    band_frequency : BandFrequency
-        Which frequency a band stands for.
-    lowest_frequency : float
-        No band below it [cpd].
-    band_count : int or None
-        So many bands instead of those above `lowest_frequency`.
-    sensitivity : SensitivityModel
-        Which contrast sensitivity function.
-    field_size : float
-        X0, side of the field of view [deg].
-    masking : MaskingNeighbourhood
-        Which pixels mask a pixel.
-    visibility : Visibility
-        Which perceived contrasts count as visible.
-    epsilon : float
-        ε of Eq. 2 [cd/m^2].
-    """
-
-    pixel_to_luminance: PixelToLuminance = described(
-        "how colour becomes luminance", default=PixelToLuminance.LINEAR_FIRST
-    )
-    band_frequency: BandFrequency = described("frequency of a band", default=BandFrequency.NYQUIST)
-    lowest_frequency: float = quantity("1", "no band below, in cpd", above=0.0, default=LOWEST_FREQUENCY)
-    band_count: int | None = quantity("1", "so many bands instead", minimum=1, default=None)
-    sensitivity: SensitivityModel = described("contrast sensitivity", default=SensitivityModel.BARTEN)
-    field_size: float = quantity("deg", "side of the field of view", above=0.0, default=FIELD_SIZE)
-    masking: MaskingNeighbourhood = described(
-        "which pixels mask a pixel", default=MaskingNeighbourhood.WITH_CENTRE
-    )
-    visibility: Visibility = described("what counts as visible", default=Visibility.BOTH_POLARITIES)
-    epsilon: float = quantity("cd/m^2", "ε of Eq. 2", above=0.0, default=EPSILON)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-
-
-DEFAULT_MODEL = ContrastModel()
 
 
 def contrast_loss(

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
-from method.contrast_loss import ContrastModel
 from method.csf import LOWEST_LUMINANCE, contrast_sensitivity
 from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 

@@ -6,12 +6,11 @@ sensitivity of the human eye" (Proc. SPIE 5294, 2003). Sensitivity is 1 / modula
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FIELD_SIZE = 60.0  # X0 [deg]; ITU-R BT.2246 and the authors' script
+from data_schema.contrast_model import FIELD_SIZE, SensitivityModel
+
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 
 # All from Barten (1999, 2003), table of constants of the typical observer.
@@ -29,14 +28,6 @@ _PHOTONS_PER_TROLAND = 1.2274e6  # p [photons/s/deg²/td]; ITU-R BT.2246, for di
 # What the authors' script holds fixed.
 _AUTHORS_PUPIL = 3.0  # [mm] for the retinal illuminance
 _AUTHORS_BLUR_PUPIL = 2.1  # [mm] for the optical blur
-
-
-class SensitivityModel(enum.Enum):
-    """Which contrast sensitivity function."""
-
-    BARTEN = "barten"  # full form, pupil from luminance and field size
-    SIMPLIFIED = "simplified"  # closed form of the 2003 paper
-    AUTHORS = "authors"  # full form with a fixed pupil, at the mean luminance of the level
 
 
 def contrast_sensitivity(

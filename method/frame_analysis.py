@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schema.contrast_model import (
+    ContrastModel,
+    MaskingNeighbourhood,
+    PixelToLuminance,
+    SensitivityModel,
+    Visibility,
+)
 from data_schema.display import Display
 from method.bands import band_frequencies
-from method.contrast_loss import ContrastModel, Visibility, loss_of, visible_contrast
+from method.contrast_loss import loss_of, visible_contrast
 from method.critical_factor import BandTable, band_table, threshold_table
-from method.csf import LOWEST_LUMINANCE, SensitivityModel
-from method.luminance import PixelToLuminance, channel_means, dimmed_luminance, emitted_luminance
-from method.masking import MaskingNeighbourhood
+from method.csf import LOWEST_LUMINANCE
+from method.luminance import channel_means, dimmed_luminance, emitted_luminance
 from method.one_pass import (
     FLOAT_STEPS,
     ToContrast,

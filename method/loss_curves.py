@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.loss_curves import LossCurves
 from data_schema.provenance import Provenance, provenance_now
-from method.contrast_loss import DEFAULT_MODEL, ContrastModel, loss_of, visible_contrast
+from method.contrast_loss import loss_of, visible_contrast
 from method.frame_analysis import FrameAnalysis
 from method.luminance import dimmed_luminance
 

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import enum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_schema.contrast_model import PixelToLuminance
 from data_schema.display import Display
 
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # of linear R, G, B; ITU-R BT.709-6
-
-
-class PixelToLuminance(enum.Enum):
-    """How three gamma-encoded channels become one luminance."""
-
-    LINEAR_FIRST = "linear_first"  # linearize each channel, then weigh: what a display emits
-    LUMA_FIRST = "luma_first"  # weigh the encoded channels, then linearize: as the authors' script
 
 
 def displayed_luminance(pixel_values: ArrayLike, display: Display) -> NDArray[np.float64]:

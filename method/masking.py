@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.typing import NDArray
+
+from data_schema.contrast_model import MaskingNeighbourhood
 
 TRANSDUCER_EXPONENT = 0.7  # α, Zeng et al. (2000)
 MASKING_EXPONENT = 0.2  # β, Zeng et al. (2000)
 NEIGHBOURHOOD_SIDE = 5  # N(p) is 5 × 5 (paper, below Eq. 3)
-
-
-class MaskingNeighbourhood(enum.Enum):
-    """Which pixels mask a pixel."""
-
-    WITH_CENTRE = "with_centre"  # all 25, as printed
-    WITHOUT_CENTRE = "without_centre"  # the 24 others, as Tursun et al. (2019)
 
 
 def perceived_contrast(

@@ -5,16 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
+from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.power_model import PowerModel
 from data_schema.rate_limit import RateLimit
 from data_schema.text_files import read_json_record, read_toml_record
-
-if TYPE_CHECKING:
-    from method.contrast_loss import ContrastModel
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -46,12 +44,7 @@ def load_rate_limit(name_or_path: str) -> RateLimit:
 
 
 def load_contrast_model(name_or_path: str) -> ContrastModel:
-    """Return the contrast model of a preset (`default`, `as-printed`) or of a toml file.
-
-    Errors as `load_display`.
-    """
-    from method.contrast_loss import ContrastModel  # imported late: it needs compiled code, presets do not
-
+    """Return the contrast model of a preset (`default`, `as-printed`) or a toml file, as `load_display`."""
     return _load(name_or_path, "contrast_model", "toml", lambda path: read_toml_record(ContrastModel, path))
 
 

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from data_schema.contrast_model import BandFrequency
 from data_schema.display import Display
-from method.bands import BandFrequency, band_frequencies
+from method.bands import band_frequencies
 from method.pyramid import gaussian_pyramid, laplacian_bands, level_shapes
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=72.28)

@@ -8,21 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from data_schema.display import Display
-from method.bands import BandFrequency
-from method.contrast import csf_contrast
-from method.contrast_loss import (
+from data_schema.contrast_model import (
+    BandFrequency,
     ContrastModel,
+    MaskingNeighbourhood,
+    SensitivityModel,
     Visibility,
-    contrast_loss,
-    loss_of,
-    perceived_contrasts,
-    visible_contrast,
-    visible_map,
 )
-from method.csf import SensitivityModel, contrast_sensitivity
+from data_schema.display import Display
+from method.contrast import csf_contrast
+from method.contrast_loss import contrast_loss, loss_of, perceived_contrasts, visible_contrast, visible_map
+from method.csf import contrast_sensitivity
 from method.luminance import dimmed_luminance
-from method.masking import MaskingNeighbourhood, neighbourhood_mean, perceived_contrast
+from method.masking import neighbourhood_mean, perceived_contrast
 from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands, level_shapes
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)

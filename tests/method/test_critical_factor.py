@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from data_schema.contrast_model import ContrastModel, SensitivityModel
 from data_schema.display import Display
-from method.contrast_loss import ContrastModel
 from method.critical_factor import (
     LARGEST_LOG_RATIO,
     MASKING_RANGE,
@@ -16,7 +16,7 @@ from method.critical_factor import (
     effective_sensitivity,
     threshold_table,
 )
-from method.csf import SensitivityModel, contrast_sensitivity
+from method.csf import contrast_sensitivity
 from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)

@@ -8,17 +8,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from data_schema.contrast_model import (
+    BandFrequency,
+    ContrastModel,
+    MaskingNeighbourhood,
+    PixelToLuminance,
+    SensitivityModel,
+    Visibility,
+)
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.frame import Frame
 from method import critical_factor
-from method.bands import BandFrequency
-from method.contrast_loss import ContrastModel, Visibility, visible_contrast
-from method.csf import SensitivityModel, contrast_sensitivity
+from method.contrast_loss import visible_contrast
+from method.csf import contrast_sensitivity
 from method.frame_analysis import FrameAnalysis
 from method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from method.luminance import PixelToLuminance, channel_means, dimmed_luminance, emitted_luminance
-from method.masking import MaskingNeighbourhood
+from method.luminance import channel_means, dimmed_luminance, emitted_luminance
 from method.one_pass import exp2, log2
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)

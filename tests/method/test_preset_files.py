@@ -2,8 +2,8 @@
 
 import pytest
 
+from data_schema.contrast_model import DEFAULT_MODEL, Visibility
 from data_schema.errors import InputError
-from method.contrast_loss import DEFAULT_MODEL, Visibility
 from method.preset_files import (
     load_contrast_model,
     load_display,

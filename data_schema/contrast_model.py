@@ -1,0 +1,96 @@
+"""The choices of the contrast model, where the paper is silent or contradicts itself."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from data_schema.quantities import check_limits, described, quantity
+
+LOWEST_FREQUENCY = 0.5  # [cpd] FovVideoVDP's lowest band, Mantiuk et al. (2021)
+FIELD_SIZE = 60.0  # X0 [deg]; ITU-R BT.2246 and the authors' script
+EPSILON = 1e-6  # ε [cd/m^2]; "a small value" in the paper: the luminance below which the eye sees nothing
+
+
+class PixelToLuminance(enum.Enum):
+    """How three gamma-encoded channels become one luminance."""
+
+    LINEAR_FIRST = "linear_first"  # linearize each channel, then weigh: what a display emits
+    LUMA_FIRST = "luma_first"  # weigh the encoded channels, then linearize: as the authors' script
+
+
+class BandFrequency(enum.Enum):
+    """Which frequency f a band of the pyramid stands for."""
+
+    NYQUIST = "nyquist"  # upper end: Nyquist, halved per level, as Tursun et al. (2019)
+    CENTROID = "centroid"  # energy centroid of the band's filter
+    AUTHORS = "authors"  # a quarter of Nyquist, halved per level: as the authors' script
+
+
+class SensitivityModel(enum.Enum):
+    """Which contrast sensitivity function."""
+
+    BARTEN = "barten"  # full form, pupil from luminance and field size
+    SIMPLIFIED = "simplified"  # closed form of the 2003 paper
+    AUTHORS = "authors"  # full form with a fixed pupil, at the mean luminance of the level
+
+
+class MaskingNeighbourhood(enum.Enum):
+    """Which pixels mask a pixel."""
+
+    WITH_CENTRE = "with_centre"  # all 25, as printed
+    WITHOUT_CENTRE = "without_centre"  # the 24 others, as Tursun et al. (2019)
+
+
+class Visibility(enum.Enum):
+    """Which perceived contrasts count as visible."""
+
+    BOTH_POLARITIES = "both_polarities"  # |C_t| > 1: dark detail is seen as well as bright detail
+    POSITIVE_ONLY = "positive_only"  # C_t > 1, as printed
+
+
+@dataclass(frozen=True, slots=True)
+class ContrastModel:
+    """All choices of the contrast model; the defaults are those of docs/decisions.
+
+    Attributes
+    ----------
+    pixel_to_luminance : PixelToLuminance
+        How colour becomes luminance.
+    band_frequency : BandFrequency
+        Which frequency a band stands for.
+    lowest_frequency : float
+        No band below it [cpd].
+    band_count : int or None
+        So many bands instead of those above `lowest_frequency`.
+    sensitivity : SensitivityModel
+        Which contrast sensitivity function.
+    field_size : float
+        X0, side of the field of view [deg].
+    masking : MaskingNeighbourhood
+        Which pixels mask a pixel.
+    visibility : Visibility
+        Which perceived contrasts count as visible.
+    epsilon : float
+        ε of Eq. 2 [cd/m^2].
+    """
+
+    pixel_to_luminance: PixelToLuminance = described(
+        "how colour becomes luminance", default=PixelToLuminance.LINEAR_FIRST
+    )
+    band_frequency: BandFrequency = described("frequency of a band", default=BandFrequency.NYQUIST)
+    lowest_frequency: float = quantity("1", "no band below, in cpd", above=0.0, default=LOWEST_FREQUENCY)
+    band_count: int | None = quantity("1", "so many bands instead", minimum=1, default=None)
+    sensitivity: SensitivityModel = described("contrast sensitivity", default=SensitivityModel.BARTEN)
+    field_size: float = quantity("deg", "side of the field of view", above=0.0, default=FIELD_SIZE)
+    masking: MaskingNeighbourhood = described(
+        "which pixels mask a pixel", default=MaskingNeighbourhood.WITH_CENTRE
+    )
+    visibility: Visibility = described("what counts as visible", default=Visibility.BOTH_POLARITIES)
+    epsilon: float = quantity("cd/m^2", "ε of Eq. 2", above=0.0, default=EPSILON)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+DEFAULT_MODEL = ContrastModel()
