@@ -14,6 +14,9 @@ from method.choices import LimitCurve, ModulatedLuminance, SolverName
 if TYPE_CHECKING:
     from data_schema.brightness_track import OptimizationSummary
 
+MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
+WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide
+
 
 def optimize(
     video: Annotated[
@@ -41,7 +44,7 @@ def optimize(
     modulated: Annotated[
         ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")
     ] = ModulatedLuminance.FRAME_MEAN,
-    min_factor: Annotated[float, typer.Option(help="Lowest brightness factor allowed, above 0.")] = 0.2,
+    min_factor: Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")] = 0.2,
     field_of_view: Annotated[
         float | None,
         typer.Option(help="Degrees that the video's width spans; else it is shown pixel for pixel."),
@@ -74,10 +77,17 @@ def optimize(
     from method.rate_limit import require_same_display
     from stimuli.video_source import open_video
 
-    if not 0 < min_factor < 1:
-        raise InputError(f"--min-factor must lie between 0 and 1, got {min_factor:g}")
+    low, high = MIN_FACTORS
+    if not low <= min_factor <= high:
+        raise InputError(f"--min-factor must lie in {low:g} to {high:g}, got {min_factor:.15g}")
     if not 0 <= calm <= 1:
         raise InputError(f"--calm must lie between 0 and 1, got {calm:g}")
+    if field_of_view is not None and not 0 < field_of_view <= WIDEST_FIELD:
+        raise InputError(
+            f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
+        )
+    if seed < 0:
+        raise InputError(f"--seed must be 0 or more, got {seed}")
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)

@@ -167,8 +167,8 @@ class OptimizationSummary:
         Which solver, and its iterations.
     calm : float
         Share of the gain that was to be given up, at most, for a calmer track.
-    solve_s, curves_s : float
-        Time taken by the optimizer, and by the loss curves [s].
+    solve_s, curves_s, bound_s : float
+        Time taken by the optimizer, by the loss curves, and by the lower bound [s].
     frames_without_contrast : int
         Frames in which nothing is visible even undimmed; they have nothing to lose.
     seed : int or None
@@ -203,9 +203,14 @@ class OptimizationSummary:
     calm: float = quantity("1", "share of the gain given up at most for calm", minimum=0.0, maximum=1.0)
     solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
     curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
+    bound_s: float = quantity("s", "time that the lower bound took", minimum=0.0, key="bound_s")
     seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
     versions: dict[str, str] = described("versions of the software")
     provenance: Provenance = described("how the file was made")
 
     def __post_init__(self) -> None:
         check_limits(self)
+        if self.lower_bound > self.objective:
+            raise ValueError(
+                f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"
+            )

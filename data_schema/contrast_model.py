@@ -60,34 +60,38 @@ class ContrastModel:
     band_frequency : BandFrequency
         Which frequency a band stands for.
     lowest_frequency : float
-        No band below it [cpd].
+        No band below it [cpd]; the eye resolves 60.
     band_count : int or None
         So many bands instead of those above `lowest_frequency`.
     sensitivity : SensitivityModel
         Which contrast sensitivity function.
     field_size : float
-        X0, side of the field of view [deg].
+        X0, side of the field of view [deg]: from a foveal spot to all around.
     masking : MaskingNeighbourhood
         Which pixels mask a pixel.
     visibility : Visibility
         Which perceived contrasts count as visible.
     epsilon : float
-        ε of Eq. 2 [cd/m^2].
+        ε of Eq. 2 [cd/m^2]; small beside what is seen, and not lost in 32 bits.
     """
 
     pixel_to_luminance: PixelToLuminance = described(
         "how colour becomes luminance", default=PixelToLuminance.LINEAR_FIRST
     )
     band_frequency: BandFrequency = described("frequency of a band", default=BandFrequency.NYQUIST)
-    lowest_frequency: float = quantity("1", "no band below, in cpd", above=0.0, default=LOWEST_FREQUENCY)
+    lowest_frequency: float = quantity(
+        "1", "no band below, in cpd", above=0.0, maximum=1e3, default=LOWEST_FREQUENCY
+    )
     band_count: int | None = quantity("1", "so many bands instead", minimum=1, default=None)
     sensitivity: SensitivityModel = described("contrast sensitivity", default=SensitivityModel.BARTEN)
-    field_size: float = quantity("deg", "side of the field of view", above=0.0, default=FIELD_SIZE)
+    field_size: float = quantity(
+        "deg", "side of the field of view", minimum=1e-3, maximum=360.0, default=FIELD_SIZE
+    )
     masking: MaskingNeighbourhood = described(
         "which pixels mask a pixel", default=MaskingNeighbourhood.WITH_CENTRE
     )
     visibility: Visibility = described("what counts as visible", default=Visibility.BOTH_POLARITIES)
-    epsilon: float = quantity("cd/m^2", "ε of Eq. 2", above=0.0, default=EPSILON)
+    epsilon: float = quantity("cd/m^2", "ε of Eq. 2", minimum=1e-12, maximum=1.0, default=EPSILON)
 
     def __post_init__(self) -> None:
         check_limits(self)

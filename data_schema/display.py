@@ -8,6 +8,11 @@ from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance, sha256_of_bytes
 from data_schema.quantities import check_limits, described, quantity
 
+# Beyond these a number is a slip of the pen or in another unit, and the model would overflow or see nothing.
+HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
+HIGHEST_GAMMA = 10.0  # panels have 1.8 to 2.6
+COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 120 pixels
+
 
 @dataclass(frozen=True, slots=True)
 class Display:
@@ -34,12 +39,20 @@ class Display:
     """
 
     name: str = described("name of the display")
-    peak_luminance: float = quantity("cd/m^2", "L_max at full pixel value and full brightness", above=0.0)
+    peak_luminance: float = quantity(
+        "cd/m^2", "L_max at full pixel value and full brightness", above=0.0, maximum=HIGHEST_LUMINANCE
+    )
     black_level: float = quantity("cd/m^2", "L_black at pixel value 0 and full brightness", minimum=0.0)
-    gamma: float = quantity("1", "exponent from pixel value to luminance", above=0.0)
-    pixels_per_degree: float = quantity("1/deg", "pixels per degree of visual angle", above=0.0)
+    gamma: float = quantity("1", "exponent from pixel value to luminance", above=0.0, maximum=HIGHEST_GAMMA)
+    pixels_per_degree: float = quantity(
+        "1/deg", "pixels per degree of visual angle", minimum=COARSEST, maximum=FINEST
+    )
     reflected_luminance: float = quantity(
-        "cd/m^2", "L_refl, reflected ambient light; not dimmed with the display", minimum=0.0, default=0.0
+        "cd/m^2",
+        "L_refl, reflected ambient light; not dimmed with the display",
+        minimum=0.0,
+        maximum=HIGHEST_LUMINANCE,
+        default=0.0,
     )
     source: str = described("where the figures come from", default="")
     provenance: Provenance | None = described("how the file was made", default=None)

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
+
+LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
+LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
+LARGEST_RATE = 1e9  # [cd/m^2/s] a thousand times a blinding luminance, within a second
+SAMPLES = 201  # positions at which the polynomial is looked at: finer than a polynomial of degree 20 bends
 
 
 class RateLimitForm(enum.Enum):
@@ -60,7 +67,7 @@ class RateLimit:
         "1", "Legendre coefficients, constant term first, z = luminance_range mapped to [-1, 1]", min_items=1
     )
     luminance_range: tuple[float, float] = quantity(
-        "cd/m^2", "measured luminances: lowest, highest", above=0.0
+        "cd/m^2", "measured luminances: lowest, highest", minimum=LOWEST_LUMINANCE
     )
     band_luminance: tuple[float, ...] = quantity("cd/m^2", "where the band is sampled", above=0.0, default=())
     band_lower: tuple[float, ...] = quantity("cd/m^2/s", "lower edge of the band", minimum=0.0, default=())
@@ -84,3 +91,33 @@ class RateLimit:
             raise ValueError("the three band lists must be equally long")
         if len(self.point_luminance) != len(self.point_rate):
             raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")
+        self._check_size()
+
+    def _check_size(self) -> None:
+        """Refuse coefficients whose rate no eye could have, and no computer could write down."""
+        values = [_legendre_sum(self.coefficients, 2 * k / (SAMPLES - 1) - 1) for k in range(SAMPLES)]
+        worst = max(values, key=lambda value: math.inf if math.isnan(value) else abs(value))
+        if self.form is RateLimitForm.RATE:
+            if not -math.inf < worst <= LARGEST_RATE:
+                raise ValueError(
+                    f"coefficients give a rate of {worst:.4g} cd/m^2/s within luminance_range_cd_m2; "
+                    f"need at most {LARGEST_RATE:g}"
+                )
+        elif not abs(worst) <= LARGEST_LN_RATE:
+            raise ValueError(
+                f"coefficients give ln(rate) = {worst:.4g} within luminance_range_cd_m2; need "
+                f'-{LARGEST_LN_RATE:g} to {LARGEST_LN_RATE:g} (for a rate itself, form is "rate")'
+            )
+
+
+def _legendre_sum(coefficients: Sequence[float], z: float) -> float:
+    """Return Σ_k coefficients[k] · P_k(z), by (k + 1) P_k+1 = (2k + 1) z P_k - k P_k-1.
+
+    >>> _legendre_sum((1.0, 2.0, 4.0), 0.5)  # 1 + 2 · 0.5 + 4 · (3 · 0.25 - 1) / 2
+    1.5
+    """
+    total, before, now = 0.0, 0.0, 1.0
+    for k, coefficient in enumerate(coefficients):
+        total += coefficient * now
+        before, now = now, ((2 * k + 1) * z * now - k * before) / (k + 1)
+    return total

@@ -75,7 +75,10 @@ def some_power(values: Values) -> Values:
 def consistent_limit(values: Values) -> Values:
     low, high = sorted(values["luminance_range"])
     n, m = len(values["band_luminance"]), len(values["point_luminance"])
+    # Legendre polynomials lie within -1 and 1, so the sum of the coefficients' sizes bounds the curve.
+    scale = max(1.0, sum(abs(c) for c in values["coefficients"]) / 40)
     return values | {
+        "coefficients": tuple(c / scale for c in values["coefficients"]),
         "luminance_range": (low, 2 * high),
         "band_lower": (0.25,) * n,
         "band_upper": (0.75,) * n,

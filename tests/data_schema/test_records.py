@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, read_track, write_track
+from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
 from data_schema.ramp import RampDesign, RampTrial, Response
+from data_schema.rate_limit import RateLimit, RateLimitForm
 from data_schema.text_files import read_toml_record, write_toml_record
 from data_schema.threshold import Threshold, ThresholdFlag
 
@@ -74,6 +76,65 @@ def test_limits_are_kept_and_their_own_values_are_within_them() -> None:
     assert RampDesign(factors=(1.0,)).factors == (1.0,)
     with pytest.raises(ValueError, match="gamma must be above 0, got 0"):
         Display("x", 100.0, 0.1, 0.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"peak_luminance": 1.1e6}, "peak_luminance_cd_m2 must be at most 1e"),
+        ({"reflected_luminance": 1e300}, "reflected_luminance_cd_m2 must be at most 1e"),
+        ({"gamma": 10.5}, "gamma must be at most 10, got 10.5"),
+        ({"pixels_per_degree": 1e300}, "pixels_per_degree must be at most 10000"),
+        ({"pixels_per_degree": 1e-300}, "pixels_per_degree must be at least 0.001"),
+    ],
+)
+def test_a_display_is_one_that_could_be_built(changes: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        dataclasses.replace(Display("x", 100.0, 0.1, 2.2, 30.0), **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"field_size": 1e-200}, "field_size_deg must be at least 0.001 deg"),
+        ({"field_size": 361.0}, "field_size_deg must be at most 360 deg"),
+        ({"lowest_frequency": 1e300}, "lowest_frequency must be at most 1000"),
+        ({"epsilon": 1e300}, "epsilon_cd_m2 must be at most 1 cd"),
+        ({"epsilon": 1e-300}, "epsilon_cd_m2 must be at least 1e-12"),
+    ],
+)
+def test_a_contrast_model_is_one_that_can_be_computed(changes: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        ContrastModel(**changes)  # type: ignore[arg-type] # only numbers are changed
+
+
+def limit(form: RateLimitForm, coefficients: tuple[float, ...], **changes: Any) -> RateLimit:
+    return RateLimit("r", "d", "f", form, coefficients, (10.0, 100.0), **changes)
+
+
+@pytest.mark.parametrize("form", [RateLimitForm.LN_RATE, RateLimitForm.LOG_LOG])
+def test_the_logarithm_of_a_rate_is_within_50(form: RateLimitForm) -> None:
+    """At z = -1 and 1 the polynomial c1 · P1 + c2 · P2 is c2 - c1 and c2 + c1."""
+    assert limit(form, (0.0, 20.0, 29.0)).form is form
+    for coefficients in ((0.0, 30.0, 21.0), (0.0, -30.0, 21.0), (-51.0,), (800.0,), (1e308, 1e308)):
+        with pytest.raises(ValueError, match=r"coefficients give ln\(rate\) = "):
+            limit(form, coefficients)
+    with pytest.raises(ValueError, match=r"ln\(rate\) = 51 within"):
+        limit(form, (0.0, 30.0, 21.0))
+
+
+def test_a_rate_is_finite_and_no_flash() -> None:
+    assert limit(RateLimitForm.RATE, (1e9,)).coefficients == (1e9,)
+    for coefficients in ((1.1e9,), (-1e9, 0.0, 3e9), (1e308, 1e308), (-1e308, -1e308)):
+        with pytest.raises(ValueError, match=r"coefficients give a rate of (2e\+09|1\.1e\+09|-?inf)"):
+            limit(RateLimitForm.RATE, coefficients)
+
+
+def test_a_polynomial_that_is_infinite_both_ways_is_refused() -> None:
+    """inf - inf is no number: neither too large nor small enough."""
+    for form in RateLimitForm:
+        with pytest.raises(ValueError, match="coefficients give"):
+            limit(form, (1e308, 1e308, -1e308, -1e308, 1e308, 1e308))
 
 
 def test_black_is_darker_than_white() -> None:

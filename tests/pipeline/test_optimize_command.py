@@ -262,6 +262,33 @@ def test_a_budget_that_is_no_amount(command, tmp_path, clip, budget) -> None:
     assert "cannot be met" in refused(command, tmp_path, clip, "--budget", budget)
 
 
+@pytest.mark.parametrize("factor", ["0", "-0.5", "0.0009", "0.999999999999999", "1", "nan"])
+def test_a_lowest_factor_that_is_none(command, tmp_path, clip, factor) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--min-factor", factor)
+    assert f"--min-factor must lie in 0.001 to 0.99, got {factor}" in line
+
+
+@pytest.mark.parametrize("solver", ["splitting", "slsqp"])
+def test_a_negative_seed(command, tmp_path, clip, solver) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--seed", -1, "--solver", solver)
+    assert "--seed must be 0 or more, got -1" in line
+
+
+@pytest.mark.parametrize("degrees", ["0", "-1", "179.9999999", "180", "inf", "nan"])
+def test_a_field_of_view_that_no_flat_screen_has(command, tmp_path, clip, degrees) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--field-of-view", degrees)
+    assert "--field-of-view must lie above 0 and not above 175 degrees" in line
+
+
+@pytest.mark.parametrize("form", ["ln_rate", "log_log", "rate"])
+def test_a_rate_limit_beyond_all_numbers(command, tmp_path, clip, form) -> None:
+    content = json.loads(limit_file(tmp_path / "limit.json", 1.0).read_text())
+    content |= {"form": form, "coefficients": [1e300]}
+    (tmp_path / "limit.json").write_text(json.dumps(content))
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--rate-limit", tmp_path / "limit.json")
+    assert "limit.json: coefficients give" in line
+
+
 def test_an_unknown_preset_is_told_the_known_ones(command, tmp_path, clip) -> None:
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--display", "varjo-xr4")
     assert "varjo-xr4: no such display; did you mean 'varjo-xr3'?" in line
