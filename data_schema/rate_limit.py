@@ -96,8 +96,9 @@ class RateLimit:
     def _check_size(self) -> None:
         """Refuse coefficients whose rate no eye could have, and no computer could write down."""
         values = [_legendre_sum(self.coefficients, 2 * k / (SAMPLES - 1) - 1) for k in range(SAMPLES)]
-        worst = max(values, key=lambda value: math.inf if math.isnan(value) else abs(value))
-        if self.form is RateLimitForm.RATE:
+        worst = max(values, key=lambda value: abs(value) if math.isfinite(value) else math.inf)
+        if self.form is RateLimitForm.RATE:  # below 0 it counts as 0, so only its height matters
+            worst = max(values) if math.isfinite(worst) else worst
             if not -math.inf < worst <= LARGEST_RATE:
                 raise ValueError(
                     f"coefficients give a rate of {worst:.4g} cd/m^2/s within luminance_range_cd_m2; "
@@ -106,7 +107,7 @@ class RateLimit:
         elif not abs(worst) <= LARGEST_LN_RATE:
             raise ValueError(
                 f"coefficients give ln(rate) = {worst:.4g} within luminance_range_cd_m2; need "
-                f'-{LARGEST_LN_RATE:g} to {LARGEST_LN_RATE:g} (for a rate itself, form is "rate")'
+                f"{-LARGEST_LN_RATE:g} to {LARGEST_LN_RATE:g} (is it the rate itself? then form = rate)"
             )
 
 
