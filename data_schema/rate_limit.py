@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from data_schema.quantities import check_limits, described, quantity
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
 LARGEST_RATE = 1e9  # [cd/m^2/s] a thousand times a blinding luminance, within a second
+ROUNDING = 1e-6  # relative, of numbers written with few digits
 SAMPLES = 201  # positions at which the polynomial is looked at: finer than a polynomial of degree 20 bends
 
 
@@ -91,7 +93,27 @@ class RateLimit:
             raise ValueError("the three band lists must be equally long")
         if len(self.point_luminance) != len(self.point_rate):
             raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")
+        self._check_band()
         self._check_size()
+
+    def _check_band(self) -> None:
+        """Refuse a band that cannot be looked up: unordered, upside down, or not as wide as the range."""
+        luminance, (low, high) = self.band_luminance, self.luminance_range
+        if not luminance:
+            return
+        if not all(a < b for a, b in itertools.pairwise(luminance)):
+            raise ValueError("band_luminance_cd_m2 must rise from number to number")
+        if luminance[0] > low * (1 + ROUNDING) or luminance[-1] < high * (1 - ROUNDING):
+            raise ValueError(
+                f"band_luminance_cd_m2 must cover luminance_range_cd_m2, {low:g} to {high:g}, "
+                f"got {luminance[0]:g} to {luminance[-1]:g}"
+            )
+        for at, lower, upper in zip(luminance, self.band_lower, self.band_upper, strict=True):
+            if lower > upper:
+                raise ValueError(
+                    f"need band_lower_cd_m2_s <= band_upper_cd_m2_s, "
+                    f"got {lower:g} and {upper:g} at {at:g} cd/m^2"
+                )
 
     def _check_size(self) -> None:
         """Refuse coefficients whose rate no eye could have, and no computer could write down."""

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
+from data_schema.brightness_track import OptimizationSummary
 from data_schema.display import Display
 from data_schema.mapping import type_hints
 from data_schema.power_model import PanelKind, PowerModel
@@ -75,11 +76,13 @@ def some_power(values: Values) -> Values:
 def consistent_limit(values: Values) -> Values:
     low, high = sorted(values["luminance_range"])
     n, m = len(values["band_luminance"]), len(values["point_luminance"])
+    n = n if n >= 2 else 0
     # Legendre polynomials lie within -1 and 1, so the sum of the coefficients' sizes bounds the curve.
     scale = max(1.0, sum(abs(c) for c in values["coefficients"]) / 40)
     return values | {
         "coefficients": tuple(c / scale for c in values["coefficients"]),
         "luminance_range": (low, 2 * high),
+        "band_luminance": tuple(low + (2 * high - low) * k / (n - 1) for k in range(n)),
         "band_lower": (0.25,) * n,
         "band_upper": (0.75,) * n,
         "point_rate": (0.5,) * m,
@@ -98,11 +101,16 @@ def catch_means_no_rate(values: Values) -> Values:
     return values | {"is_catch": values["rate"] == 0}
 
 
+def bounded_objective(values: Values) -> Values:
+    return values | {"lower_bound": min(values["lower_bound"], values["objective"])}
+
+
 RULES: dict[type[Any], Callable[[Values], Values]] = {
     Display: darker_black,
     PowerModel: some_power,
     RateLimit: consistent_limit,
     Threshold: threshold_in_interval,
+    OptimizationSummary: bounded_objective,
     RampDesign: ends_above_black,
     RampTrial: catch_means_no_rate,
     Provenance: lambda values: values | {"schema_version": 1},

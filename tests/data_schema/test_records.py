@@ -137,6 +137,34 @@ def test_a_polynomial_that_is_infinite_both_ways_is_refused() -> None:
             limit(form, (1e308, 1e308, -1e308, -1e308, 1e308, 1e308))
 
 
+@pytest.mark.parametrize(
+    ("luminance", "lower", "words"),
+    [
+        ((100.0, 10.0), (1.0, 1.0), "band_luminance_cd_m2 must rise"),
+        ((10.0, 50.0, 50.0, 100.0), (1.0,) * 4, "band_luminance_cd_m2 must rise"),
+        ((10.1, 100.0), (1.0, 1.0), "must cover luminance_range_cd_m2, 10 to 100, got 10.1 to 100"),
+        ((10.0, 99.0), (1.0, 1.0), "must cover luminance_range_cd_m2, 10 to 100, got 10 to 99"),
+        ((10.0,), (1.0,), "must cover luminance_range_cd_m2"),
+        (
+            (10.0, 50.0, 100.0),
+            (1.0, 2.5, 1.0),
+            r"need band_lower_cd_m2_s <= band_upper_cd_m2_s, got 2.5 and 2 at 50",
+        ),
+    ],
+)
+def test_a_band_can_be_looked_up_over_the_whole_range(
+    luminance: tuple[float, ...], lower: tuple[float, ...], words: str
+) -> None:
+    upper = (2.0,) * len(luminance)
+    with pytest.raises(ValueError, match=words):
+        limit(RateLimitForm.RATE, (1.5,), band_luminance=luminance, band_lower=lower, band_upper=upper)
+
+
+def test_a_band_may_reach_beyond_the_range_and_be_infinitely_narrow() -> None:
+    band = {"band_luminance": (5.0, 200.0), "band_lower": (1.5, 1.5), "band_upper": (1.5, 1.5)}
+    assert limit(RateLimitForm.RATE, (1.5,), **band).band_luminance == (5.0, 200.0)
+
+
 def test_black_is_darker_than_white() -> None:
     with pytest.raises(ValueError, match=r"need black_level < peak_luminance, got 100 and 100 cd/m\^2"):
         Display("x", 100.0, 100.0, 2.2, 30.0)
