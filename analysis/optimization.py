@@ -30,8 +30,9 @@ from data_schema.provenance import Provenance, provenance_now, sha256_of_record
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
-from method.evaluate import Effort, summarize, track_of
+from method.evaluate import Answer, Effort, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
+from method.lower_bound import lower_bound
 from method.optimize import Problem, Request, pose
 from method.optimize import optimize as optimize_problem
 from method.solvers import make_solver
@@ -99,7 +100,9 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
     solution = optimize_problem(problem, make_solver(work.solver, np.random.default_rng(work.seed)))
     if work.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
-    effort = Effort(time.perf_counter() - analysed, analysed - start, work.calm)
+    solved = time.perf_counter()
+    answer = Answer(lower_bound(problem, solution), solution.iterations)
+    effort = Effort(solved - analysed, analysed - start, time.perf_counter() - solved, work.calm)
     request, display = work.request, work.display
     header = TrackHeader(
         video=curves.video,
@@ -113,7 +116,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
         provenance=_provenance(work, curves),
     )
     track = track_of(problem, request, solution.factors, header)
-    summary = summarize(problem, request, solution, track, effort)
+    summary = summarize(problem, request, answer, track, effort)
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", track)
     write_json_record(folder / "summary.json", summary)
@@ -145,6 +148,11 @@ def _require_same_source(work: Work, curves: LossCurves, display: Display) -> No
     """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
     if curves.provenance.inputs.get("video") != work.source.sha256():
         raise InputError(f"--curves {work.curves}: made of another video than {work.source.name}")
+    if curves.factors[0] != brightness_factors(work.min_factor)[0]:
+        raise InputError(
+            f"--curves {work.curves}: made for factors from {curves.factors[0]:g}, "
+            f"asked is --min-factor {work.min_factor:g}"
+        )
     if curves.provenance.inputs.get("contrast_model") != sha256_of_record(work.model):
         raise InputError(f"--curves {work.curves}: made with another contrast model than the one asked for")
     if (curves.display.fingerprint, curves.display.pixels_per_degree) != (

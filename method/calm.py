@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from method.optimize import Problem, feasible_blend
+from method.optimize import Problem, feasible_blend, is_feasible
 from method.splitting import linearized_limits, nearest_within_budget
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def calmed(problem: Problem, factors: Array, share: float) -> Array:
         straight = taut_string(problem.curves.times, factors, float(radius))
         nearest = nearest_within_budget(problem, straight, limits)
         track = feasible_blend(problem, np.clip(nearest, problem.lowest_factor, 1.0))
-        if problem.objective(track) <= allowed:
+        if problem.objective(track) <= allowed and is_feasible(problem, track):
             return track
     return factors
 

@@ -27,7 +27,7 @@ class ChainLimits:
     """Affine limits on each of the N-1 steps, and bounds on each of the N values.
 
     `down_slope[i]·x[i] + down_offset[i] <= x[i+1] <= up_slope[i]·x[i] + up_offset[i]`, slopes above 0, and
-    `low[i] <= x[i] <= high[i]`.
+    `low[i] <= x[i] <= high[i]`. For every x in that range the upper map must not lie below the lower one.
     """
 
     down_slope: Array

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
 from data_schema.provenance import Provenance
-from method.lower_bound import lower_bound
 from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from method.objective import pairwise_spread
-from method.optimize import Problem, Request, Solution
+from method.optimize import Problem, Request
 from method.power import power
 
 Array = NDArray[np.float64]
@@ -26,13 +25,32 @@ class Effort:
     ----------
     solve_s, curves_s : float
         Time that the optimizer took, and the loss curves [s].
+    bound_s : float
+        Time that the lower bound took [s].
     calm : float
         Share of the gain that could be given up for a calmer track.
     """
 
     solve_s: float
     curves_s: float
+    bound_s: float
     calm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is known of the answer beside its track.
+
+    Attributes
+    ----------
+    lower_bound : float
+        No track within the limits has a smaller objective.
+    iterations : int
+        Of the solver.
+    """
+
+    lower_bound: float
+    iterations: int
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
@@ -62,14 +80,16 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
 
 
 def summarize(
-    problem: Problem, request: Request, solution: Solution, track: BrightnessTrack, effort: Effort
+    problem: Problem, request: Request, answer: Answer, track: BrightnessTrack, effort: Effort
 ) -> OptimizationSummary:
     """Return the figures of an optimization, from the finished track.
 
     Parameters
     ----------
-    problem, request, solution : Problem, Request, Solution
-        What was to be solved, and the answer.
+    problem, request : Problem, Request
+        What was to be solved.
+    answer : Answer
+        What the solver found.
     track : BrightnessTrack
         The answer's track.
     effort : Effort
@@ -77,7 +97,7 @@ def summarize(
     """
     curves, header = problem.curves, track.header
     share = curves.durations / curves.durations.sum()
-    baseline = problem.baseline()
+    baseline, objective = problem.baseline(), pairwise_spread(track.contrast_loss)
     baseline_power = power(request.power_model, baseline, curves.channel_means)
     full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
     mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
@@ -97,9 +117,9 @@ def summarize(
         budget=request.budget,
         budget_unit=request.budget_unit,
         achieved=achieved[request.budget_unit],
-        objective=pairwise_spread(track.contrast_loss),
+        objective=objective,
         objective_baseline=problem.objective(baseline),
-        lower_bound=lower_bound(problem, solution),
+        lower_bound=min(answer.lower_bound, objective),  # apart by rounding at most
         max_rate_ratio=largest_rate_ratio(track.rate, track.rate_limit),
         mean_contrast_loss=float(share @ track.contrast_loss),
         mean_contrast_loss_baseline=float(share @ problem.loss(baseline)),
@@ -110,10 +130,11 @@ def summarize(
         full_power=full_power,
         frames_without_contrast=int(np.count_nonzero(curves.visible_contrast == 0)),
         solver=header.solver,
-        iterations=solution.iterations,
+        iterations=answer.iterations,
         calm=effort.calm,
         solve_s=effort.solve_s,
         curves_s=effort.curves_s,
+        bound_s=effort.bound_s,
         seed=origin.seed,
         versions={"evenlight": origin.software_version, **origin.versions},
         provenance=origin,

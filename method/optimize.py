@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PowerModel
+from data_schema.power_model import PanelKind, PowerModel
 from data_schema.rate_limit import RateLimit
 from method.choices import LimitCurve, ModulatedLuminance
 from method.curve_lookup import loss_and_slope
@@ -175,6 +175,11 @@ def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array
     slope = power_per_factor(request.power_model, curves.channel_means)
     mean_slope, base = float(time_share @ slope), request.power_model.base_power
     if request.budget_unit is BudgetUnit.FACTOR:
+        if request.power_model.kind is PanelKind.OLED:
+            raise InputError(
+                "--budget-unit factor says nothing of the power of an OLED panel, which depends on content: "
+                "give power or watt"
+            )
         scale, offset, weights = 1.0, 0.0, time_share
     else:
         scale, offset = mean_slope, base
@@ -204,20 +209,31 @@ def optimize(problem: Problem, solver: Solver) -> Solution:
         If the answer breaks a constraint or is worse than constant dimming: a defect of the solver.
     """
     solution = solver.solve(problem)
-    factors = solution.factors
-    broken = [
-        name
-        for name, fine in (
-            ("budget", abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE),
-            ("rate limit", problem.rate_ratio(factors) <= 1 + RATE_TOLERANCE),
-            ("bounds", factors.min() >= problem.lowest_factor - 1e-12 and factors.max() <= 1 + 1e-12),
-            ("baseline", problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12),
-        )
-        if not fine
-    ]
+    broken = broken_promises(problem, solution.factors)
     if broken:
         raise RuntimeError(f"the solver {type(solver).__name__} broke: {', '.join(broken)}")
     return solution
+
+
+def broken_promises(problem: Problem, factors: Array) -> list[str]:
+    """Return what an answer promises and does not hold: budget, rate limit, bounds, baseline."""
+    promises = {
+        "budget": abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE,
+        "rate limit": problem.rate_ratio(factors) <= 1 + RATE_TOLERANCE,
+        "bounds": factors.min() >= problem.lowest_factor - 1e-12 and factors.max() <= 1 + 1e-12,
+        "baseline": problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12,
+    }
+    return [name for name, kept in promises.items() if not kept]
+
+
+def is_feasible(problem: Problem, factors: Array) -> bool:
+    """Return whether factors meet budget, rate limit and bounds with a thousandth of the tolerance."""
+    return (
+        abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE / 1000
+        and problem.rate_ratio(factors) <= 1 + RATE_TOLERANCE / 1000
+        and bool(factors.min() >= problem.lowest_factor - 1e-12)
+        and bool(factors.max() <= 1 + 1e-12)
+    )
 
 
 def feasible_blend(problem: Problem, factors: Array) -> Array:

@@ -20,14 +20,22 @@ from method.chain import ChainLimits, minimize_chain
 from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.modulation import step_luminance
 from method.objective import pairwise_spread, proximal_spread
-from method.optimize import Problem, Solution, feasible_blend
+from method.optimize import Problem, Solution, feasible_blend, is_feasible
 
 Array = NDArray[np.float64]
 
 OVER_RELAXATION = 1.6  # Boyd et al. (2011), section 3.4.3: 1.5 to 1.8 converge faster than 1
+TRUST = 0.15  # largest change of a factor in one iteration
 # How far along the loss curves to look, as a difference of factors, and for how many fruitless iterations.
 # Measured curves are stairs from close by, where pixels vanish one by one; only the last look is local.
 LOOKS = ((1.0, 8), (0.125, 8), (0.0, 20))
+# The stairs have many local optima. Short videos, whose stairs are the coarsest, can afford more searches.
+MORE_SEARCHES = (
+    (((0.0, 30),), TRUST),
+    (((1.0, 30), (0.25, 20), (0.06, 20), (0.0, 30)), TRUST),
+    (LOOKS * 3, TRUST / 4),
+)
+SHORT = 1000  # frames
 BUDGET_CLOSE = 1e-6  # mean factor at which the search for the price may end; the blend does the rest
 FLATTEST = 1e-9  # a curve flatter than this, or rising, gives no direction
 NO_SPREAD = 1e-15  # below this, losses differ by rounding alone
@@ -46,26 +54,34 @@ class SplittingSolver:
         Iterations at most.
     tolerance : float
         A look has done its work when some iterations improved the objective by less than this share of it.
-    trust : float
-        Largest change of a factor in one iteration.
     """
 
     max_iterations: int = 400
     tolerance: float = 1e-6
-    trust: float = 0.15
 
     def solve(self, problem: Problem) -> Solution:
-        """Return the best feasible factors of all iterations, and the last dual variables."""
+        """Return the best feasible factors of all iterations, and the dual variables of the best search."""
+        best = self._search(problem, LOOKS, TRUST)
+        if problem.curves.n_frames > SHORT or problem.objective(best.factors) <= NO_SPREAD:
+            return best
+        for looks, trust in MORE_SEARCHES:
+            other = self._search(problem, looks, trust)
+            if problem.objective(other.factors) < problem.objective(best.factors):
+                best = other
+        return best
+
+    def _search(self, problem: Problem, looks: tuple[tuple[float, int], ...], trust: float) -> Solution:
+        """Return the best feasible factors of one series of looks, from the constant baseline."""
         state = _start(problem)
         best, best_objective = state.factors, pairwise_spread(state.loss)
         iteration = 0
-        for reach, patience in LOOKS:
+        for reach, patience in looks:
             milestone, since = best_objective, 0
             while iteration < self.max_iterations and best_objective > NO_SPREAD and since < patience:
                 iteration += 1
-                state = self._step(problem, state, reach)
+                state = self._step(problem, state, reach, trust)
                 objective = pairwise_spread(state.loss)
-                if objective < best_objective:
+                if objective < best_objective and is_feasible(problem, state.factors):
                     best, best_objective = state.factors, objective
                 since += 1
                 if best_objective < milestone * (1 - self.tolerance):
@@ -75,14 +91,14 @@ class SplittingSolver:
         # The weights count pairs divided by N; so does the price.
         return Solution(best, iteration, state.stiffness * state.dual, state.price)
 
-    def _step(self, problem: Problem, state: _State, reach: float) -> _State:
+    def _step(self, problem: Problem, state: _State, reach: float, trust: float) -> _State:
         """Return the state after one iteration."""
         stiffness = state.stiffness
         wanted, slope = _aim(problem, state.factors, state.target - state.dual, reach)
         stiff = stiffness * slope**2
         damping = DAMPING * float(np.mean(stiff)) + 1e-9
         gradient = -stiff * wanted - damping * state.factors
-        limits = linearized_limits(problem, state.factors, self.trust)
+        limits = linearized_limits(problem, state.factors, trust)
         factors, price = _within_budget(
             problem, (stiff + damping, gradient), limits, (state.price, state.price_step)
         )
@@ -189,13 +205,20 @@ def linearized_limits(problem: Problem, factors: Array, trust: float) -> ChainLi
     size = reach * end_limit - end_gain * end_factor
     up = np.where(at_first, 1 + end_gain, 1 / (1 - end_gain))
     down = np.where(at_first, 1 - end_gain, 1 / (1 + end_gain))
+    low = np.maximum(problem.lowest_factor, factors - trust)
+    high = np.minimum(1.0, factors + trust)
+    # Where the linearized limit would fall below 0, the two maps would cross: stay on this side of it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.where(dark, np.inf, -size / end_gain)
+    low[:-1] = np.where(~dark & (end_gain > 0), np.maximum(low[:-1], crossing), low[:-1])
+    high[:-1] = np.where(~dark & (end_gain < 0), np.minimum(high[:-1], crossing), high[:-1])
     return ChainLimits(
         down_slope=np.where(dark, 1.0, down),
         down_offset=np.where(dark, -1.0, -np.where(at_first, size, size * down)),
         up_slope=np.where(dark, 1.0, up),
         up_offset=np.where(dark, 1.0, np.where(at_first, size, size * up)),
-        low=np.maximum(problem.lowest_factor, factors - trust),
-        high=np.minimum(1.0, factors + trust),
+        low=np.minimum(low, factors),
+        high=np.maximum(high, factors),
     )
 
 
@@ -229,9 +252,9 @@ def _within_budget(
     step = np.copysign(start[1], here[2])
     other = at(here[0] + step)
     while here[2] * other[2] > 0:
-        if abs(step) > 1e12:  # the budget is at the end of the range that the trust region leaves
+        if abs(step) > 1e9:  # the budget is at the end of the range that the trust region leaves
             nearest = here if abs(here[2]) < abs(other[2]) else other
-            return nearest[1], nearest[0]
+            return nearest[1], start[0]
         here, step = other, step * 4
         other = at(here[0] + step)
     over, under = (here, other) if here[2] > 0 else (other, here)

@@ -69,17 +69,17 @@ def mean_factor_problem(curves: LossCurves, budget: float, relative_rate: float 
     return pose(curves, Request(budget, BudgetUnit.FACTOR, power, weber_limit(relative_rate)))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_curves() -> Callable[..., LossCurves]:
     return power_curves
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_problem() -> Callable[..., Problem]:
     return mean_factor_problem
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_weber_limit() -> Callable[[float], RateLimit]:
     return weber_limit
 

@@ -74,11 +74,11 @@ def summary(**changed: object) -> OptimizationSummary:
     given = {
         "video": "clip.mp4", "display": "varjo-xr3", "rate_limit": "calibration", "power_model": "surace2025",
         "frames": 241, "duration": 9.64, "budget": 0.51, "budget_unit": BudgetUnit.FACTOR, "achieved": 0.512,
-        "objective": 0.0123, "objective_baseline": 0.0456, "lower_bound": 0.0119, "max_rate_ratio": 0.997,
+        "objective": 0.0123, "objective_baseline": 0.0456, "lower_bound": 0.0019, "max_rate_ratio": 0.997,
         "mean_contrast_loss": 0.0781, "mean_contrast_loss_baseline": 0.0812, "mean_factor": 0.513,
         "baseline_factor": 0.514, "mean_power": 0.991, "baseline_power": 0.992, "full_power": 1.69,
         "frames_without_contrast": 0, "solver": "splitting", "iterations": 48, "calm": 0.02, "solve_s": 0.132,
-        "curves_s": 5.76, "seed": None, "versions": {}, "provenance": Provenance(),
+        "curves_s": 5.76, "bound_s": 0.41, "seed": None, "versions": {}, "provenance": Provenance(),
     }  # fmt: skip
     return OptimizationSummary(**{**given, **changed})  # type: ignore[arg-type] # names checked by the record
 
@@ -158,7 +158,7 @@ def test_only_a_report_with_simulated_participants_is_called_so(
 
 def test_the_key_figures_of_a_track_are_in_its_section() -> None:
     page = Page(report_html(Report("t", "l", (track_section(summary(), PNG),))))
-    shown = ["0.51", "0.512", "0.0123", "0.0456", "0.0119", "0.997", "0.0781", "0.0812", "0.513", "0.514",
+    shown = ["0.51", "0.512", "0.0123", "0.0456", "0.0019", "0.997", "0.0781", "0.0812", "0.513", "0.514",
              "0.991", "0.992", "1.69", "241", "9.64", "0.132", "5.76"]  # fmt: skip
     for figure in shown:
         assert re.search(rf"(?<![\d.]){re.escape(figure)}(?!\d)", page.text), figure
