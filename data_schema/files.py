@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -48,10 +48,17 @@ def write_whole(path: Path, content: bytes | str) -> None:
 
 
 @contextmanager
-def results_folder(folder: Path) -> Iterator[Path]:
+def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Path]:
     """Yield an empty folder for results; when the block ends well, its files are moved into `folder`.
 
     If the block fails or is interrupted, nothing of it remains and `folder` is as it was.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the results go; files of the same name are replaced, others stay.
+    replacing : collection of str
+        Names of sub-folders of the results that replace earlier ones as a whole.
 
     Raises
     ------
@@ -70,7 +77,7 @@ def results_folder(folder: Path) -> Iterator[Path]:
         ) from error
     try:
         yield staging
-        _move_into(staging, folder)
+        _move_into(staging, folder, replacing)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
         _remove_empty(folder, created)
@@ -78,19 +85,25 @@ def results_folder(folder: Path) -> Iterator[Path]:
     shutil.rmtree(staging, ignore_errors=True)
 
 
-def _move_into(staging: Path, folder: Path) -> None:
+def _move_into(staging: Path, folder: Path, replacing: Collection[str]) -> None:
     """Move every file of the staging folder to its place; if one cannot be, put all back as they were."""
     replaced = Path(tempfile.mkdtemp(dir=staging, prefix=".replaced-"))
     undo: list[Callable[[], object]] = []
     parts = [p for p in sorted(staging.rglob("*")) if p.is_file()]
     try:
+        for name in replacing:
+            if (folder / name).is_dir():
+                # Noted beforehand: an interruption may come between the move and the note.
+                undo.append(partial(_put_back, replaced / name, folder / name))
+                (folder / name).replace(replaced / name)
         for number, part in enumerate(parts):
             target = folder / part.relative_to(staging)
             _make_folders(target.parent, undo)
             if target.is_file():
-                earlier = target.replace(replaced / str(number))
-                undo.append(partial(earlier.replace, target))
-            undo.append(partial(_remove_file, target))
+                undo.append(partial(_put_back, replaced / str(number), target))
+                target.replace(replaced / str(number))
+            else:
+                undo.append(partial(_remove_file, target))
             part.replace(target)
     except BaseException as error:
         for step in reversed(undo):
@@ -98,6 +111,12 @@ def _move_into(staging: Path, folder: Path) -> None:
         if isinstance(error, OSError):
             raise InputError(f"cannot write to the folder {folder}: {error.strerror or error}") from error
         raise
+
+
+def _put_back(earlier: Path, target: Path) -> None:
+    """Move something back to its place, unless it has not left it."""
+    if earlier.exists():
+        earlier.replace(target)
 
 
 def _remove_file(path: Path) -> None:
@@ -110,8 +129,14 @@ def _make_folders(folder: Path, undo: list[Callable[[], object]]) -> None:
     """Make a folder and those above it, and note how to undo it."""
     for part in reversed([folder, *folder.parents]):
         if not part.exists():
+            undo.append(partial(_remove_folder, part))
             part.mkdir()
-            undo.append(part.rmdir)
+
+
+def _remove_folder(path: Path) -> None:
+    """Remove a folder, unless it was never made or somebody else put something into it."""
+    with suppress(OSError):
+        path.rmdir()
 
 
 def _topmost_missing(folder: Path) -> Path | None:

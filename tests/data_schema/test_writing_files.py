@@ -1,7 +1,7 @@
 """A file or a folder of results is there completely, or as it was before."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -135,6 +135,70 @@ def write_three(out: Path) -> None:
         (folder / "b").mkdir()
         (folder / "b" / "new.csv").write_text("new")
         (folder / "c").write_text("a file where a folder is")
+
+
+def write_anew(out: Path) -> None:
+    with results_folder(out, replacing=("dataset",)) as folder:
+        (folder / "dataset").mkdir()
+        (folder / "dataset" / "a.csv").write_text("later")
+        (folder / "report.html").write_text("later")
+
+
+def earlier_results(out: Path) -> Path:
+    (out / "dataset" / "sub-02").mkdir(parents=True)
+    (out / "dataset" / "a.csv").write_text("earlier")
+    (out / "dataset" / "sub-02" / "b.csv").write_text("earlier")
+    (out / "mine.txt").write_text("mine")
+    return out
+
+
+def test_a_folder_named_for_it_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    write_anew(earlier_results(tmp_path))
+    assert everything(tmp_path) == {
+        "dataset": None,
+        "dataset/a.csv": b"later",
+        "report.html": b"later",
+        "mine.txt": b"mine",
+    }
+
+
+def test_a_folder_whose_replacement_fails_is_as_it_was(tmp_path: Path) -> None:
+    """`report.html` comes last and is a folder in use, when the new data set is in place already."""
+    (earlier_results(tmp_path) / "report.html" / "mine").mkdir(parents=True)
+    before = everything(tmp_path)
+    with pytest.raises(InputError, match="cannot write to the folder"):
+        write_anew(tmp_path)
+    assert everything(tmp_path) == before
+
+
+@pytest.mark.parametrize("step", range(4))
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_an_interruption_at_any_step_leaves_everything_as_it_was(
+    step: int, when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The steps: the old data set goes, its folder is made, its file moves in, the report moves in."""
+    before = everything(earlier_results(tmp_path))
+    steps = {"replace": Path.replace, "mkdir": Path.mkdir}
+    done: list[str] = []
+
+    def interrupted(name: str) -> Callable[..., object]:
+        def act(path: Path, *arguments: object, **options: object) -> object:
+            done.append(name)
+            at_the_step = len(done) == step + 3  # two folders are made while the results are written
+            if at_the_step and when == "before":
+                raise KeyboardInterrupt
+            result = steps[name](path, *arguments, **options)  # type: ignore[operator] # either of two
+            if at_the_step:
+                raise KeyboardInterrupt
+            return result
+
+        return act
+
+    for name in steps:
+        monkeypatch.setattr(Path, name, interrupted(name))
+    with pytest.raises(KeyboardInterrupt):
+        write_anew(tmp_path)
+    assert everything(tmp_path) == before
 
 
 def test_a_folder_below_a_file_is_refused_before_any_work(tmp_path: Path) -> None:
