@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, cast
@@ -12,6 +11,8 @@ import typer
 from analysis import fit_commands, optimize_command
 from data_schema import validate_command
 from data_schema.errors import InputError
+from data_schema.files import results_folder, write_whole
+from data_schema.provenance import sha256_of_file
 from experiments import commands as experiment_commands
 from stimuli import commands as stimuli_commands
 
@@ -22,6 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+DATASET, SEAL = "dataset", "dataset.sha256"  # the demo's data set, and by what a later one knows it
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
 UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
@@ -58,22 +60,32 @@ def demo(
 ) -> None:
     """Run the whole loop, small: simulated calibration, rate limit, a track, a report."""
     from analysis.closed_loop import close_loop
-    from data_schema.files import results_folder
     from stimuli.sequences import built_in_sequence
 
     if not 0.2 <= budget <= 1:
         raise InputError(f"--budget must lie between 0.2 and 1, got {budget:g}")
-    dataset = out / "dataset"
-    if dataset.exists() and not (dataset / "simulated_truth.json").exists():
-        raise InputError(f"{dataset} holds data that no demo made; choose another folder with --out")
+    _refuse_data_of_others(out)
     # Experiments and analysis meet here alone, and only through the files of the data set.
-    with results_folder(out) as folder:
-        experiment_commands.simulate("ramp", folder / "dataset", participants, seed, quiet=True)
+    with results_folder(out, replacing=(DATASET,)) as folder:
+        experiment_commands.simulate("ramp", folder / DATASET, participants, seed, quiet=True)
+        write_whole(folder / SEAL, sha256_of_file(folder / DATASET) + "\n")
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
-        close_loop(folder / "dataset", sunrise, budget, folder, quiet)
-        shutil.rmtree(dataset, ignore_errors=True)  # of an earlier demo, perhaps with more participants
+        close_loop(folder / DATASET, sunrise, budget, folder, quiet)
     if not quiet:
         typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
+
+
+def _refuse_data_of_others(out: Path) -> None:
+    """Raise `InputError` if in the demo's place lies a data set that no demo made, or that was changed."""
+    dataset, seal = out / DATASET, out / SEAL
+    if not dataset.exists() or (dataset.is_dir() and not any(dataset.iterdir())):
+        return
+    made = seal.is_file() and seal.read_text(errors="replace").strip() == sha256_of_file(dataset)
+    if not made:
+        raise InputError(
+            f"{dataset} holds data that no demo made, or that were changed since; "
+            f"choose another folder with --out"
+        )
 
 
 def main(arguments: list[str] | None = None) -> None:

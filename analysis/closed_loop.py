@@ -31,6 +31,7 @@ CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
 
 FILES = {
     "dataset/": "trials of every participant, as recorded",
+    "dataset.sha256": "what a later demo knows this one's data set by; only such a data set is replaced",
     "calibration/thresholds.csv": "thresholds of each participant and level, with intervals",
     "calibration/rate_limit.json": "the fitted rate limit, which the optimizer read",
     "calibration/fit_summary.json": "what the fit rests on",

@@ -1,6 +1,7 @@
 """`evenlight demo`: the loop is closed, and by files."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -90,6 +91,41 @@ def test_a_demo_never_touches_recorded_data(command, tmp_path) -> None:
     assert result.code == 2
     assert "holds data that no demo made" in result.err
     assert recorded.read_text() == "precious"
+
+
+def test_a_demo_never_replaces_simulated_data_that_somebody_else_keeps(command, folder, tmp_path) -> None:
+    kept = tmp_path / "dataset"
+    assert command("simulate", "ramp", "--participants", 1, "--out", kept, "--quiet").code == 0
+    before = sha256_of_file(kept)
+    assert "holds data that no demo made" in command("demo", "--out", tmp_path).err
+    assert sha256_of_file(kept) == before
+
+
+def test_a_demo_never_replaces_its_data_set_when_somebody_wrote_into_it(command, folder, tmp_path) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(folder, again)
+    (again / "dataset" / "sub-99").mkdir()
+    (again / "dataset" / "sub-99" / "trials.jsonl").write_text("precious")
+    assert "were changed since" in command("demo", "--out", again).err
+    assert (again / "dataset" / "sub-99" / "trials.jsonl").read_text() == "precious"
+
+
+def test_a_second_demo_that_fails_leaves_the_first_as_it_was(command, folder, tmp_path, monkeypatch) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(folder, again)
+
+    def fill_the_place_of_the_report(dataset, source, budget, results, quiet) -> None:
+        (results / "report.html").write_text("a file where a folder is")
+
+    monkeypatch.setattr("analysis.closed_loop.close_loop", fill_the_place_of_the_report)
+    (again / "report.html").unlink()
+    (again / "report.html").mkdir()
+    (again / "report.html" / "mine.txt").write_text("mine")
+    before = sha256_of_file(again)
+    result = command("demo", "--out", again, "--participants", 2, "--quiet")
+    assert result.code == 2
+    assert "cannot write to the folder" in result.err
+    assert sha256_of_file(again) == before
 
 
 def test_a_demo_with_an_impossible_budget_leaves_nothing(command, tmp_path) -> None:
