@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, cast
 
@@ -23,6 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 DATASET, SEAL = "dataset", "dataset.sha256"  # the demo's data set, and by what a later one knows it
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
@@ -97,14 +102,41 @@ def main(arguments: list[str] | None = None) -> None:
         In place of the command line's.
     """
     try:
-        code = app(arguments, standalone_mode=False)
+        with _termination_raised():
+            code = app(arguments, standalone_mode=False)
     except InputError as error:
         _end(str(error), 2)
     except UsageError as error:
         _end(_usage(error), 2)
+    except _Terminated:
+        _end("terminated; nothing half-written is left", TERMINATED)
     except (typer.Abort, KeyboardInterrupt):
-        _end("interrupted; nothing half-written is left", 130)
+        code = INTERRUPTED
+    if code == INTERRUPTED:  # Typer may have turned the interruption into this number
+        _end("interrupted; nothing half-written is left", INTERRUPTED)
     sys.exit(code or 0)
+
+
+class _Terminated(BaseException):
+    """Somebody asked the process to end; like an interruption, it is no error that a program handles."""
+
+
+@contextmanager
+def _termination_raised() -> Iterator[None]:
+    """Turn the signal that ends a process (SIGTERM) into an exception, so that what was begun is cleared."""
+
+    def once(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # clearing away is not to be interrupted
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():  # Python lets no other set handlers
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _usage(error: Any) -> str:
@@ -114,8 +146,11 @@ def _usage(error: Any) -> str:
 
 
 def _end(message: str, code: int) -> NoReturn:
-    """Say one line on the error stream and end."""
-    print("evenlight: " + " ".join(message.split()), file=sys.stderr)
+    """Say one line on the error stream, if anybody still reads it, and end."""
+    try:
+        print("evenlight: " + " ".join(message.split()), file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = None  # else Python tries again at its end, and ends with another code
     sys.exit(code)
 
 

@@ -1,0 +1,92 @@
+"""How the command ends when it is stopped, or nobody reads what it says."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import evenlight
+
+EVENLIGHT = [sys.executable, "-c", "import evenlight; evenlight.main()"]
+LONG_RUN = ["optimize", "sunrise", "--budget", "0.4", "--fps", "25", "--quiet"]  # of half a minute or more
+
+
+def stopped(signal_number: int, out: Path) -> tuple[int, str]:
+    """Exit code and error stream of a run that gets a signal as soon as it has begun to work."""
+    with subprocess.Popen([*EVENLIGHT, *LONG_RUN, "--out", str(out)], stderr=subprocess.PIPE) as process:
+        try:
+            deadline = time.monotonic() + 60
+            while not list(out.glob(".partial-*")):
+                assert process.poll() is None
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            process.send_signal(signal_number)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    return process.returncode, err.decode()
+
+
+@pytest.mark.parametrize(
+    ("signal_number", "code", "line"),
+    [
+        (signal.SIGTERM, 143, "evenlight: terminated; nothing half-written is left\n"),
+        (signal.SIGINT, 130, "evenlight: interrupted; nothing half-written is left\n"),
+    ],
+)
+def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_nothing(
+    signal_number: int, code: int, line: str, tmp_path: Path
+) -> None:
+    assert stopped(signal_number, tmp_path / "new" / "out") == (code, line)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_signal_does_is_as_before_when_the_command_has_ended(command) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    assert command("--version").code == 0
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_the_command_runs_beside_the_main_thread_too() -> None:
+    """Python refuses to set a handler there."""
+    codes: list[object] = []
+
+    def run() -> None:
+        with pytest.raises(SystemExit) as ended:
+            evenlight.main(["--version"])
+        codes.append(ended.value.code)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(timeout=60)
+    assert codes == [0]
+
+
+def without_reader(stream: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+    """The command with one of its streams going into a pipe whose other end is closed: `| head -0`."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, stream: writing}
+        return subprocess.run([*EVENLIGHT, *arguments], **streams, timeout=60, check=False)
+    finally:
+        os.close(writing)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--version",), ("--help",), ("optimize", "--help"), ("validate", str(Path(__file__).parent))],
+)
+def test_output_that_nobody_reads_is_no_reason_for_a_traceback(arguments: tuple[str, ...]) -> None:
+    ended = without_reader("stdout", *arguments)
+    assert ended.stderr.count(b"\n") <= 1
+    assert b"Error" not in ended.stderr
+
+
+def test_bad_input_ends_with_2_even_if_nobody_reads_why() -> None:
+    assert without_reader("stderr", "optimize", "x", "--buget", "1").returncode == 2
