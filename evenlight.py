@@ -22,7 +22,7 @@ from stimuli import commands as stimuli_commands
 
 app = typer.Typer(
     name="evenlight",
-    help="Temporal brightness management: dim a display over time, at a power budget, unseen.",
+    help="Temporal brightness management: dim a display over time, to a power budget, within a rate limit.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -39,7 +39,7 @@ def start(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
-    """Temporal brightness management: dim a display over time, at a power budget, unseen."""
+    """Temporal brightness management: dim a display over time, to a power budget, within a rate limit."""
     if version:
         from importlib import metadata
 

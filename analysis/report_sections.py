@@ -28,8 +28,8 @@ def introduction_section() -> Section:
             "A dimmed display needs less power, but the eye sees less contrast in the dark: fine detail "
             "is lost, more of it in some scenes than in others. Evenlight dims a video over time so that "
             "a power budget is met, every frame loses about the same share of its visible contrast, and "
-            "the brightness moves too slowly to be noticed. For that it needs to know how fast a change "
-            "may be on a display before it is noticed. Participants watch plain screens that darken "
+            "the brightness moves slowly enough to be hard to notice. For that it needs to know how fast "
+            "a change is noticed on a display. Participants watch plain screens that darken "
             "slowly, and say whether they saw a change; from their answers follows the rate limit, the "
             "change that people who watch for it notice in 75 % of the trials. Within that limit an "
             "optimizer looks for the brightness of each frame.",
@@ -57,7 +57,7 @@ def calibration_section(calibration: Calibration, psychometric_png: bytes) -> Se
         f"{short(data.display.peak_luminance)} cd/m², black {short(data.display.black_level)} cd/m²), "
         f"{catches} of them without any change (catch trials), from {levels} initial luminances. A "
         "logistic function with asymptotes for guesses and lapses was fitted to each participant's "
-        "answers at each level; the threshold is the rate that is seen in 75 % of the trials."
+        "answers at each level; the threshold is the rate that is noticed in 75 % of the trials."
     )
     caption = (
         "Share of “yes, it changed” over the rate of change. Black dots: all participants' answers. Thin "

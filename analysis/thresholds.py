@@ -52,8 +52,8 @@ class Criterion:
     criterion : float
         Distance of the criterion from the mean of "nothing changed", z(1 - FA), in standard deviations.
     d_prime_at_threshold : float
-        d′ of a ramp that is seen in 75 % of the trials: z(0.75) + z(1 - FA); 0.95 is what 75 % correct in a
-        true two-interval choice stands for.
+        d′ of a ramp that is noticed in 75 % of the trials: z(0.75) + z(1 - FA); 0.95 is what 75 % correct in
+        a true two-interval choice stands for.
     """
 
     false_alarm_rate: float

@@ -1,4 +1,4 @@
-"""The rate limit ΔL(L): the fastest luminance change that goes unseen, as fitted to thresholds."""
+"""The rate limit ΔL(L): the fastest luminance change allowed, as fitted to detection thresholds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ class RateLimitForm(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class RateLimit:
-    """The largest undetectable rate of luminance change ΔL as a function of luminance L.
+    """The rate of luminance change ΔL that is noticed in 75 % of the trials, as a function of luminance L.
+
+    It is the paper's definition: what the median participant, watching a plain screen for it, notices. Half
+    of the participants notice slower changes as often.
 
     With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
     Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:

@@ -1,4 +1,4 @@
-"""The rate limit ΔL(L), evaluated: the fastest luminance change that goes unseen (Section 3.4)."""
+"""The rate limit ΔL(L), evaluated: the fastest luminance change allowed (Section 3.4)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from method.choices import LimitCurve
 def rate_limit_at(
     limit: RateLimit, luminance: ArrayLike, curve: LimitCurve = LimitCurve.FITTED
 ) -> NDArray[np.float64]:
-    """Return ΔL, the largest undetectable rate of luminance change, at a luminance L.
+    """Return ΔL, the rate of luminance change noticed in 75 % of the trials, at a luminance L.
 
     Outside the measured luminances the polynomial means nothing. Below them the relative rate ΔL/L is held
     (thresholds are near-Weber), above them the rate is (see docs/decisions/rate-limit-outside-its-range.md).

@@ -56,6 +56,20 @@ def test_links_and_pictures_in_the_documents_exist(document: str) -> None:
         assert ((ROOT / document).parent / target).exists(), f"{document} points to {target}"
 
 
+@pytest.mark.parametrize(
+    "pattern", ["*.md", "docs/**/*.md", "*.toml", "*.py", "[a-z]*/*.py", "[a-z]*/schemas/*.json"]
+)
+def test_nothing_promises_that_a_change_cannot_be_noticed(pattern: str) -> None:
+    """The rate limit is what the median participant, watching for it, notices in 75 % of the trials."""
+    promise = re.compile(
+        r"undetectabl|imperceptibl|unnotic|nobody sees the brightness|goes unseen|change unseen"
+    )
+    files = [path for path in ROOT.glob(pattern) if path.name != Path(__file__).name]
+    assert files
+    for path in files:
+        assert not promise.search(path.read_text()), path
+
+
 def test_the_folders_of_the_readme_are_the_packages() -> None:
     configured = re.search(r"^packages = \[(.*?)\]", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert configured is not None
