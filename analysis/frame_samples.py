@@ -36,7 +36,7 @@ class FrameSamples:
         """Yield the frames unchanged, keeping some of them."""
         for index, frame in enumerate(frames):
             if index % self.stride == 0:
-                self.held.append((index, frame.pixel_values))
+                self.held.append((index, frame.pixel_values.copy()))  # its source may fill it again
                 limit = max(self.least, min(self.most, MEMORY // max(frame.pixel_values.nbytes, 1)))
                 if len(self.held) > limit:
                     self.stride *= 2

@@ -18,6 +18,7 @@ class Frame:
         When it appears, and for how long [s].
     pixel_values : array, (height, width, 3), uint8, uint16, float32 or float64
         Gamma-encoded R, G, B: integers over their full range (0-255, 0-65535), floats in [0, 1].
+        Copy what is kept when the next frame is asked for: its source may fill the same array again.
     """
 
     time: float

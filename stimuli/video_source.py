@@ -22,7 +22,11 @@ class VideoSource(Protocol):
         """How many frames it has, None if that is not known beforehand."""
 
     def frames(self) -> Iterator[Frame]:
-        """Yield its frames in order, one at a time, from the first one on at every call."""
+        """Yield its frames in order, one at a time, from the first one on at every call.
+
+        A frame's pixel values are the reader's until the next frame is asked for: a source may fill the same
+        array again, and who keeps pixel values for longer copies them.
+        """
 
     def sha256(self) -> str:
         """Return the SHA-256 of its content: of the file, of the folder, or of the sequence's definition."""
