@@ -4,34 +4,64 @@
 set -eu
 cd "$(dirname "$0")"
 
+stop() {
+    echo "evenlight: $1" >&2
+    exit 1
+}
+
+fits() {
+    command -v "$1" >/dev/null 2>&1 &&
+        "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null
+}
+
 find_python() {
-    for name in "${PYTHON:-}" python3.12 python3.11 python3; do
-        [ -n "$name" ] && command -v "$name" >/dev/null 2>&1 || continue
-        "$name" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null || continue
-        echo "$name"
-        return
+    for name in python3.12 python3.11 python3; do
+        if fits "$name"; then
+            echo "$name"
+            return
+        fi
     done
+}
+
+found() {
+    if command -v python3 >/dev/null 2>&1; then
+        echo "python3 here is $(python3 --version 2>&1 || echo broken)"
+    else
+        echo "there is no python3 here"
+    fi
 }
 
 install_with_apt() {
     if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null 2>&1; then
-        echo "evenlight: $1 is missing: install it ($2 on Debian and Ubuntu), then run make again" >&2
-        exit 1
+        return 1
     fi
-    echo "installing $2"
-    apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$2" >/dev/null
+    echo "installing $1"
+    apt-get update -qq || return 1
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$1" >/dev/null || return 1
 }
 
-python=$(find_python)
-if [ -z "$python" ]; then
-    install_with_apt "Python 3.11 or 3.12" python3
+if [ -n "${PYTHON:-}" ]; then
+    fits "$PYTHON" || stop "PYTHON=$PYTHON is no Python 3.11 or 3.12; name one that is, or leave PYTHON out"
+    python=$PYTHON
+else
     python=$(find_python)
-    [ -n "$python" ] || { echo "evenlight: needs Python 3.11 or 3.12; name one with PYTHON=..." >&2; exit 1; }
 fi
-"$python" -c 'import ensurepip, venv' 2>/dev/null || install_with_apt "Python's venv" python3-venv
+for package in python3.12 python3.11 python3; do
+    # The system's own Python, where it is too new or too old, does not become another by installing it.
+    [ -z "$python" ] || break
+    [ "$package" != python3 ] || ! command -v python3 >/dev/null 2>&1 || break
+    install_with_apt "$package" 2>/dev/null || continue
+    python=$(find_python)
+done
+[ -n "$python" ] || stop "needs Python 3.11 or 3.12, and $(found): install one beside it (for instance with \
+'uv python install 3.12' or pyenv), then run make again with PYTHON=/path/to/python3.12 before it"
+
+venv_package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
+"$python" -c 'import ensurepip, venv' 2>/dev/null || install_with_apt "$venv_package" ||
+    stop "Python's venv is missing: install it ($venv_package on Debian and Ubuntu), then run make again"
 
 [ -x .venv/bin/python ] || "$python" -m venv .venv
+fits .venv/bin/python || stop "the Python in .venv is not 3.11 or 3.12: remove the folder .venv, then run make again"
 echo "installing Evenlight into .venv (some minutes the first time)"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 touch .venv/.ready
