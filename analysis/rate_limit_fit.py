@@ -277,7 +277,12 @@ def _exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ..
         return ()
     counts = {flag: sum(t.flag is flag for t in excluded) for flag in UNUSABLE}
     listed = ", ".join(f"{count} {flag.value}" for flag, count in counts.items() if count)
-    return (
-        f"{len(excluded)} of {total} thresholds are left out ({listed}); all_no lie above and all_yes "
-        "below what was tested: leaving them out draws the curve towards the tested rates.",
-    )
+    words = f"{len(excluded)} of {total} thresholds are left out ({listed})."
+    if counts[ThresholdFlag.ALL_YES]:
+        words += (
+            " All_yes lie below the slowest rate tested: without them the limit is too high, on the unsafe "
+            "side; test slower rates."
+        )
+    if counts[ThresholdFlag.ALL_NO]:
+        words += " All_no lie above the fastest one: without them the limit is too low, on the safe side."
+    return (words,)

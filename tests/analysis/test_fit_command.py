@@ -1,6 +1,7 @@
 """`evenlight fit`: from simulated sessions to the files of the contract."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,26 @@ def test_participants_with_a_single_level_have_no_curve_and_leave_nothing_half_w
     with pytest.raises(InputError, match="degree 4 needs thresholds at 5 or more luminances, got 2"):
         fit(data, out=out, quiet=True)
     assert not out.exists()
+
+
+def test_a_participant_who_sees_everything_is_left_out_with_a_warning_on_the_error_stream(
+    dataset: Path, tmp_path: Path, command
+) -> None:
+    changed = tmp_path / "changed"
+    shutil.copytree(dataset, changed)
+    trials = changed / "sub-02" / "ses-01" / "trials.jsonl"
+    lines = [json.loads(line) for line in trials.read_text().splitlines()]
+    ramps = [line | ({} if line["is_catch"] else {"response": "yes"}) for line in lines]
+    trials.write_text("".join(json.dumps(line) + "\n" for line in ramps))
+    result = command("fit", changed, "--out", tmp_path / "out", "--quiet")
+    assert result.code == 0
+    told = [line for line in result.err.splitlines() if "10 all_yes" in line]
+    assert len(told) == 1
+    assert told[0].startswith("evenlight: warning: 10 of 40 thresholds are left out")
+    assert "too high, on the unsafe side" in told[0]
+    summary = json.loads((tmp_path / "out" / "fit_summary.json").read_text())
+    assert summary["excluded_participants"] == {"02": "all_yes"}
+    assert any("unsafe side" in warning for warning in summary["warnings"])
 
 
 def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_path: Path) -> None:

@@ -174,6 +174,21 @@ def test_thresholds_that_are_the_priors_or_the_criterions_are_left_out_and_count
     )
 
 
+@pytest.mark.parametrize(
+    ("flag", "side"),
+    [
+        (ThresholdFlag.ALL_YES, "the limit is too high, on the unsafe side"),
+        (ThresholdFlag.ALL_NO, "the limit is too low, on the safe side"),
+    ],
+)
+def test_what_is_left_out_draws_the_limit_to_a_side_that_is_named(flag: ThresholdFlag, side: str) -> None:
+    """Who sees every ramp has a threshold below all rates; without such people the mean is higher."""
+    lost = [threshold("09", L, 50.0, flag=flag) for L in BOTH]
+    notes = " ".join(fit_thresholds(people([0.8, 1.2]) + lost, DISPLAY, WEBER).notes)
+    assert side in notes
+    assert ("unsafe" in notes) == (flag is ThresholdFlag.ALL_YES)
+
+
 def test_separated_and_out_of_range_thresholds_stay_in_with_their_wide_error() -> None:
     rows = people([1.0, 1.0, 1.0])
     flags = (ThresholdFlag.SEPARATED, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ABOVE_RANGE)
