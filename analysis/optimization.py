@@ -51,8 +51,8 @@ class Work:
         What it is shown on.
     request : Request
         Budget, power model, rate limit.
-    model : ContrastModel
-        Choices of the contrast model.
+    model, model_name : ContrastModel, str
+        Choices of the contrast model, and what they are called.
     solver : SolverName
         Which solver.
     seed : int
@@ -73,6 +73,7 @@ class Work:
     display: Display
     request: Request
     model: ContrastModel = DEFAULT_MODEL
+    model_name: str = "default"
     solver: SolverName = SolverName.SPLITTING
     seed: int = 1
     min_factor: float = 0.2
@@ -101,7 +102,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
     if work.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
     solved = time.perf_counter()
-    answer = Answer(lower_bound(problem, solution), solution.iterations)
+    answer = Answer(lower_bound(problem, solution), solution.iterations, work.model_name)
     effort = Effort(solved - analysed, analysed - start, time.perf_counter() - solved, work.calm)
     request, display = work.request, work.display
     header = TrackHeader(

@@ -67,7 +67,7 @@ def optimize(
     """Find the brightness track of a video under a power budget."""
     from analysis.optimization import Work, run_optimization
     from data_schema.files import results_folder
-    from method.optimize import Request
+    from method.optimize import Request, require_possible
     from method.preset_files import (
         load_contrast_model,
         load_display,
@@ -88,16 +88,22 @@ def optimize(
         )
     if seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
+    if not video:
+        raise InputError(
+            "the video has an empty name; give a file, a folder of images or a built-in sequence"
+        )
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
     request = Request(budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated)
+    require_possible(request, min_factor)
     source = open_video(video, fps)
     work = Work(
         source=source,
         display=panel,
         request=request,
         model=load_contrast_model(contrast_model),
+        model_name=contrast_model,
         solver=solver,
         seed=seed,
         min_factor=min_factor,
@@ -115,13 +121,16 @@ def optimize(
 def _tell(summary: OptimizationSummary, out: Path) -> None:
     """Say what was achieved, in a few lines."""
     less = 1 - summary.objective / summary.objective_baseline if summary.objective_baseline > 0 else 0.0
+    certified = (
+        f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
+    )
     typer.echo(
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
         f"{summary.mean_power / summary.full_power:.1%} of full power, "
         f"mean factor {summary.mean_factor:.4g}\n"
         f"contrast loss differs by {summary.objective:.4g} between two frames, "
         f"{summary.objective_baseline:.4g} at constant dimming ({less:.1%} less; "
-        f"no track does better than {summary.lower_bound:.4g})\n"
+        f"{certified})\n"
         f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}\n"
         f"results in {out}"
     )

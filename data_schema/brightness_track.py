@@ -169,6 +169,14 @@ class OptimizationSummary:
         Share of the gain that was to be given up, at most, for a calmer track.
     solve_s, curves_s, bound_s : float
         Time taken by the optimizer, by the loss curves, and by the lower bound [s].
+    limit_curve, modulated : str
+        Which curve of the rate limit was obeyed, and whose luminance it was about.
+    lowest_factor, pixels_per_degree : float
+        Lowest factor allowed; pixels of the video per degree of the visual field.
+    contrast_model : str
+        Name of the choices of the contrast model.
+    simulated : bool
+        Whether the rate limit rests on simulated participants.
     frames_without_contrast : int
         Frames in which nothing is visible even undimmed; they have nothing to lose.
     seed : int or None
@@ -197,6 +205,12 @@ class OptimizationSummary:
     mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
     baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
     full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
+    limit_curve: str = described("curve of the rate limit that was obeyed: fitted or safe")
+    modulated: str = described("luminance that the rate limit was about: frame_mean or white_field")
+    lowest_factor: float = quantity("1", "lowest brightness factor allowed", above=0.0, maximum=1.0)
+    pixels_per_degree: float = quantity("1", "pixels of the video per degree", above=0.0)
+    contrast_model: str = described("choices of the contrast model, by name or file")
+    simulated: bool = described("true if the rate limit rests on simulated participants")
     frames_without_contrast: int = quantity("1", "frames with nothing visible even undimmed", minimum=0)
     solver: str = described("which solver")
     iterations: int = quantity("1", "iterations of the solver", minimum=0)

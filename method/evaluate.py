@@ -47,10 +47,13 @@ class Answer:
         No track within the limits has a smaller objective.
     iterations : int
         Of the solver.
+    contrast_model : str
+        Name of the choices that the loss curves were made with.
     """
 
     lower_bound: float
     iterations: int
+    contrast_model: str
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
@@ -128,6 +131,12 @@ def summarize(
         mean_power=mean_power,
         baseline_power=float(share @ baseline_power),
         full_power=full_power,
+        limit_curve=request.limit_curve.value,
+        modulated=request.modulated.value,
+        lowest_factor=problem.lowest_factor,
+        pixels_per_degree=curves.display.pixels_per_degree,
+        contrast_model=answer.contrast_model,
+        simulated=request.rate_limit.simulated,
         frames_without_contrast=int(np.count_nonzero(curves.visible_contrast == 0)),
         solver=header.solver,
         iterations=answer.iterations,

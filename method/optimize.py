@@ -171,15 +171,11 @@ def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array
     InputError
         If that factor lies outside the curves' range.
     """
+    require_possible(request, float(curves.factors[0]))
     time_share = curves.durations / curves.durations.sum()
     slope = power_per_factor(request.power_model, curves.channel_means)
     mean_slope, base = float(time_share @ slope), request.power_model.base_power
     if request.budget_unit is BudgetUnit.FACTOR:
-        if request.power_model.kind is PanelKind.OLED:
-            raise InputError(
-                "--budget-unit factor says nothing of the power of an OLED panel, which depends on content: "
-                "give power or watt"
-            )
         scale, offset, weights = 1.0, 0.0, time_share
     else:
         scale, offset = mean_slope, base
@@ -189,13 +185,47 @@ def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array
             raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
         weights = time_share * slope / mean_slope
     low, high = offset + scale * float(curves.factors[0]), offset + scale
+    _require_between(request, (low, high), float(curves.factors[0]))
+    factor = (request.budget - offset) / scale
+    return min(max(factor, float(curves.factors[0])), 1.0), weights
+
+
+def require_possible(request: Request, lowest_factor: float) -> None:
+    """Raise `InputError` if no video at all could meet the budget, so that none is analysed in vain.
+
+    Parameters
+    ----------
+    request : Request
+        With the budget.
+    lowest_factor : float
+        Lowest brightness factor allowed.
+    """
+    model, unit = request.power_model, request.budget_unit
+    if model.kind is PanelKind.OLED:
+        if unit is BudgetUnit.FACTOR:
+            raise InputError(
+                "--budget-unit factor says nothing of the power of an OLED panel, which depends on content: "
+                "give power or watt"
+            )
+        return
+    full = model.base_power + model.power_per_luminance * model.peak_luminance
+    least = model.base_power + lowest_factor * (full - model.base_power)
+    low, high = {
+        BudgetUnit.FACTOR: (lowest_factor, 1.0),
+        BudgetUnit.POWER: (least / full, 1.0),
+        BudgetUnit.WATT: (least, full),
+    }[unit]
+    _require_between(request, (low, high), lowest_factor)
+
+
+def _require_between(request: Request, limits: tuple[float, float], lowest_factor: float) -> None:
+    """Raise `InputError` if the budget lies outside what the factors can use."""
+    low, high = limits
     if not low - 1e-12 <= request.budget <= high + 1e-12:
         raise InputError(
             f"--budget {request.budget:g} ({request.budget_unit.value}) cannot be met: factors from "
-            f"{curves.factors[0]:g} to 1 use {low:.4g} to {high:.4g}"
+            f"{lowest_factor:g} to 1 use {low:.4g} to {high:.4g}"
         )
-    factor = (request.budget - offset) / scale
-    return min(max(factor, float(curves.factors[0])), 1.0), weights
 
 
 def optimize(problem: Problem, solver: Solver) -> Solution:

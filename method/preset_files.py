@@ -60,7 +60,7 @@ def _load(name_or_path: str, kind: str, suffix: str, read: Callable[[Path], Reco
         return read(PRESETS / f"{name_or_path}.{kind}.{suffix}")
     path = Path(name_or_path)
     if not path.exists():
-        words = kind.replace("_", " ")
+        words = "power model" if kind == "power" else kind.replace("_", " ")
         hint = difflib.get_close_matches(name_or_path, known, n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""
         raise InputError(

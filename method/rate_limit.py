@@ -78,7 +78,8 @@ def require_same_display(limit: RateLimit, display: Display) -> None:
     Thresholds hold for the luminances, the black level and the white of the display they were measured on.
     """
     if limit.display_fingerprint != display.fingerprint:
+        same_name = " of other photometry" if limit.display_name == display.name else ""
         raise InputError(
-            f"the rate limit {limit.name!r} was fitted on the display {limit.display_name!r}, not on "
-            f"{display.name!r}; calibrate {display.name!r}, or accept it with --other-display-ok"
+            f"the rate limit {limit.name!r} was fitted on the display {limit.display_name!r}{same_name}, "
+            f"not on {display.name!r}; calibrate {display.name!r}, or accept it with --other-display-ok"
         )

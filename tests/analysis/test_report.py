@@ -77,7 +77,9 @@ def summary(**changed: object) -> OptimizationSummary:
         "objective": 0.0123, "objective_baseline": 0.0456, "lower_bound": 0.0019, "max_rate_ratio": 0.997,
         "mean_contrast_loss": 0.0781, "mean_contrast_loss_baseline": 0.0812, "mean_factor": 0.513,
         "baseline_factor": 0.514, "mean_power": 0.991, "baseline_power": 0.992, "full_power": 1.69,
-        "frames_without_contrast": 0, "solver": "splitting", "iterations": 48, "calm": 0.02, "solve_s": 0.132,
+        "frames_without_contrast": 0, "limit_curve": "fitted", "modulated": "frame_mean",
+        "lowest_factor": 0.2, "pixels_per_degree": 72.28, "contrast_model": "default", "simulated": True,
+        "solver": "splitting", "iterations": 48, "calm": 0.02, "solve_s": 0.132,
         "curves_s": 5.76, "bound_s": 0.41, "seed": None, "versions": {}, "provenance": Provenance(),
     }  # fmt: skip
     return OptimizationSummary(**{**given, **changed})  # type: ignore[arg-type] # names checked by the record

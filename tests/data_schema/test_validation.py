@@ -254,6 +254,10 @@ def results(folder: Path, **changes: Any) -> Path:
         # pairs: 0.1 + 0.2 + 0.4 + 0.1 + 0.3 + 0.2 = 1.3 in 6
         "objective": 1.3 / 6,
         "lower_bound": 0.2,
+        "limit_curve": "fitted",
+        "modulated": "frame_mean",
+        "contrast_model": "default",
+        "simulated": False,
         "mean_contrast_loss": 0.175,
         "mean_factor": 0.6,
         "frames_without_contrast": 0,

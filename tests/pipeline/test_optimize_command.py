@@ -74,8 +74,10 @@ def test_a_fade_to_black_and_back_is_brightest_where_the_content_is_darkest(comm
     level = 0.12 + 0.88 * np.abs(np.linspace(-1, 1, 60))
     fade = [texture(2) * s for s in level]
     track, _ = optimized(command, tmp_path, video(tmp_path / "fade.mkv", fade, fps=0.5))
-    assert track.factors[25:35].min() > track.factors[:5].max()
-    assert track.factors[25:35].min() > track.factors[-5:].max()
+    # Few pixels make the loss flicker; the track is compared over ten frames each.
+    darkest = track.factors[25:35].mean()
+    assert darkest > track.factors[:10].mean() + 0.02
+    assert darkest > track.factors[-10:].mean() + 0.02
 
 
 def test_a_video_whose_frames_lose_nothing_keeps_constant_dimming(command, tmp_path) -> None:
@@ -167,7 +169,7 @@ def test_the_papers_solver_gives_a_track_as_good(command, tmp_path) -> None:
     clip = video(tmp_path / "v.mkv", [texture(1, 72, 96) * s for s in np.linspace(0.2, 1, 30)], fps=1.0)
     _, ours = optimized(command, tmp_path, clip)
     _, paper = optimized(command, tmp_path, clip, 0.5, "--solver", "slsqp")
-    assert ours["objective"] == pytest.approx(paper["objective"], rel=0.02)
+    assert ours["objective"] <= 1.01 * paper["objective"]
     assert paper["seed"] == 1
 
 
@@ -342,3 +344,37 @@ def test_a_misspelt_option_ends_with_one_line(command) -> None:
     result = command("optimize", "x", "--buget", "0.5")
     assert result.code == 2
     assert result.err.count("\n") == 1
+
+
+def test_an_impossible_budget_is_told_before_the_video_is_read(command, tmp_path) -> None:
+    line = refused(command, tmp_path, "no-such-video.mp4", "--budget", 1.5)
+    assert "--budget 1.5 (factor) cannot be met" in line
+
+
+def test_an_empty_name_is_not_this_folder(command, tmp_path) -> None:
+    assert "the video has an empty name" in refused(command, tmp_path, "", "--budget", 0.5)
+
+
+def test_the_summary_says_how_the_track_was_made(command, tmp_path) -> None:
+    clip = video(tmp_path / "v.mkv", [texture(1) * s for s in np.linspace(0.2, 1, 6)])
+    options = [
+        "--limit-curve",
+        "safe",
+        "--modulated",
+        "white_field",
+        "--min-factor",
+        0.3,
+        "--field-of-view",
+        2,
+    ]
+    _, summary = optimized(command, tmp_path, clip, 0.5, *options, "--contrast-model", "as-printed")
+    made = ("limit_curve", "modulated", "lowest_factor", "contrast_model", "simulated")
+    assert [summary[key] for key in made] == ["safe", "white_field", 0.3, "as-printed", False]
+    assert summary["pixels_per_degree"] == pytest.approx(24, rel=1e-3)
+
+
+def test_displays_of_one_name_and_other_photometry_are_told_apart(command, tmp_path, clip) -> None:
+    toml = 'name = "varjo-xr3"\npeak_luminance_cd_m2 = 300\nblack_level_cd_m2 = 0.3\ngamma = 2.2\n'
+    (tmp_path / "d.toml").write_text(toml + "pixels_per_degree = 40\n")
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--display", tmp_path / "d.toml")
+    assert "the display 'varjo-xr3' of other photometry" in line
