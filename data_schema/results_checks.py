@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from data_schema.brightness_track import BrightnessTrack, OptimizationSummary
@@ -27,6 +28,7 @@ def compare_results(files: list[CheckedFile]) -> None:
     if OptimizationSummary in records:
         _compare_header(records[OptimizationSummary], track, records[BrightnessTrack].path)
         _compare_figures(records[OptimizationSummary], track)
+        _compare_promises(records[OptimizationSummary], track)
     if LossCurves in records:
         _compare_curves(records[LossCurves], track)
 
@@ -73,6 +75,24 @@ def _compare_figures(checked: CheckedFile, track: BrightnessTrack) -> None:
             f"objective: expected {objective:.6g}, the mean absolute difference of the track's "
             f"contrast_loss, got {summary.objective:.6g}"
         )
+
+
+def _compare_promises(checked: CheckedFile, track: BrightnessTrack) -> None:
+    """Note promises of a summary that it or the track's columns break: budget, baseline, rate limit."""
+    summary: OptimizationSummary = checked.records[0][1]
+    if abs(summary.achieved - summary.budget) > TOLERANCE:
+        checked.blame(f"achieved: expected the budget {summary.budget:g}, got {summary.achieved:g}")
+    if summary.objective > summary.objective_baseline + TOLERANCE:
+        checked.blame(
+            f"objective: expected at most {summary.objective_baseline:g}, that of constant dimming, "
+            f"got {summary.objective:g}"
+        )
+    steps = zip(track.rate.tolist(), track.rate_limit.tolist(), strict=True)
+    ratio = max((abs(rate) / limit if limit else math.inf for rate, limit in steps if rate), default=0.0)
+    if abs(ratio - summary.max_rate_ratio) > TOLERANCE * max(ratio, 1.0):
+        checked.blame(f"max_rate_ratio: expected {ratio:g}, as in the track, got {summary.max_rate_ratio:g}")
+    if ratio > 1 + TOLERANCE:
+        checked.blame(f"max_rate_ratio: expected at most 1, the track's fastest step has {ratio:g}")
 
 
 def mean_absolute_difference(values: Array) -> float:
