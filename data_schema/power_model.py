@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
 
+LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a slip of the pen, and products of them overflow
+
 
 class PanelKind(enum.Enum):
     """What makes the light."""
@@ -44,16 +46,22 @@ class PowerModel:
 
     name: str = described("name of the power model")
     kind: PanelKind = described("what makes the light")
-    base_power: float = quantity("W", "power at zero luminance", minimum=0.0)
+    base_power: float = quantity("W", "power at zero luminance", minimum=0.0, maximum=LARGEST)
     power_per_luminance: float = quantity(
-        "W m^2/cd", "LCD: slope of power over luminance", minimum=0.0, default=0.0
+        "W m^2/cd", "LCD: slope of power over luminance", minimum=0.0, maximum=LARGEST, default=0.0
     )
     peak_luminance: float = quantity(
-        "cd/m^2", "LCD: luminance of the power panel at b = 1", minimum=0.0, default=0.0
+        "cd/m^2", "LCD: luminance of the power panel at b = 1", minimum=0.0, maximum=LARGEST, default=0.0
     )
-    red_power: float = quantity("W", "OLED: red channel at full drive", minimum=0.0, default=0.0)
-    green_power: float = quantity("W", "OLED: green channel at full drive", minimum=0.0, default=0.0)
-    blue_power: float = quantity("W", "OLED: blue channel at full drive", minimum=0.0, default=0.0)
+    red_power: float = quantity(
+        "W", "OLED: red channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+    )
+    green_power: float = quantity(
+        "W", "OLED: green channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+    )
+    blue_power: float = quantity(
+        "W", "OLED: blue channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+    )
     source: str = described("where the figures come from", default="")
     provenance: Provenance | None = described("how the file was made", default=None)
 

@@ -179,6 +179,13 @@ def test_a_power_model_needs_what_its_panel_takes_power_for(kind: PanelKind, wor
         PowerModel("x", kind, base_power=1.0)
 
 
+def test_a_power_model_is_one_whose_power_can_be_written_down() -> None:
+    with pytest.raises(ValueError, match="power_per_luminance_w_m2_cd must be at most 1e"):
+        PowerModel("x", PanelKind.LCD, 1.0, power_per_luminance=1e308, peak_luminance=1e308)
+    with pytest.raises(ValueError, match="blue_power_w must be at most 1e"):
+        PowerModel("x", PanelKind.OLED, 1.0, red_power=1.0, blue_power=1e308)
+
+
 def test_no_ramp_ends_below_black() -> None:
     """0.2 of the luminance per second for 5 s is all of it."""
     with pytest.raises(ValueError, match=r"the fastest must stay below 0\.2"):
