@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from analysis.figure_style import (
@@ -39,6 +39,7 @@ from data_schema.brightness_track import BrightnessTrack
 Array = NDArray[np.float64]
 
 FEW_FRAMES = 40  # up to so many, each frame gets a dot
+MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
 WIDE_RANGE = 10.0  # a rate limit that varies by more than this is drawn over a logarithmic axis
 
 
@@ -165,20 +166,37 @@ def _step_line(axes: Axes, edges: Array, values: Array, **style: Any) -> None:
 def _draw_factors(axes: Axes, story: TrackStory) -> None:
     """Draw the brightness factors, the constant baseline and the range that factors may take."""
     edges = frame_edges(story.track.times)
+    bottom, top = factor_axis(np.append(story.track.factors, story.baseline_factor))
     forbidden: dict[str, Any] = {"facecolor": "none", "edgecolor": FAINT, "hatch": "////", "linewidth": 0}
-    axes.axhspan(0, story.lowest_factor, **forbidden)
-    axes.axhline(1.0, color=FAINT, linewidth=0.4 * rcParams["lines.linewidth"], zorder=0)
+    is_bounded = story.lowest_factor > bottom
+    if is_bounded:
+        axes.axhspan(bottom, story.lowest_factor, **forbidden)
+    if top > 1:
+        axes.axhline(1.0, color=FAINT, linewidth=0.4 * rcParams["lines.linewidth"], zorder=0)
     axes.axhline(story.baseline_factor, color=BASELINE, linestyle="--", zorder=3)
     _step_line(axes, edges, story.track.factors, color=OURS, zorder=2)
-    axes.set(ylim=(0, 1.3), yticks=[0, 0.5, 1], ylabel="factor b")
-    axes.set_yticks([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9], minor=True)
+    ticks = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(bottom, top)
+    axes.set(ylim=(bottom, top), ylabel="factor b")
+    axes.set_yticks([tick for tick in ticks if bottom <= tick <= min(top, 1)])
     constant = f"constant, same power: {short(story.baseline_factor)}"
     handles = [
         Line2D([], [], color=OURS, label="ours"),
         Line2D([], [], color=BASELINE, linestyle="--", label=constant),
         Patch(label="not allowed", **{**forbidden, "edgecolor": MUTED}),
     ]
-    legend_above(axes, handles=handles[: 3 if story.lowest_factor > 0 else 2])
+    legend_above(axes, handles=handles[: 3 if is_bounded else 2])
+
+
+def factor_axis(factors: Array) -> tuple[float, float]:
+    """Return bottom and top of an axis of factors: all of them with a margin, above it room for letters.
+
+    >>> [round(end, 3) for end in factor_axis(np.array([0.2, 0.7]))]
+    [0.15, 0.85]
+    """
+    low, high = float(factors.min()), float(factors.max())
+    missing = max(MIN_FACTOR_SPAN - (high - low), 0.0)
+    low, high = low - missing / 2, high + missing / 2
+    return max(low - 0.1 * (high - low), 0.0), high + 0.3 * (high - low)
 
 
 def _draw_loss(axes: Axes, story: TrackStory) -> None:

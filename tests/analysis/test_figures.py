@@ -100,6 +100,27 @@ def test_the_lines_of_a_track_are_its_data() -> None:
     assert set(baseline.get_ydata()) == {told.baseline_factor}
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "bounded", "full"),
+    [(0.48, 0.52, False, False), (0.21, 0.4, True, False), (0.7, 1.0, False, True), (0.2, 1.0, True, True)],
+)
+def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
+    low: float, high: float, bounded: bool, full: bool
+) -> None:
+    told = dataclasses.replace(story(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
+    panel = track_figure(told).axes[0]
+    bottom, top = panel.get_ylim()
+    assert 0 <= bottom < low < high < top
+    assert 0.15 <= top - bottom <= max(2 * (high - low), 0.16)
+    assert all(bottom <= tick <= min(top, 1) for tick in panel.get_yticks())
+    assert len(panel.get_yticks()) >= 2
+    legend = panel.get_legend()
+    assert legend is not None
+    assert ("not allowed" in [text.get_text() for text in legend.get_texts()]) == bounded
+    assert bool(panel.patches) == bounded
+    assert any(set(line.get_ydata()) == {1.0} for line in panel.lines) == full
+
+
 def test_rates_are_drawn_without_their_sign_up_to_the_last_step() -> None:
     told = story()
     (line,) = lines_of(track_figure(told), 2, OURS)
