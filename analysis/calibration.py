@@ -142,7 +142,7 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
 
 
 def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
-    """Return how far the pooled curve lies from the population's, as ratios of rates; None without it."""
+    """Return how far the pooled curve lies from the population's, as ratios; None if either is missing or 0."""
     pooled = calibration.pooled
     if pooled is None:
         return None
@@ -150,7 +150,10 @@ def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
     low = max(ours.luminance_range[0], theirs.luminance_range[0])
     high = min(ours.luminance_range[1], theirs.luminance_range[1])
     luminance = np.linspace(low, high, COMPARED_AT)
-    ratio = rate_limit_at(theirs, luminance) / rate_limit_at(ours, luminance)
+    pooled_rate, own_rate = rate_limit_at(theirs, luminance), rate_limit_at(ours, luminance)
+    if min(pooled_rate.min(), own_rate.min()) <= 0:  # a polynomial of the rate can fall so far: no ratio
+        return None
+    ratio = pooled_rate / own_rate
     mean = float(np.exp(np.mean(np.log(ratio))))
     return {
         "luminance_cd_m2": pooled.luminance.tolist(),

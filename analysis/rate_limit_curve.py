@@ -15,6 +15,9 @@ from data_schema.rate_limit import RateLimitForm
 
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
 MONOTONE_SAMPLES = 1001
+LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
+PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
+SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
 
 
 class LuminanceAbscissa(enum.Enum):
@@ -44,7 +47,7 @@ class RateLimitOptions:
     """
 
     form: RateLimitForm = RateLimitForm.LN_RATE
-    degree: int = 4
+    degree: int = PAPER_DEGREE
     band_level: float = 0.95
     abscissa: LuminanceAbscissa = LuminanceAbscissa.INITIAL
     ramp_duration: float = 5.0
@@ -98,7 +101,9 @@ class CurveBasis:
     def rate(self, ordinate: ArrayLike) -> NDArray[np.float64]:
         """Return the rates [cd/m^2/s] for values on the polynomial's scale; never below 0."""
         values = np.asarray(ordinate, dtype=np.float64)
-        return np.maximum(values, 0.0) if self.form is RateLimitForm.RATE else np.exp(values)
+        if self.form is RateLimitForm.RATE:
+            return np.maximum(values, 0.0)
+        return np.asarray(np.exp(np.clip(values, -LARGEST_LN, LARGEST_LN)), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +131,26 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
     Raises
     ------
     InputError
-        If there are too few different luminances for the degree.
+        If there are too few different luminances for the degree: one more than the degree up to the paper's,
+        three more above it.
     """
     distinct = np.unique(np.asarray(luminance, dtype=np.float64))
-    needed = max(options.degree + 1, 2)
+    needed = luminances_needed(options.degree)
     if distinct.size < needed:
         raise InputError(
             f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
             f"got {distinct.size}; measure more levels, or give a lower --degree"
         )
     return CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
+
+
+def luminances_needed(degree: int) -> int:
+    """Return how many different luminances a polynomial of a degree needs.
+
+    >>> luminances_needed(4), luminances_needed(5)
+    (5, 8)
+    """
+    return max(degree + 1, 2) + (SPARE_LUMINANCES if degree > PAPER_DEGREE else 0)
 
 
 def curve_band(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.mixed_model import GroupedEstimates, fit_mixed_model
 from analysis.rate_limit_curve import (
+    PAPER_DEGREE,
     CurveBasis,
     CurveEstimate,
     LuminanceAbscissa,
@@ -19,10 +20,12 @@ from analysis.rate_limit_curve import (
     falling_stretches,
 )
 from data_schema.display import Display
+from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from data_schema.threshold import Threshold, ThresholdFlag
 
 UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
+WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +144,8 @@ def fit_thresholds(
     Raises
     ------
     InputError
-        If the thresholds that can be used lie at too few luminances for the degree.
+        If the thresholds that can be used lie at too few luminances for the degree, or a degree above the
+        paper's leaves the curve unknown within a factor of 100 somewhere.
     """
     options = options or RateLimitOptions()
     used = tuple(t for t in thresholds if t.flag not in UNUSABLE)
@@ -154,8 +158,10 @@ def fit_thresholds(
     estimate = CurveEstimate(model.coefficients, model.covariance, _band_df(data))
     rates = np.array([t.threshold for t in used])
     several = data.n_groups > 1
+    limit = _record(_Named(name, display), basis, estimate, (L, rates), options)
+    _require_known(limit, options.degree)
     return RateLimitFit(
-        limit=_record(_Named(name, display), basis, estimate, (L, rates), options),
+        limit=limit,
         residual_df=df,
         residual_sd=model.residual_sd,
         participant_sd=model.group_sd if several else None,
@@ -238,6 +244,20 @@ def _record(
         point_luminance=_floats(points[0]),
         point_rate=_floats(points[1]),
         condition_number=max(1.0, float(np.linalg.cond(basis.design(points[0])))),
+    )
+
+
+def _require_known(limit: RateLimit, degree: int) -> None:
+    """Refuse a degree above the paper's that the thresholds do not tie down."""
+    lower, upper = np.array(limit.band_lower), np.array(limit.band_upper)
+    loose = np.flatnonzero(upper > WIDEST_BAND * lower)
+    if degree <= PAPER_DEGREE or not loose.size:
+        return
+    worst = loose[int(np.argmax((upper - lower)[loose]))]
+    raise InputError(
+        f"a rate limit of degree {degree} is not known from these thresholds: at "
+        f"{limit.band_luminance[worst]:.3g} cd/m^2 its band reaches from {lower[worst]:.2g} to "
+        f"{upper[worst]:.2g} cd/m^2/s; give --degree {PAPER_DEGREE} or lower"
     )
 
 

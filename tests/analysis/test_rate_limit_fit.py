@@ -126,6 +126,21 @@ def test_the_degree_is_bounded() -> None:
         RateLimitOptions(degree=9)
 
 
+@pytest.mark.parametrize("form", list(RateLimitForm))
+def test_a_high_degree_must_leave_two_luminances_to_judge_it_by(form: RateLimitForm) -> None:
+    # Nine coefficients and two luminances over: 11, one more than there are.
+    with pytest.raises(InputError, match="degree 8 needs thresholds at 11 or more luminances, got 10"):
+        fit_thresholds(people([0.8, 1.2]), DISPLAY, RateLimitOptions(form, degree=8))
+
+
+def test_a_high_degree_that_the_thresholds_do_not_tie_down_is_refused() -> None:
+    # Thresholds known to a factor of e^2 each and two participants: t(0.975, df = 1) = 12.7, so that the band
+    # reaches over e^(2 · 12.7 · 2/sqrt(2)) where a participant's level is on its own; 100 is e^4.6.
+    rows = [dataclasses.replace(row, standard_error_ln=2.0) for row in people([0.8, 1.2])]
+    with pytest.raises(InputError, match=r"degree 7 is not known .* give --degree 4 or lower"):
+        fit_thresholds(rows, DISPLAY, RateLimitOptions(degree=7))
+
+
 # ------------------------------------------------------------------ participants
 
 
