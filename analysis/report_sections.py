@@ -202,8 +202,8 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
     """
     caption = (
         "Brightness factor, contrast loss and rate of change over time, for the track (blue) and for "
-        "constant dimming at the same power (orange). The rate must stay out of the red area. Below: "
-        "frames at the marked times, at full brightness and as they are shown."
+        "constant dimming at the same power (orange). The rate, above 0 where the modulation brightens, "
+        "must stay out of the red areas. Below: frames at the marked times, at full brightness and as they are shown."
     )
     notes: tuple[str, ...] = ()
     if summary.frames_without_contrast:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from analysis.figure_style import (
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 FEW_FRAMES = 40  # up to so many, each frame gets a dot
 MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
-WIDE_RANGE = 10.0  # a rate limit that varies by more than this is drawn over a logarithmic axis
+WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room for its lowest
 
 
 def track_figure(story: TrackStory, medium: Medium = PAGE) -> Figure:
@@ -211,45 +211,37 @@ def _draw_loss(axes: Axes, story: TrackStory) -> None:
 
 
 def _draw_rate(axes: Axes, track: BrightnessTrack) -> None:
-    """Draw how fast the modulation changes luminance, and the area that it must not enter."""
-    edges, limit = frame_edges(track.times), np.append(track.rate_limit, track.rate_limit[-1])
-    speed = np.abs(track.rate[:-1] if len(track.rate) > 1 else track.rate)  # after the last frame nothing is
-    bottom, top, scale = rate_axis(speed, track.rate_limit)
-    axes.set_yscale(scale, **({"nonpositive": "clip"} if scale == "log" else {}))
-    _step_line(axes, edges[: len(speed) + 1], speed, color=OURS, label="change by the modulation", zorder=3)
-    beyond: dict[str, Any] = {"facecolor": LIMIT, "alpha": 0.16, "linewidth": 0}
-    axes.fill_between(edges, np.maximum(limit, bottom), top, step="post", label="faster than ΔL", **beyond)
-    axes.plot(
-        edges,
-        limit,
-        drawstyle="steps-post",
-        color=LIMIT,
-        linewidth=0.6 * rcParams["lines.linewidth"],
-        zorder=2,
-    )
-    axes.set(ylim=(bottom, top), ylabel="rate [cd/m²/s]")
-    if scale == "log":
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    legend_above(axes)
+    """Draw how fast the modulation changes luminance, up or down, and the areas that it must not enter."""
+    edges = frame_edges(track.times)
+    rate, limit, unit = drawn_rates(track)
+    top = 1.25 * max(float(limit.max()), float(np.abs(rate[np.isfinite(rate)]).max(initial=0.0))) or 1.0
+    thin = {"linewidth": 0.6 * rcParams["lines.linewidth"]}
+    beyond: dict[str, Any] = {"facecolor": LIMIT, "alpha": 0.16, "linewidth": 0, "step": "post"}
+    held = np.append(limit, limit[-1])
+    for sign, label in ((1, "faster than ΔL"), (-1, None)):
+        axes.fill_between(edges, sign * held, sign * top, label=label, **beyond)
+        axes.plot(edges, sign * held, drawstyle="steps-post", color=LIMIT, zorder=2, **thin)
+    axes.axhline(0.0, color=FAINT, zorder=0, **thin)
+    label = "change by the modulation"
+    _step_line(axes, edges[: len(rate) + 1], rate, color=OURS, label=label, zorder=3, **thin)
+    axes.set(ylim=(-top, top), ylabel=unit)
+    legend_above(axes, reverse=True)
 
 
-def rate_axis(speed: Array, limit: Array) -> tuple[float, float, str]:
-    """Return bottom, top and scale of an axis of rates: all limits above 0 lie within it.
+def drawn_rates(track: BrightnessTrack) -> tuple[Array, Array, str]:
+    """Return the rates up to the last step, each frame's limit, and the name of their axis.
 
-    A limit that varies widely needs a logarithm; rates below a hundredth of the lowest limit then lie on the
-    bottom, as does no change at all.
-
-    >>> rate_axis(np.array([0.5]), np.array([1.0, 2.0]))
-    (0.0, 2.5, 'linear')
+    Limits that vary by more than a factor of `WIDE_RANGE` leave no room for the lowest: then rates are
+    shares of their limit [%]. A limit of 0 has no share but that of no change, 0.
     """
-    top = 1.25 * max(float(limit.max()), float(speed.max()))
-    positive = limit[limit > 0]
-    if not top > 0:
-        return 0.0, 1.0, "linear"
-    if positive.size and positive.max() / positive.min() > WIDE_RANGE and speed.any():
-        return float(positive.min()) / 100, 1.6 * top, "log"
-    return 0.0, top, "linear"
+    rate = track.rate[:-1] if len(track.rate) > 1 else track.rate  # after the last frame nothing changes
+    positive = track.rate_limit[track.rate_limit > 0]
+    if not positive.size or positive.max() / positive.min() <= WIDE_RANGE:
+        return rate, track.rate_limit, "rate [cd/m²/s]"
+    limit = track.rate_limit[: len(rate)]
+    beyond = np.where(rate == 0, 0.0, np.copysign(np.inf, rate))
+    share = 100 * np.divide(rate, limit, out=beyond, where=limit > 0)
+    return share, np.full(len(track.rate), 100.0), "rate / ΔL [%]"
 
 
 def _finish_panel(axes: Axes, story: TrackStory, layout: _Layout, is_last: bool) -> None:

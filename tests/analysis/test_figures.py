@@ -38,7 +38,7 @@ from analysis.psychometric_figure import by_level, pooled_answers, psychometric_
 from analysis.rate_limit_figure import level_means, rate_limit_figure
 from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from analysis.thumbnails import dimmed_picture, small_picture, thumbnails_of
-from analysis.track_figure import rate_axis, track_figure
+from analysis.track_figure import drawn_rates, track_figure
 from analysis.track_story import TrackStory
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from data_schema.provenance import Provenance
@@ -89,7 +89,6 @@ def test_the_lines_of_a_track_are_its_data() -> None:
         (0, OURS, told.track.factors),
         (1, OURS, told.track.contrast_loss),
         (1, BASELINE, told.baseline_loss),
-        (2, LIMIT, told.track.rate_limit),
     ]
     for place, colour, values in expected:
         (line,) = lines_of(figure, place, colour)
@@ -121,27 +120,46 @@ def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
     assert any(set(line.get_ydata()) == {1.0} for line in panel.lines) == full
 
 
-def test_rates_are_drawn_without_their_sign_up_to_the_last_step() -> None:
+def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
     told = story()
     (line,) = lines_of(track_figure(told), 2, OURS)
     np.testing.assert_array_equal(line.get_xdata(), told.track.times)
-    np.testing.assert_array_equal(line.get_ydata()[:-1], np.abs(told.track.rate[:-1]))
+    np.testing.assert_array_equal(line.get_ydata()[:-1], told.track.rate[:-1])
+
+
+def test_rates_are_drawn_between_the_limits_of_both_directions() -> None:
+    told = story()
+    figure = track_figure(told)
+    assert figure.axes[2].get_ylabel() == "rate [cd/m²/s]"
+    for sign, line in zip((1, -1), lines_of(figure, 2, LIMIT), strict=True):
+        assert line.get_drawstyle() == "steps-post"
+        np.testing.assert_array_equal(line.get_xdata()[:-1], told.track.times)
+        np.testing.assert_array_equal(line.get_ydata()[:-1], sign * told.track.rate_limit)
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e4], ids=["narrow", "wide"])
 def test_every_limit_and_every_rate_has_room_in_the_figure(spread: float) -> None:
-    told = story(rate_limit=np.geomspace(1.0, spread, 30))
-    panel = track_figure(told).axes[2]
+    panel = track_figure(story(rate_limit=np.geomspace(1.0, spread, 30))).axes[2]
     bottom, top = panel.get_ylim()
-    assert bottom < told.track.rate_limit.min()
-    assert top > max(told.track.rate_limit.max(), np.abs(told.track.rate).max())
+    for line in panel.lines:
+        assert bottom < np.min(line.get_ydata())
+        assert top > np.max(line.get_ydata())
 
 
-def test_a_wide_limit_is_drawn_over_a_logarithm_that_reaches_below_the_lowest() -> None:
-    bottom, top, scale = rate_axis(np.array([0.0, 5.0]), np.array([0.01, 0.0, 10.0]))
-    assert scale == "log"
-    assert 0 < bottom < 0.01  # a limit of 0 cannot be shown; the lowest above 0 is
-    assert top > 10.0
+def test_limits_that_vary_widely_make_rates_shares_of_them() -> None:
+    told = story(4, rate=np.array([0.01, -3.0, 0.0, 0.0]), rate_limit=np.array([0.02, 4.0, 0.0, 0.0]))
+    panel = track_figure(told).axes[2]
+    (line,) = lines_of(track_figure(told), 2, OURS)
+    np.testing.assert_allclose(line.get_ydata()[:-1], [50.0, -75.0, 0.0])  # of 0.02, 4 and nothing
+    assert panel.get_ylabel() == "rate / ΔL [%]"
+    upper, lower = lines_of(track_figure(told), 2, LIMIT)
+    assert set(upper.get_ydata()) == {100.0}
+    assert set(lower.get_ydata()) == {-100.0}
+
+
+def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
+    told = story(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
+    np.testing.assert_array_equal(drawn_rates(told.track)[0], [50.0, -np.inf])
 
 
 def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
