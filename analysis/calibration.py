@@ -142,7 +142,7 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
 
 
 def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
-    """Return how far the pooled curve lies from the population's, as ratios; None if either is missing or 0."""
+    """Return how far the pooled curve lies from the population's, as ratios; None if one is missing or 0."""
     pooled = calibration.pooled
     if pooled is None:
         return None

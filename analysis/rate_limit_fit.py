@@ -18,6 +18,7 @@ from analysis.rate_limit_curve import (
     basis_for,
     curve_band,
     falling_stretches,
+    luminances_needed,
 )
 from data_schema.display import Display
 from data_schema.errors import InputError
@@ -25,6 +26,7 @@ from data_schema.rate_limit import RateLimit, RateLimitForm
 from data_schema.threshold import Threshold, ThresholdFlag
 
 UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
+OUTSIDE = (ThresholdFlag.ALL_YES, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ALL_NO, ThresholdFlag.ABOVE_RANGE)
 WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
 
 
@@ -144,12 +146,14 @@ def fit_thresholds(
     Raises
     ------
     InputError
-        If the thresholds that can be used lie at too few luminances for the degree, or a degree above the
-        paper's leaves the curve unknown within a factor of 100 somewhere.
+        If most thresholds lie outside the rates tested, those that can be used lie at too few luminances, or
+        a degree above the paper's leaves the curve unknown within a factor of 100 somewhere.
     """
     options = options or RateLimitOptions()
     used = tuple(t for t in thresholds if t.flag not in UNUSABLE)
     excluded = tuple(t for t in thresholds if t.flag in UNUSABLE)
+    _require_within_rates(thresholds)
+    _require_levels(used, excluded, options.degree)
     L = _abscissae(used, options)
     basis = basis_for(L, options)
     data = _grouped(used, L, basis)
@@ -247,6 +251,33 @@ def _record(
     )
 
 
+def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
+    """Refuse thresholds most of which lie outside the rates tested: they are the prior's word."""
+    below = sum(t.flag in OUTSIDE[:2] for t in thresholds)
+    above = sum(t.flag in OUTSIDE[2:] for t in thresholds)
+    if 2 * (below + above) <= len(thresholds):
+        return
+    advice = " and ".join(
+        word for word, count in (("slower", below), ("faster", above)) if 4 * count > below + above
+    )
+    raise InputError(
+        f"{below + above} of {len(thresholds)} thresholds lie outside the rates tested "
+        f"({_listed(thresholds, OUTSIDE)}), which is no basis for a rate limit; test {advice} ramps"
+    )
+
+
+def _require_levels(used: Sequence[Threshold], excluded: Sequence[Threshold], degree: int) -> None:
+    """Refuse too few luminances where it is the thresholds left out that are missing."""
+    luminances, needed = len({t.luminance for t in used}), luminances_needed(degree)
+    if not excluded or luminances >= needed:
+        return
+    raise InputError(
+        f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, got {luminances}: "
+        f"{len(excluded)} of {len(used) + len(excluded)} thresholds are left out "
+        f"({_listed(excluded, UNUSABLE)}); mend what these flags name, or measure more levels"
+    )
+
+
 def _require_known(limit: RateLimit, degree: int) -> None:
     """Refuse a degree above the paper's that the thresholds do not tie down."""
     lower, upper = np.array(limit.band_lower), np.array(limit.band_upper)
@@ -296,8 +327,7 @@ def _exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ..
     if not excluded:
         return ()
     counts = {flag: sum(t.flag is flag for t in excluded) for flag in UNUSABLE}
-    listed = ", ".join(f"{count} {flag.value}" for flag, count in counts.items() if count)
-    words = f"{len(excluded)} of {total} thresholds are left out ({listed})."
+    words = f"{len(excluded)} of {total} thresholds are left out ({_listed(excluded, UNUSABLE)})."
     if counts[ThresholdFlag.ALL_YES]:
         words += (
             " All_yes lie below the slowest rate tested: without them the limit is too high, on the unsafe "
@@ -306,3 +336,9 @@ def _exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ..
     if counts[ThresholdFlag.ALL_NO]:
         words += " All_no lie above the fastest one: without them the limit is too low, on the safe side."
     return (words,)
+
+
+def _listed(thresholds: Sequence[Threshold], flags: Sequence[ThresholdFlag]) -> str:
+    """Return how many thresholds carry each of some flags, as "3 all_yes, 1 all_no"."""
+    counts = ((sum(t.flag is flag for t in thresholds), flag.value) for flag in flags)
+    return ", ".join(f"{count} {name}" for count, name in counts if count)

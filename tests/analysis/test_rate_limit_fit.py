@@ -214,9 +214,29 @@ def test_separated_and_out_of_range_thresholds_stay_in_with_their_wide_error() -
     assert len(fit_thresholds(rows, DISPLAY).used) == 30
 
 
-def test_nothing_usable_is_an_input_error() -> None:
-    rows = [dataclasses.replace(row, flag=ThresholdFlag.ALL_NO) for row in people([1.0])]
-    with pytest.raises(InputError, match="got 0"):
+@pytest.mark.parametrize(
+    ("flag", "advice"),
+    [
+        (ThresholdFlag.ALL_NO, "test faster ramps"),
+        (ThresholdFlag.ABOVE_RANGE, "test faster ramps"),
+        (ThresholdFlag.ALL_YES, "test slower ramps"),
+        (ThresholdFlag.BELOW_RANGE, "test slower ramps"),
+    ],
+)
+def test_thresholds_that_mostly_lie_outside_the_rates_tested_give_no_limit(
+    flag: ThresholdFlag, advice: str
+) -> None:
+    rows = people([0.8, 1.2])
+    half = [dataclasses.replace(row, flag=flag) for row in rows[:10]] + rows[10:]
+    fit_thresholds(half, DISPLAY, WEBER)
+    most = [dataclasses.replace(half[10], flag=flag) if i == 10 else row for i, row in enumerate(half)]
+    with pytest.raises(InputError, match=rf"11 of 20 .*\(11 {flag.value}\).*{advice}$"):
+        fit_thresholds(most, DISPLAY, WEBER)
+
+
+def test_thresholds_left_out_are_named_where_too_few_levels_remain() -> None:
+    rows = [dataclasses.replace(row, flag=ThresholdFlag.FALSE_ALARMS) for row in people([1.0])]
+    with pytest.raises(InputError, match=r"got 0: 10 of 10 thresholds are left out \(10 false_alarms\)"):
         fit_thresholds(rows, DISPLAY)
 
 
