@@ -120,12 +120,13 @@ def _heading(fits: Sequence[ThresholdFit], simulated: bool) -> tuple[str, str]:
     """Return title and subtitle."""
     people = len({fit.threshold.participant_id for fit in fits})
     trials = sum(fit.threshold.n_trials for fit in fits)
+    catches = sum({fit.threshold.participant_id: fit.threshold.n_catch for fit in fits}.values())
     who = ("simulated " if simulated else "") + ("participant" if people == 1 else "participants")
     return (
         "How often a change of luminance is seen",
-        f"{people} {who}, {trials} ramps. Above each panel: screen and brightness factor, initial luminance, "
-        f"and the rate seen in {100 * THRESHOLD_PROBABILITY:.0f} % of the trials (geometric mean of "
-        "participants).",
+        f"{people} {who}, {trials} ramps and {catches} catch trials. Above each panel: screen and brightness "
+        f"factor, initial luminance, and the rate seen in {100 * THRESHOLD_PROBABILITY:.0f} % of the trials "
+        "(geometric mean of participants).",
     )
 
 

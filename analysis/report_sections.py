@@ -53,11 +53,11 @@ def calibration_section(calibration: Calibration, psychometric_png: bytes) -> Se
     catches = sum(trial.is_catch for trial in data.trials)
     levels = len({(t.screen, t.factor) for t in thresholds})
     text = (
-        f"{who} saw {len(data.trials)} ramps of luminance on the display {data.display.name} (white "
+        f"{who} saw {len(data.trials) - catches} ramps of luminance and {catches} catch trials without any "
+        f"change on the display {data.display.name} (white "
         f"{short(data.display.peak_luminance)} cd/m², black {short(data.display.black_level)} cd/m²), "
-        f"{catches} of them without any change (catch trials), from {levels} initial luminances. A "
-        "logistic function with asymptotes for guesses and lapses was fitted to each participant's "
-        "answers at each level; the threshold is the rate that is noticed in 75 % of the trials."
+        f"from {levels} initial luminances. A logistic function with asymptotes for guesses and "
+        "lapses was fitted to each participant's answers at each level; the threshold is the rate that is noticed in 75 % of the trials."
     )
     caption = (
         "Share of “yes, it changed” over the rate of change. Black dots: all participants' answers. Thin "
@@ -116,8 +116,8 @@ def _participant_table(calibration: Calibration) -> Table:
         d_prime = None if criterion is None else criterion.d_prime_at_threshold
         rows.append((who, f"{len(used)} of {len(own)}", ratio, alarms, d_prime, _flags(own)))
     return Table(
-        "Participants. A threshold of 1.2 × the limit means 20 % less sensitive than the population's curve; "
-        "false alarms are “yes” in catch trials.",
+        "Participants. Who has a threshold of 1.2 × the limit needs a change 20 % faster to notice it than "
+        "the population's curve says; false alarms are “yes” in catch trials.",
         ("participant", "thresholds used", "threshold / limit", "false alarms", "d′ at threshold", "flags"),
         tuple(rows),
     )
@@ -203,7 +203,8 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
     caption = (
         "Brightness factor, contrast loss and rate of change over time, for the track (blue) and for "
         "constant dimming at the same power (orange). The rate, above 0 where the modulation brightens, "
-        "must stay out of the red areas. Below: frames at the marked times, at full brightness and as they are shown."
+        "must stay out of the red areas. Below: frames at the marked times, at full "
+        "brightness and as they are shown."
     )
     notes: tuple[str, ...] = ()
     if summary.frames_without_contrast:

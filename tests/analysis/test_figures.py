@@ -399,6 +399,11 @@ def test_the_psychometric_functions_are_legible_in_every_medium(
     assert_legible(psychometric_figure(fits, simulated=True, medium=medium), medium)
 
 
+def test_a_participants_catch_trials_are_counted_once(fits: list[ThresholdFit]) -> None:
+    written = " ".join(words for words, _ in boxes_of(psychometric_figure(fits, medium=SMALL)))
+    assert "96 ramps and 40 catch trials" in written  # 2 participants at 2 levels, with 24 and 10 at each
+
+
 def thresholds(rates: dict[str, list[float]], flag: ThresholdFlag = ThresholdFlag.NONE) -> list[Threshold]:
     """Thresholds of some participants at 10, 20, ... cd/m^2, with intervals of a factor of 2."""
     return [

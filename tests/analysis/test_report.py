@@ -198,6 +198,14 @@ def test_every_level_and_participant_of_a_calibration_has_a_row(calibration: Cal
     assert [row[0] for row in people.rows] == ["01", "02"]
 
 
+def test_ramps_and_catch_trials_are_counted_apart(calibration: Calibration) -> None:
+    (text,) = calibration_section(calibration, PNG).paragraphs
+    ramps = sum(fit.threshold.n_trials for fit in calibration.thresholds)  # without catch trials
+    catches = len(calibration.data.trials) - ramps
+    assert catches > 0
+    assert f"saw {ramps} ramps of luminance and {catches} catch trials" in text
+
+
 def test_the_table_of_the_limit_spans_the_measured_range(calibration: Calibration) -> None:
     (table,) = rate_limit_section(calibration, PNG).tables
     luminance = [row[0] for row in table.rows]
