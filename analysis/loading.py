@@ -66,11 +66,13 @@ def load_ramp_data(dataset: Path) -> RampData:
     Raises
     ------
     InputError
-        If there is no ramp trial, a record is not as it should be, sessions ran on different displays, or
-        simulated and recorded sessions are mixed; the message names the file, and the line.
+        If there is no ramp trial, a session has trials but no manifest, a record is not as it should be,
+        sessions ran on different displays, or simulated and recorded sessions are mixed; the message
+        names the file, and the line.
     """
     if not dataset.is_dir():
         raise InputError(f"{dataset}: no such folder; expected a data set ({DESCRIPTION}, sub-* folders)")
+    _require_manifests(dataset)
     warnings: list[str] = []
     sessions = []
     files = []
@@ -94,6 +96,16 @@ def load_ramp_data(dataset: Path) -> RampData:
         sha256=sha256_of_bytes("".join(digests).encode()),
         warnings=tuple(warnings),
     )
+
+
+def _require_manifests(dataset: Path) -> None:
+    """Refuse trials without a manifest, which nothing else would read or miss."""
+    for trials in sorted(dataset.glob(f"sub-*/ses-*/{TRIALS}")):
+        if not (trials.parent / MANIFEST).exists():
+            raise InputError(
+                f"{trials.parent}: holds {TRIALS} but no {MANIFEST}; restore the manifest, or move the "
+                "session out of the data set"
+            )
 
 
 def _task(manifest: Path) -> object:

@@ -73,6 +73,14 @@ def test_a_sound_data_set_is_read_whole(tmp_path: Path) -> None:
     assert data.warnings == ()
 
 
+def test_trials_without_a_manifest_are_not_passed_over(tmp_path: Path) -> None:
+    write_session(tmp_path, "01")
+    bare = write_session(tmp_path, "02")
+    (bare / "manifest.json").unlink()
+    with pytest.raises(InputError, match=r"sub-02/ses-01: holds trials.jsonl but no manifest.json"):
+        load_ramp_data(tmp_path)
+
+
 def test_the_hash_follows_every_byte_of_the_trials(tmp_path: Path) -> None:
     folder = write_session(tmp_path)
     before = load_ramp_data(tmp_path).sha256
