@@ -35,8 +35,10 @@ def fit(
 
     options = RateLimitOptions(form=form, degree=degree)
     data = load_ramp_data(dataset)
+    console = Console(stderr=True)
+    off = quiet or not console.is_terminal
     with results_folder(out) as folder:
-        with Progress(console=Console(stderr=True), transient=True, disable=quiet) as progress:
+        with Progress(console=console, transient=True, disable=off) as progress:
             bar = progress.add_task("fitting thresholds", total=None)
             result = calibrate(
                 data, options, lambda done, total: progress.update(bar, completed=done, total=total)

@@ -48,7 +48,9 @@ def simulate(
         limit=load_rate_limit("surace2025"),
         population=ObserverPopulation(),
     )
-    with Progress(console=Console(stderr=True), transient=True, disable=quiet) as progress:
+    console = Console(stderr=True)
+    off = quiet or not console.is_terminal
+    with Progress(console=console, transient=True, disable=off) as progress:
         bar = progress.add_task("simulating participants", total=participants)
         simulate_dataset(simulation, out, lambda done: progress.update(bar, completed=done))
     if not quiet:

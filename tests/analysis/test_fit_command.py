@@ -137,6 +137,15 @@ def test_a_participant_who_sees_everything_is_left_out_with_a_warning_on_the_err
     assert any("unsafe side" in warning for warning in summary["warnings"])
 
 
+def test_the_error_stream_of_a_pipe_holds_words_alone(dataset: Path, tmp_path: Path, command) -> None:
+    """A progress bar leaves an empty line where there is no terminal to draw it on."""
+    made = command("simulate", "ramp", "--participants", 1, "--out", tmp_path / "data")
+    fitted = command("fit", dataset, "--out", tmp_path / "out")
+    assert made.code == fitted.code == 0
+    assert made.err == ""
+    assert all(line.startswith("evenlight: ") for line in fitted.err.splitlines())
+
+
 def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="got 12"):
         fit(dataset, out=tmp_path / "out", degree=12, quiet=True)
