@@ -54,10 +54,10 @@ def calibration_section(calibration: Calibration, psychometric_png: bytes) -> Se
     levels = len({(t.screen, t.factor) for t in thresholds})
     text = (
         f"{who} saw {len(data.trials) - catches} ramps of luminance and {catches} catch trials without any "
-        f"change on the display {data.display.name} (white "
-        f"{short(data.display.peak_luminance)} cd/m², black {short(data.display.black_level)} cd/m²), "
-        f"from {levels} initial luminances. A logistic function with asymptotes for guesses and "
-        "lapses was fitted to each participant's answers at each level; the threshold is the rate that is noticed in 75 % of the trials."
+        f"change on the display {data.display.name} (white {short(data.display.peak_luminance)} cd/m², black "
+        f"{short(data.display.black_level)} cd/m²), from {levels} initial luminances. A logistic function "
+        "with asymptotes for guesses and lapses was fitted to each participant's answers at each level; the "
+        "threshold is the rate that is noticed in 75 % of the trials."
     )
     caption = (
         "Share of “yes, it changed” over the rate of change. Black dots: all participants' answers. Thin "
