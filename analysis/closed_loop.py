@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from analysis.calibration import Calibration, calibrate, write_calibration
@@ -21,7 +22,7 @@ from analysis.report_sections import (
     track_section,
 )
 from data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from data_schema.provenance import provenance_now
+from data_schema.provenance import Provenance, provenance_now
 from method.optimize import Request
 from method.preset_files import load_power_model, load_rate_limit
 from method.rate_limit import require_same_display
@@ -60,22 +61,22 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     data = load_ramp_data(dataset)
     calibration = calibrate(data, RateLimitOptions())
     fitted = folder / CALIBRATION
-    write_calibration(calibration, fitted, provenance_now(inputs={"dataset": data.sha256}))
+    origin = provenance_now(inputs={"dataset": data.sha256})
+    write_calibration(calibration, fitted, origin)
     write_figures(calibration, fitted, load_rate_limit("surace2025"))
     # The optimizer reads the file that the fit wrote, as it would on another day.
     limit = load_rate_limit(str(fitted / "rate_limit.json"))
     require_same_display(limit, data.display)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
     summary = run_optimization(Work(source, data.display, request, quiet=quiet), folder / TRACK)
-    write_report(folder / REPORT, _report(calibration, summary, folder))
+    write_report(folder / REPORT, _report(calibration, summary, origin, folder))
 
 
-def _report(calibration: Calibration, summary: OptimizationSummary, folder: Path) -> Report:
+def _report(
+    calibration: Calibration, summary: OptimizationSummary, origin: Provenance, folder: Path
+) -> Report:
     """Return the report on what lies in the folder."""
     fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
-    origins = {"track": summary.provenance}
-    if calibration.rate_limit.limit.provenance is not None:
-        origins["rate limit"] = calibration.rate_limit.limit.provenance
     return Report(
         "From ramps to a brightness track",
         meaning_of(summary),
@@ -85,7 +86,20 @@ def _report(calibration: Calibration, summary: OptimizationSummary, folder: Path
             rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
             track_section(summary, (track / "track.png").read_bytes(), simulated),
             contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
-            provenance_section(origins),
+            provenance_section(origins_of(calibration, origin, summary)),
             files_section(FILES),
         ),
     )
+
+
+def origins_of(
+    calibration: Calibration, fit: Provenance, summary: OptimizationSummary
+) -> dict[str, Provenance]:
+    """Return where data set, rate limit and track come from; the fit's inputs name the data set's SHA-256.
+
+    The data set's origin is that of its first session, without a seed if other sessions have another one.
+    """
+    made = [session.manifest.provenance for session in calibration.data.sessions]
+    alike = all(origin.seed == made[0].seed for origin in made)
+    dataset = made[0] if alike else dataclasses.replace(made[0], seed=None)
+    return {"data set": dataset, "rate limit": fit, "track": summary.provenance}

@@ -11,6 +11,7 @@ import pytest
 
 from analysis.calibration import Calibration, calibrate
 from analysis.calibration_figures import write_figures
+from analysis.closed_loop import origins_of
 from analysis.figure_style import PAGE, new_figure, png_bytes
 from analysis.loading import load_ramp_data
 from analysis.rate_limit_curve import RateLimitOptions
@@ -227,6 +228,15 @@ def test_hashes_versions_and_seeds_are_in_the_provenance(whole: Report) -> None:
     text = Page(report_html(whole)).text
     for part in (HASH, "numpy 2", "0.1.0"):
         assert part in text
+
+
+def test_the_origin_of_a_report_names_the_seed_and_the_data_set(calibration: Calibration) -> None:
+    fit = Provenance(inputs={"dataset": calibration.data.sha256})
+    origins = origins_of(calibration, fit, summary())
+    assert origins["data set"].seed == 5  # what the data set was simulated with
+    section = provenance_section(origins)
+    assert [row[0] for row in section.tables[0].rows] == ["data set", "rate limit", "track"]
+    assert ("rate limit", "dataset", calibration.data.sha256) in section.tables[1].rows
 
 
 def test_a_row_of_another_length_is_refused() -> None:
