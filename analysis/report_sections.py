@@ -151,8 +151,11 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes) -> Secti
     caption = (
         "Rate of luminance change that is noticed in 75 % of the trials. Small dots: participants' "
         "thresholds; large dots: means of a level with 95 % interval; line and area: the fitted limit and "
-        "its 95 % band; dashed: held outside the measured range. Grey rays: constant relative rates."
+        "its 95 % band; dashed: held outside the measured range; dash-dotted: the published rate limit "
+        "surace2025. Grey rays: constant relative rates."
     )
+    if calibration.data.simulated:
+        caption += " The simulated population was drawn around the published limit."
     return Section(
         "Rate limit",
         tuple(text),
@@ -230,7 +233,9 @@ def meaning_of(summary: OptimizationSummary) -> str:
         f"The track needs {short(summary.mean_power)} W on average, {saved:.0f} % less than at full "
         f"brightness and as much as constant dimming to {100 * summary.baseline_factor:.0f} %. "
     )
-    if constant > 0:
+    if summary.frames_without_contrast == summary.frames:
+        words += "Nothing is visible in any frame, so there is no contrast to lose. "
+    elif constant > 0:
         words += (
             "It spreads the lost contrast more evenly: two frames picked at random differ by "
             f"{short(ours)} in the share of visible contrast that they lose, "

@@ -185,6 +185,19 @@ def test_a_video_in_which_constant_dimming_is_even_is_not_divided_by_zero() -> N
     assert "Constant dimming already loses the same share" in words
 
 
+def test_a_video_in_which_nothing_is_visible_is_called_so() -> None:
+    black = summary(objective=0.0, objective_baseline=0.0, lower_bound=0.0, frames_without_contrast=241)
+    words = meaning_of(black)
+    assert "Nothing is visible in any frame" in words
+    assert "Constant dimming already" not in words
+
+
+def test_the_caption_of_the_rate_limit_names_the_published_curve(calibration: Calibration) -> None:
+    (picture,) = rate_limit_section(calibration, PNG).pictures
+    assert "dash-dotted: the published rate limit surace2025" in picture.caption
+    assert picture.caption.endswith("population was drawn around the published limit.")
+
+
 def test_frames_with_nothing_to_lose_are_remarked_upon() -> None:
     assert track_section(summary(), PNG).notes == ()
     (note,) = track_section(summary(frames_without_contrast=7), PNG).notes
