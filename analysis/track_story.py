@@ -71,6 +71,8 @@ def budget_in_words(header: TrackHeader) -> str:
 def outcome_in_words(story: TrackStory) -> str:
     """Return in one sentence how evenly contrast is lost."""
     ours, constant = story.objective, story.objective_baseline
+    if not (story.track.contrast_loss.any() or story.baseline_loss.any()):
+        return "No visible contrast is lost in any frame, nor is it under constant dimming."
     if not constant > 0:
         return "Constant dimming already loses the same share of contrast in every frame."
     less = 100 * (1 - ours / constant)

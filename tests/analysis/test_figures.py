@@ -39,7 +39,7 @@ from analysis.rate_limit_figure import level_means, rate_limit_figure
 from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from analysis.thumbnails import dimmed_picture, small_picture, thumbnails_of
 from analysis.track_figure import drawn_rates, track_figure
-from analysis.track_story import TrackStory
+from analysis.track_story import TrackStory, outcome_in_words
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from data_schema.provenance import Provenance
 from data_schema.ramp import RampTrial, Response
@@ -118,6 +118,13 @@ def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
     assert ("not allowed" in [text.get_text() for text in legend.get_texts()]) == bounded
     assert bool(panel.patches) == bounded
     assert any(set(line.get_ydata()) == {1.0} for line in panel.lines) == full
+
+
+def test_a_clip_that_loses_nothing_is_not_said_to_lose_a_share() -> None:
+    even = dataclasses.replace(story(contrast_loss=np.zeros(30)), objective=0.0, objective_baseline=0.0)
+    assert "the same share" in outcome_in_words(even)
+    black = dataclasses.replace(even, baseline_loss=np.zeros(30))
+    assert outcome_in_words(black).startswith("No visible contrast is lost in any frame")
 
 
 def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
