@@ -15,6 +15,8 @@ from data_schema.rate_limit import RateLimitForm
 
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
 MONOTONE_SAMPLES = 1001
+SLIGHT_FALL = 0.01  # share of the rate
+SHORT_FALL = 0.02  # share of the measured range
 LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
 PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
 SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
@@ -182,16 +184,21 @@ def falling_stretches(
 ) -> tuple[tuple[float, float], ...]:
     """Return the stretches of luminance [cd/m^2] within the measured range where the curve falls.
 
-    There a brighter display would have to change more slowly, which no threshold study suggests: an optimizer
-    would take such a dip for a place to stay in.
+    Told is a fall of more than 1 % of the rate over more than 2 % of the range: less is within any
+    threshold's error. There a brighter display would have to change more slowly, which no threshold study
+    suggests: an optimizer would take such a dip for a place to stay in.
 
     >>> rising_then_falling = np.array([0.0, 0.0, -1.0])  # -P_2: its maximum is at the middle, 50
     >>> falling_stretches(CurveBasis(RateLimitForm.RATE, 2, (10.0, 90.0)), rising_then_falling)
     ((50.0, 90.0),)
     """
     luminance = np.linspace(*basis.luminance_range, MONOTONE_SAMPLES)
-    falls = np.diff(basis.design(luminance) @ coefficients) < -1e-12
+    ordinate = basis.design(luminance) @ coefficients
+    rate = basis.rate(ordinate)
+    falls = np.diff(ordinate) < -1e-12
     edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(np.int8)))
     return tuple(
-        (float(luminance[a]), float(luminance[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)
+        (float(luminance[a]), float(luminance[b]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if rate[b] < (1 - SLIGHT_FALL) * rate[a] and b - a > SHORT_FALL * (MONOTONE_SAMPLES - 1)
     )

@@ -46,7 +46,7 @@ class RateLimitFit:
     participant_sd : float or None
         σ_u, between participants, same unit; None without several participants.
     falling : tuple of (float, float)
-        Luminances [cd/m^2] between which the curve falls; empty if it rises throughout.
+        Luminances [cd/m^2] between which the curve falls noticeably; empty if none.
     used : tuple of Threshold
         The thresholds that went in; empty for bare points.
     excluded : tuple of Threshold
@@ -66,7 +66,7 @@ class RateLimitFit:
 
     @property
     def monotone(self) -> bool:
-        """Whether the limit rises with luminance over the whole measured range."""
+        """Whether the limit falls nowhere in the measured range by an amount to speak of."""
         return not self.falling
 
 
@@ -307,7 +307,7 @@ def _shape_notes(basis: CurveBasis, coefficients: NDArray[np.float64], residual_
         )
     for low, high in falling_stretches(basis, coefficients):
         notes.append(
-            f"The limit falls with luminance from {low:.3g} to {high:.3g} cd/m^2, within the measured range."
+            f"The limit falls with luminance from {low:.4g} to {high:.4g} cd/m^2, within the measured range."
         )
     luminance = np.linspace(*basis.luminance_range, 201)
     if basis.form is RateLimitForm.RATE and (basis.design(luminance) @ coefficients <= 0).any():

@@ -106,6 +106,23 @@ def test_a_fall_within_the_range_is_reported_where_it_is() -> None:
     assert any("falls with luminance from 50 to 90" in note for note in fit.notes)
 
 
+@pytest.mark.parametrize("bend", [0.005, 0.02])
+def test_only_a_fall_of_more_than_a_hundredth_is_reported(bend: float) -> None:
+    # Rate = 1 - bend z²: falls by the share `bend` over the upper half of the range.
+    parabola = RateLimitOptions(RateLimitForm.RATE, degree=2)
+    rates = [1 - bend, 1 - bend / 4, 1, 1 - bend / 4, 1 - bend]
+    assert fit_points([10, 30, 50, 70, 90], rates, DISPLAY, parabola).monotone == (bend < 0.01)
+
+
+def test_only_a_fall_over_more_than_a_fiftieth_of_the_range_is_reported() -> None:
+    # ln(rate) = -12.5 (z - m)²: falls from m to 1, (1 - m)/2 of the range: 1.5 and 2.5 %; by 1.1 and 3 %.
+    parabola = RateLimitOptions(degree=2)
+    z = np.linspace(-1, 1, 5)
+    for peak, told in ((0.97, False), (0.95, True)):
+        fit = fit_points(50 + 40 * z, np.exp(-12.5 * (z - peak) ** 2), DISPLAY, parabola)
+        assert bool(fit.falling) is told
+
+
 def test_a_polynomial_of_the_rate_that_touches_zero_is_reported() -> None:
     # Rate = 3 z² - 0.05 through four points: below 0 about the middle, where no threshold was measured.
     options = RateLimitOptions(RateLimitForm.RATE, degree=2)
