@@ -23,6 +23,7 @@ from data_schema.threshold import Threshold
 from method.rate_limit import rate_limit_at
 
 COMPARED_AT = 201  # luminances at which two curves are compared
+NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,8 @@ class Calibration:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the results should know."""
-        return self.data.warnings + _single_levels(self.thresholds) + self.rate_limit.notes
+        catches = () if self.criteria else (NO_CATCH_TRIALS,)
+        return self.data.warnings + catches + _single_levels(self.thresholds) + self.rate_limit.notes
 
 
 def calibrate(

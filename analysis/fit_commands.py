@@ -21,7 +21,7 @@ def fit(
         RateLimitForm, typer.Option(help="What the polynomial describes.")
     ] = RateLimitForm.LN_RATE,
     degree: Annotated[int, typer.Option(help="Degree of the polynomial.")] = 4,
-    quiet: Annotated[bool, typer.Option(help="No progress bar, no closing lines.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
     """Fit thresholds and the rate limit to the ramp sessions of a data set."""
     from rich.console import Console

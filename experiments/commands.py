@@ -20,7 +20,7 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
     display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
     design: Annotated[Path | None, typer.Option(help="Design of the experiment: a toml file.")] = None,
-    quiet: Annotated[bool, typer.Option(help="No progress bar, no closing line.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
 ) -> None:
     """Simulate many participants of an experiment at once, without a window."""
     if task not in SIMULATED_TASKS:

@@ -146,6 +146,28 @@ def test_the_error_stream_of_a_pipe_holds_words_alone(dataset: Path, tmp_path: P
     assert all(line.startswith("evenlight: ") for line in fitted.err.splitlines())
 
 
+def test_a_data_set_without_catch_trials_is_fitted_with_a_warning(
+    dataset: Path, results: Path, tmp_path: Path
+) -> None:
+    changed = tmp_path / "changed"
+    shutil.copytree(dataset, changed)
+    for trials in changed.glob("sub-*/ses-*/trials.jsonl"):
+        lines = [line for line in trials.read_text().splitlines() if not json.loads(line)["is_catch"]]
+        trials.write_text("".join(line + "\n" for line in lines))
+    fit(changed, out=tmp_path / "out", quiet=True)
+    told = [
+        any("no catch trials" in warning for warning in json.loads(path.read_text())["warnings"])
+        for path in (results / "fit_summary.json", tmp_path / "out" / "fit_summary.json")
+    ]
+    assert told == [False, True]
+
+
+@pytest.mark.parametrize("name", ["simulate", "fit"])
+def test_quiet_is_a_flag_without_an_opposite(name: str, command) -> None:
+    assert command(name, "--no-quiet").code == 2
+    assert "--no-quiet" not in command(name, "--help").out
+
+
 def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="got 12"):
         fit(dataset, out=tmp_path / "out", degree=12, quiet=True)
