@@ -234,21 +234,24 @@ def _record(
 ) -> RateLimit:
     """Return the record of a fitted curve."""
     band = curve_band(basis, estimate, options.band_level)
-    return RateLimit(
-        name=named.name,
-        display_name=named.display.name,
-        display_fingerprint=named.display.fingerprint,
-        form=basis.form,
-        coefficients=_floats(estimate.coefficients),
-        luminance_range=basis.luminance_range,
-        band_luminance=_floats(band[0]),
-        band_lower=_floats(band[1]),
-        band_upper=_floats(band[2]),
-        band_level=options.band_level,
-        point_luminance=_floats(points[0]),
-        point_rate=_floats(points[1]),
-        condition_number=max(1.0, float(np.linalg.cond(basis.design(points[0])))),
-    )
+    try:
+        return RateLimit(
+            name=named.name,
+            display_name=named.display.name,
+            display_fingerprint=named.display.fingerprint,
+            form=basis.form,
+            coefficients=_floats(estimate.coefficients),
+            luminance_range=basis.luminance_range,
+            band_luminance=_floats(band[0]),
+            band_lower=_floats(band[1]),
+            band_upper=_floats(band[2]),
+            band_level=options.band_level,
+            point_luminance=_floats(points[0]),
+            point_rate=_floats(points[1]),
+            condition_number=max(1.0, float(np.linalg.cond(basis.design(points[0])))),
+        )
+    except ValueError as error:  # the record's limits: no display or eye has such rates
+        raise InputError(f"the thresholds give no usable rate limit: {error}") from error
 
 
 def _require_within_rates(thresholds: Sequence[Threshold]) -> None:

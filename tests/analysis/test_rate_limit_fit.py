@@ -11,6 +11,7 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimitForm
 from data_schema.threshold import Threshold, ThresholdFlag
+from method.preset_files import load_display
 from method.rate_limit import rate_limit_at
 
 DISPLAY = Display("bench", 104.4, 0.2, 1.95, 72.28)
@@ -281,3 +282,9 @@ def test_linear_interpolation_of_the_band_errs_by_less_than_a_thousandth() -> No
     middle = (np.array(limit.band_luminance[1:]) + limit.band_luminance[:-1]) / 2
     linear = np.interp(middle, limit.band_luminance, rate_limit_at(limit, limit.band_luminance))
     np.testing.assert_allclose(linear, rate_limit_at(limit, middle), rtol=1e-3)
+
+
+def test_rates_that_no_eye_has_are_refused_in_one_line() -> None:
+    luminance = np.array([5.0, 10.0, 20.0, 40.0, 60.0, 80.0])
+    with pytest.raises(InputError, match="the thresholds give no usable rate limit"):
+        fit_points(luminance, np.full(6, 1e30), load_display("varjo-xr3"))
