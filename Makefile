@@ -1,5 +1,5 @@
-# The two commands of the README are `make demo` and `make test`; `make setup` alone does their installation.
-.PHONY: setup demo test check format
+# The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
+.PHONY: setup lab demo test check format
 
 BIN := .venv/bin
 
@@ -8,13 +8,19 @@ setup: .venv/.ready
 .venv/.ready: setup.sh pyproject.toml constraints.txt
 	@./setup.sh
 
+# PsychoPy, to run sessions with people; the tests rehearse them on a virtual screen.
+lab: .venv/.lab-ready
+
+.venv/.lab-ready: setup.sh pyproject.toml constraints.txt
+	@./setup.sh lab
+
 demo: setup
 	$(BIN)/evenlight demo --out demo
 
-test: setup
+test: lab
 	$(BIN)/python -m pytest
 
-check: setup
+check: lab
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -12,12 +12,14 @@ from typing import Annotated, Any, NoReturn, cast
 
 import typer
 
-from analysis import fit_commands, optimize_command
-from data_schema import validate_command
+from analysis import fit_commands, optimize_command, plan_command
+from data_schema import export_command, validate_command
 from data_schema.errors import InputError
 from data_schema.files import results_folder, write_whole
 from data_schema.provenance import sha256_of_file
 from experiments import commands as experiment_commands
+from experiments import run_command
+from hardware.protocols import InstrumentError
 from stimuli import commands as stimuli_commands
 
 app = typer.Typer(
@@ -48,11 +50,28 @@ def start(
         typer.echo(context.get_help())
 
 
+def _simulated_ramps(design: Any, display: Any, participants: int, seed: int) -> Any:
+    """Return the trials and true thresholds of simulated participants: who answers in a plan."""
+    from experiments.simulate_ramp import simulated_trials_and_thresholds
+
+    return simulated_trials_and_thresholds(design, display, participants, seed)
+
+
+def _ramp_design(name_or_path: str) -> Any:
+    """Return a design of the ramp experiment."""
+    from experiments.design_files import load_design
+
+    return load_design(name_or_path)
+
+
 app.command()(stimuli_commands.render)
+app.command()(run_command.run)
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(optimize_command.optimize)
+app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 app.command()(validate_command.validate)
+app.command()(export_command.export)
 
 
 @app.command()
@@ -94,7 +113,7 @@ def _refuse_data_of_others(out: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command; end with exit code 2 and one line if its input cannot be used.
+    """Run the command; end with exit code 2 and one line if its input cannot be used, 1 if a device fails.
 
     Parameters
     ----------
@@ -106,6 +125,8 @@ def main(arguments: list[str] | None = None) -> None:
             code = app(arguments, standalone_mode=False)
     except InputError as error:
         _end(str(error), 2)
+    except InstrumentError as error:
+        _end(str(error), 1)
     except UsageError as error:
         _end(_usage(error), 2)
     except _Terminated:

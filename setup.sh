@@ -1,8 +1,12 @@
 #!/bin/sh
 # Set up Evenlight in .venv beside this file: the system's Python with venv, then the packages of constraints.txt.
+# `./setup.sh lab` adds PsychoPy, with which sessions are run, and on Debian and Ubuntu the libraries that it opens a
+# window and a keyboard with, and a virtual screen to rehearse on.
 # As root on Debian or Ubuntu it installs what the system lacks; elsewhere it says what is missing.
 set -eu
 cd "$(dirname "$0")"
+
+LAB_PACKAGES="xvfb libgl1 libgl1-mesa-dri libglu1-mesa libegl1 libasound2 libjack-jackd2-0 libusb-1.0-0"
 
 stop() {
     echo "evenlight: $1" >&2
@@ -37,7 +41,17 @@ install_with_apt() {
     fi
     echo "installing $1"
     apt-get update -qq || return 1
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$1" >/dev/null || return 1
+    # shellcheck disable=SC2086 # several packages are several words
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $1 >/dev/null || return 1
+}
+
+lab_packages_missing() {
+    command -v dpkg-query >/dev/null 2>&1 || return 0
+    for package in $LAB_PACKAGES; do
+        # Newer releases have libasound2t64 in its place, which says that it provides it.
+        dpkg-query -W -f '${Status} ' "$package" "${package}t64" 2>/dev/null | grep -q 'ok installed' ||
+            printf '%s ' "$package"
+    done
 }
 
 if [ -n "${PYTHON:-}" ]; then
@@ -62,6 +76,14 @@ venv_package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_
 
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 fits .venv/bin/python || stop "the Python in .venv is not 3.11 or 3.12: remove the folder .venv, then run make again"
+extras=dev
+if [ "${1:-}" = lab ]; then
+    extras=dev,lab
+    missing=$(lab_packages_missing)
+    [ -z "$missing" ] || install_with_apt "$missing" ||
+        echo "evenlight: without $missing no window may open here; as root: apt-get install $missing" >&2
+fi
 echo "installing Evenlight into .venv (some minutes the first time)"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[$extras]"
 touch .venv/.ready
+[ "$extras" = dev ] || touch .venv/.lab-ready

@@ -3,27 +3,49 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
+from analysis.fit_summary import summary_of
+from analysis.goodness_of_fit import FEW_TRIALS, joint_p_value
+from analysis.level_estimates import LevelEstimates, estimate_levels
 from analysis.loading import RampData
 from analysis.pooled_fit import PooledFit, fit_pooled
+from analysis.ramp_counts import catch_counts
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
-from analysis.thresholds import Criterion, ThresholdFit, catch_counts, criterion_of, fit_thresholds_of
+from analysis.signal_detection import Criterion, IntervalBias, criterion_of, interval_biases
+from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from data_schema.errors import InputError
-from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance
+from data_schema.ramp import Procedure, RampTrial
 from data_schema.text_files import write_json, write_json_record, write_rows
 from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
 
-COMPARED_AT = 201  # luminances at which two curves are compared
+CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are told
 NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantSummary:
+    """How consistently a participant answered, over all levels.
+
+    Attributes
+    ----------
+    n_thresholds, n_usable : int
+        Thresholds, and those that went into the rate limit.
+    deviance_p : float or None
+        Of the summed deviance, by Monte Carlo; None with too few rates to judge by.
+    drift_ratio, drift_p : float or None
+        Threshold at the end over that at the beginning, and how probable as clear a drift is by chance.
+    """
+
+    n_thresholds: int
+    n_usable: int
+    deviance_p: float | None
+    drift_ratio: float | None
+    drift_p: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +64,12 @@ class Calibration:
         The population's curve.
     pooled : PooledFit or None
         The paper's way; None if too few levels allow it.
+    levels : tuple of LevelEstimates
+        The population's threshold at each level, estimated in three ways.
+    interval_biases : dict of str to IntervalBias
+        How each participant leans to one of two intervals; empty in yes/no.
+    procedure : Procedure
+        The task whose answers were fitted.
     """
 
     data: RampData
@@ -49,6 +77,17 @@ class Calibration:
     criteria: dict[str, Criterion]
     rate_limit: RateLimitFit
     pooled: PooledFit | None
+    levels: tuple[LevelEstimates, ...] = ()
+    interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
+    procedure: Procedure = Procedure.YES_NO
+
+    @property
+    def participants(self) -> dict[str, ParticipantSummary]:
+        """How consistently each participant answered."""
+        own: dict[str, list[ThresholdFit]] = {}
+        for fit in self.thresholds:
+            own.setdefault(fit.threshold.participant_id, []).append(fit)
+        return {who: _participant(fits) for who, fits in own.items()}
 
     @property
     def excluded_participants(self) -> dict[str, str]:
@@ -64,8 +103,16 @@ class Calibration:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the results should know."""
-        catches = () if self.criteria else (NO_CATCH_TRIALS,)
-        return self.data.warnings + catches + _single_levels(self.thresholds) + self.rate_limit.notes
+        asked = self.procedure is Procedure.YES_NO
+        catches = (NO_CATCH_TRIALS,) if asked and not self.criteria else ()
+        return (
+            self.data.warnings
+            + catches
+            + _single_levels(self.thresholds)
+            + _unsteady(self.participants)
+            + _small_samples(self.thresholds)
+            + self.rate_limit.notes
+        )
 
 
 def calibrate(
@@ -89,17 +136,52 @@ def calibrate(
     InputError
         If the thresholds that can be used lie at too few luminances.
     """
-    options = dataclasses.replace(
-        options or RateLimitOptions(), ramp_duration=data.sessions[0].manifest.design.ramp_duration
-    )
-    thresholds = tuple(fit_thresholds_of(data.trials, report=report))
+    options = options or RateLimitOptions()
+    trials, procedure = trials_of_one_task(data.trials, options.procedure)
+    thresholds = tuple(fit_thresholds_of(trials, report=report))
     limit = fit_thresholds([fit.threshold for fit in thresholds], data.display, options, "calibration")
+    reference = limit.reference
+    if reference is not None:
+        options = dataclasses.replace(
+            options, direction=reference.direction, ramp_duration=reference.ramp_duration
+        )
     try:
-        pooled = fit_pooled(data.trials, data.display, options)
+        pooled = fit_pooled(trials, data.display, options)
     except InputError:
         pooled = None  # the pooled answers of a level can be all alike; the summary says that it is missing
-    criteria = {who: criterion_of(*counts) for who, counts in catch_counts(data.trials).items()}
-    return Calibration(data, thresholds, criteria, limit, pooled)
+    return Calibration(
+        data=data,
+        thresholds=thresholds,
+        criteria={who: criterion_of(*counts) for who, counts in catch_counts(trials).items()},
+        rate_limit=limit,
+        pooled=pooled,
+        levels=estimate_levels(thresholds),
+        interval_biases=interval_biases(trials),
+        procedure=procedure,
+    )
+
+
+def trials_of_one_task(
+    trials: Sequence[RampTrial], procedure: Procedure | None
+) -> tuple[tuple[RampTrial, ...], Procedure]:
+    """Return the trials of one task, and which it is.
+
+    Raises
+    ------
+    InputError
+        If there are trials of both and none is named, or none of the one named.
+    """
+    tasks = sorted({trial.procedure.value for trial in trials})
+    if procedure is None:
+        if len(tasks) > 1:
+            raise InputError(
+                f"the data set holds trials of {' and '.join(tasks)}, whose thresholds do not compare; "
+                f"give --procedure {tasks[0]} or --procedure {tasks[1]}"
+            )
+        return tuple(trials), Procedure(tasks[0])
+    if procedure.value not in tasks:
+        raise InputError(f"the data set holds no trials of {procedure.value}; it holds {' and '.join(tasks)}")
+    return tuple(trial for trial in trials if trial.procedure is procedure), procedure
 
 
 def write_calibration(calibration: Calibration, folder: Path, provenance: Provenance) -> None:
@@ -117,69 +199,6 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
     write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
 
 
-def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, Any]:
-    """Return the content of `fit_summary.json`."""
-    curve = calibration.rate_limit
-    return {
-        "simulated": calibration.data.simulated,
-        "n_participants": len(calibration.data.participant_ids),
-        "n_trials": len(calibration.data.trials),
-        "n_thresholds": len(calibration.thresholds),
-        "n_thresholds_used": len(curve.used),
-        "excluded_participants": calibration.excluded_participants,
-        "flags": _flag_counts(calibration.thresholds),
-        "participant_sd_ln": curve.participant_sd,
-        "residual_sd_ln": curve.residual_sd,
-        "form": curve.limit.form.value,
-        "degree": len(curve.limit.coefficients) - 1,
-        "residual_df": curve.residual_df,
-        "condition_number": curve.limit.condition_number,
-        "monotone": curve.monotone,
-        "falling_cd_m2": [list(stretch) for stretch in curve.falling],
-        "pooled": pooled_comparison(calibration),
-        "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
-        "warnings": list(calibration.warnings),
-        "provenance": mapping_from_record(provenance),
-    }
-
-
-def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
-    """Return how far the pooled curve lies from the population's, as ratios; None if one is missing or 0."""
-    pooled = calibration.pooled
-    if pooled is None:
-        return None
-    ours, theirs = calibration.rate_limit.limit, pooled.curve.limit
-    low = max(ours.luminance_range[0], theirs.luminance_range[0])
-    high = min(ours.luminance_range[1], theirs.luminance_range[1])
-    luminance = np.linspace(low, high, COMPARED_AT)
-    pooled_rate, own_rate = rate_limit_at(theirs, luminance), rate_limit_at(ours, luminance)
-    if min(pooled_rate.min(), own_rate.min()) <= 0:  # a polynomial of the rate can fall so far: no ratio
-        return None
-    ratio = pooled_rate / own_rate
-    mean = float(np.exp(np.mean(np.log(ratio))))
-    return {
-        "luminance_cd_m2": pooled.luminance.tolist(),
-        "threshold_cd_m2_s": pooled.threshold.tolist(),
-        "coefficients": list(theirs.coefficients),
-        "monotone": pooled.curve.monotone,
-        "levels_left_out": pooled.left_out,
-        "ratio_to_population_mean": mean,
-        "ratio_to_population_min": float(ratio.min()),
-        "ratio_to_population_max": float(ratio.max()),
-        "in_words": f"the pooled curve lies {abs(mean - 1):.1%} {'above' if mean > 1 else 'below'} the "
-        "population's on average, in which each participant has a threshold of their own",
-    }
-
-
-def _flag_counts(thresholds: tuple[ThresholdFit, ...]) -> dict[str, int]:
-    """Return how many thresholds carry each flag."""
-    counts: dict[str, int] = {}
-    for fit in thresholds:
-        if fit.threshold.flag.value:
-            counts[fit.threshold.flag.value] = counts.get(fit.threshold.flag.value, 0) + 1
-    return counts
-
-
 def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
     """Return a warning for each participant with thresholds at one level only, among others with more."""
     counts: dict[str, int] = {}
@@ -189,4 +208,44 @@ def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
         f"participant {who} has a single level, which says nothing about the curve's shape"
         for who, count in counts.items()
         if count == 1
+    )
+
+
+def _participant(fits: Sequence[ThresholdFit]) -> ParticipantSummary:
+    """Return how consistently one participant answered."""
+    first = fits[0].threshold
+    return ParticipantSummary(
+        n_thresholds=len(fits),
+        n_usable=sum(fit.threshold.flag not in UNUSABLE for fit in fits),
+        deviance_p=joint_p_value([fit.goodness for fit in fits if fit.goodness]),
+        drift_ratio=first.drift_ratio,
+        drift_p=first.drift_p,
+    )
+
+
+def _unsteady(participants: dict[str, ParticipantSummary]) -> tuple[str, ...]:
+    """Return a warning for each participant whose answers drift or do not follow the functions fitted."""
+    warnings = []
+    for who, person in participants.items():
+        if person.drift_p is not None and person.drift_ratio and person.drift_p < CLEAR_P:
+            warnings.append(
+                f"participant {who}: thresholds at the end of the trials are {person.drift_ratio:.2f} x "
+                f"those at their beginning (p = {person.drift_p:.2g})"
+            )
+        if person.deviance_p is not None and person.deviance_p < CLEAR_P:
+            warnings.append(
+                f"participant {who}: the answers do not look like those of logistic functions (summed "
+                f"deviance, Monte Carlo p = {person.deviance_p:.2g})"
+            )
+    return tuple(warnings)
+
+
+def _small_samples(thresholds: Sequence[ThresholdFit]) -> tuple[str, ...]:
+    """Return a warning if most levels have so few trials that only gross misfits would show."""
+    few = sum(fit.threshold.n_trials < FEW_TRIALS for fit in thresholds)
+    if 2 * few <= len(thresholds):
+        return ()
+    return (
+        f"{few} of {len(thresholds)} thresholds rest on fewer than {FEW_TRIALS} ramps, where the deviance of "
+        "a single level shows gross misfits only; the participants' summed deviance tells more",
     )

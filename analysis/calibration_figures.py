@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from analysis.calibration import Calibration
+from analysis.conditions import condition_of
 from analysis.figure_style import PAGE, Medium, write_png
 from analysis.psychometric_figure import psychometric_figure
 from analysis.rate_limit_figure import rate_limit_figure
@@ -30,7 +31,12 @@ def write_figures(
     """
     simulated = calibration.data.simulated
     limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
-    thresholds = [fit.threshold for fit in calibration.thresholds]
+    reference = calibration.rate_limit.reference
+    thresholds = [
+        fit.threshold
+        for fit in calibration.thresholds
+        if reference in (None, condition_of(fit.threshold))  # others lie off the curve by their effect
+    ]
     figures = {
         "psychometric.png": psychometric_figure(calibration.thresholds, simulated, medium),
         "rate_limit.png": rate_limit_figure(limit, thresholds, compared, medium),

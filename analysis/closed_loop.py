@@ -7,20 +7,20 @@ from pathlib import Path
 
 from analysis.calibration import Calibration, calibrate, write_calibration
 from analysis.calibration_figures import write_figures
+from analysis.calibration_sections import calibration_section, rate_limit_section
 from analysis.loading import load_ramp_data
 from analysis.optimization import Work, run_optimization
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.report import Report, write_report
 from analysis.report_sections import (
-    calibration_section,
     contrast_map_section,
     files_section,
     introduction_section,
     meaning_of,
     provenance_section,
-    rate_limit_section,
     track_section,
 )
+from analysis.threshold_sections import population_section
 from data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from data_schema.provenance import Provenance, provenance_now
 from method.optimize import Request
@@ -83,6 +83,7 @@ def _report(
         (
             introduction_section(),
             calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),
+            population_section(calibration.levels, simulated),
             rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
             track_section(summary, (track / "track.png").read_bytes(), simulated),
             contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),

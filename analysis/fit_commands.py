@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from data_schema.ramp import Direction, Procedure
 from data_schema.rate_limit import RateLimitForm
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from analysis.calibration import Calibration
+    from analysis.limit_choices import LimitChoices
+    from analysis.loading import RampData
+    from analysis.rate_limit_curve import RateLimitOptions
+    from stimuli.video_source import VideoSource
 
 
 def fit(
@@ -21,42 +29,113 @@ def fit(
         RateLimitForm, typer.Option(help="What the polynomial describes.")
     ] = RateLimitForm.LN_RATE,
     degree: Annotated[int, typer.Option(help="Degree of the polynomial.")] = 4,
+    procedure: Annotated[
+        Procedure | None, typer.Option(help="Task whose answers are fitted, if there are several.")
+    ] = None,
+    direction: Annotated[
+        Direction | None, typer.Option(help="Ramps that the limit is for; else the most easily seen.")
+    ] = None,
+    ramp_duration: Annotated[
+        float | None, typer.Option(help="Their duration in s; else that of the most easily seen.")
+    ] = None,
+    clip: Annotated[
+        str | None,
+        typer.Option(help="Video on which the choice of the curve is tried; else a short sunrise."),
+    ] = None,
+    budget: Annotated[float, typer.Option(help="Mean brightness factor of that video.")] = 0.4,
+    no_clip: Annotated[bool, typer.Option("--no-clip", help="Try the choice on no video.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
     """Fit thresholds and the rate limit to the ramp sessions of a data set."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from analysis.calibration import calibrate, write_calibration
+    from analysis.choice_on_clip import open_clip, require_budget
     from analysis.loading import load_ramp_data
     from analysis.rate_limit_curve import RateLimitOptions
+    from data_schema.errors import InputError
     from data_schema.files import results_folder
-    from data_schema.provenance import provenance_now
 
-    options = RateLimitOptions(form=form, degree=degree)
+    if no_clip and clip is not None:
+        raise InputError(f"--no-clip and --clip {clip} contradict each other; give one of them")
+    options = RateLimitOptions(
+        form=form, degree=degree, procedure=procedure, direction=direction, ramp_duration=ramp_duration
+    )
+    require_budget(budget)
+    source = None if no_clip else open_clip(clip)
     data = load_ramp_data(dataset)
     console = Console(stderr=True)
     off = quiet or not console.is_terminal
-    with results_folder(out) as folder:
-        with Progress(console=console, transient=True, disable=off) as progress:
-            bar = progress.add_task("fitting thresholds", total=None)
-            result = calibrate(
-                data, options, lambda done, total: progress.update(bar, completed=done, total=total)
-            )
-        write_calibration(result, folder, provenance_now(inputs={"dataset": data.sha256}))
-        _write_figures(result, folder)
-    for warning in result.warnings:
+    with results_folder(out) as folder, Progress(console=console, transient=True, disable=off) as progress:
+        results = _write_results(_Task(data, options, source, budget), folder, progress)
+    for warning in results.calibration.warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
-        kind = "simulated participants" if data.simulated else "participants"
-        typer.echo(
-            f"{len(result.thresholds)} thresholds of {len(data.participant_ids)} {kind}, and a rate limit of "
-            f"degree {degree}, in {out}"
-        )
+        _tell(results, degree, out)
 
 
-def _write_figures(calibration: Calibration, folder: Path) -> None:
-    """Write the figures of a calibration."""
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What is fitted, how, and on which clip the choice of the curve is tried."""
+
+    data: RampData
+    options: RateLimitOptions
+    source: VideoSource | None
+    budget: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """What the closing lines tell about."""
+
+    calibration: Calibration
+    choices: LimitChoices
+    on_clip: str
+
+
+def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
+    """Fit, compare the curves, and write every file."""
+    from analysis.calibration import calibrate, write_calibration
     from analysis.calibration_figures import write_figures
+    from analysis.choice_on_clip import compare_on_clip, curves_of, in_words
+    from analysis.fit_report import FitResults, write_fit_report
+    from analysis.limit_choices import limit_choices
+    from analysis.limit_choices_files import write_limit_choices
+    from data_schema.provenance import provenance_now
+    from method.preset_files import load_power_model
 
+    bar = progress.add_task("fitting thresholds", total=None)
+    calibration = calibrate(
+        task.data, task.options, lambda done, total: progress.update(bar, completed=done, total=total)
+    )
+    inputs = {"dataset": task.data.sha256}
+    write_calibration(calibration, folder, provenance_now(inputs=inputs))
     write_figures(calibration, folder)
+    choices = limit_choices(calibration, task.options)
+    comparison = None
+    if task.source is not None:
+        bar = progress.add_task(f"analysing {task.source.name}", total=task.source.n_frames)
+        curves = curves_of(
+            task.source,
+            task.data.display,
+            lambda done, total: progress.update(bar, completed=done, total=total),
+        )
+        comparison = compare_on_clip(choices, curves, task.budget, load_power_model("surace2025"))
+        inputs["clip"] = task.source.sha256()
+    origin = provenance_now(inputs=inputs)
+    write_limit_choices(folder, choices, comparison, origin)
+    write_fit_report(folder, FitResults(calibration, choices, comparison, origin))
+    return _Results(calibration, choices, in_words(choices, comparison) if comparison else "")
+
+
+def _tell(results: _Results, degree: int, out: Path) -> None:
+    """Say what was found, in a few lines."""
+    data, thresholds = results.calibration.data, results.calibration.thresholds
+    kind = "simulated participants" if data.simulated else "participants"
+    typer.echo(
+        f"{len(thresholds)} thresholds of {len(data.participant_ids)} {kind}, and a rate limit of "
+        f"degree {degree}, in {out}"
+    )
+    if results.on_clip:
+        typer.echo(results.on_clip)
+    typer.echo(f"{out / 'report.html'} tells the whole")

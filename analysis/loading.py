@@ -19,10 +19,22 @@ from data_schema.text_files import read_json, read_text
 
 @dataclass(frozen=True, slots=True)
 class RampSession:
-    """One session of the ramp experiment."""
+    """One session of the ramp experiment.
+
+    Attributes
+    ----------
+    manifest : SessionManifest
+        What it is.
+    trials : tuple of RampTrial
+        Those that count: without practice, and without flagged ones.
+    n_practice, n_flagged : int
+        Trials that were left out.
+    """
 
     manifest: SessionManifest
     trials: tuple[RampTrial, ...]
+    n_practice: int = 0
+    n_flagged: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +52,7 @@ class RampData:
     sha256 : str
         Of the manifests and trials that were read.
     warnings : tuple of str
-        What is amiss but does not forbid the use: sessions cut short, a torn last line.
+        What is amiss but does not forbid the use: sessions cut short, a torn last line, trials left out.
     """
 
     sessions: tuple[RampSession, ...]
@@ -51,7 +63,7 @@ class RampData:
 
     @property
     def trials(self) -> tuple[RampTrial, ...]:
-        """All trials of all sessions."""
+        """All trials of all sessions that count."""
         return tuple(trial for session in self.sessions for trial in session.trials)
 
     @property
@@ -123,20 +135,49 @@ def _read_session(folder: Path) -> tuple[RampSession, list[str]]:
     for trial in trials:
         _check_trial(trial, manifest, seen, folder / TRIALS)
         seen.add(trial.trial_index)
-    if manifest.status is not SessionStatus.COMPLETE or len(trials) < manifest.n_trials:
-        warnings.append(
-            f"{folder}: the session is {manifest.status.value} with {len(trials)} of {manifest.n_trials} "
+    session = RampSession(
+        manifest,
+        tuple(trial for trial in trials if trial.usable),
+        n_practice=sum(trial.practice for trial in trials),
+        n_flagged=sum(not trial.practice and not trial.usable for trial in trials),
+    )
+    return session, warnings + _remarks(session, folder)
+
+
+def _remarks(session: RampSession, folder: Path) -> list[str]:
+    """Return what is to be said about a session: trials that are missing or do not count."""
+    manifest, used = session.manifest, len(session.trials)
+    remarks = []
+    if manifest.status is not SessionStatus.COMPLETE or used < manifest.n_trials:
+        remarks.append(
+            f"{folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
             "trials; they are used"
         )
-    return RampSession(manifest, tuple(trials)), warnings
+    left_out = [
+        words
+        for count, words in (
+            (session.n_practice, f"{session.n_practice} of practice"),
+            (session.n_flagged, f"{session.n_flagged} flagged (dropped frames)"),
+        )
+        if count
+    ]
+    if left_out:
+        remarks.append(f"{folder}: trials left out: {', '.join(left_out)}")
+    return remarks
 
 
 def _check_trial(trial: RampTrial, manifest: SessionManifest, seen: set[int], path: Path) -> None:
     """Refuse a trial that does not belong to its session, or is there twice."""
     where = f"{path}: trial {trial.trial_index}"
-    own = (trial.participant_id, trial.session_id, trial.simulated)
-    expected = (manifest.participant_id, manifest.session_id, manifest.simulated)
-    for name, got, right in zip(("participant_id", "session_id", "simulated"), own, expected, strict=True):
+    own = (trial.participant_id, trial.session_id, trial.simulated, trial.procedure.value)
+    expected = (
+        manifest.participant_id,
+        manifest.session_id,
+        manifest.simulated,
+        manifest.design.procedure.value,
+    )
+    names = ("participant_id", "session_id", "simulated", "procedure")
+    for name, got, right in zip(names, own, expected, strict=True):
         if got != right:
             raise InputError(f"{where}: {name} is {got!r}, but {right!r} in the session's {MANIFEST}")
     if trial.trial_index in seen:

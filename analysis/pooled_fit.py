@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from analysis.posterior_grid import RampCounts
+from analysis.ramp_counts import RampLevelKey, group_by_level, ramp_counts
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.rate_limit_fit import RateLimitFit, fit_points
-from analysis.thresholds import group_by_level, ramp_counts
 from data_schema.display import Display
 from data_schema.ramp import RampTrial
 from method.psychometric import PsychometricFunction, log_likelihood
@@ -36,12 +36,15 @@ class PooledFit:
         The unweighted polynomial through them.
     left_out : int
         Levels whose pooled answers were all "yes" or all "no".
+    levels : dict of RampLevelKey to float
+        75 % point of the pooled answers of every level [cd/m^2/s], those of other conditions included.
     """
 
     luminance: NDArray[np.float64]
     threshold: NDArray[np.float64]
     curve: RateLimitFit
     left_out: int
+    levels: dict[RampLevelKey, float]
 
 
 def fit_pooled(
@@ -56,7 +59,8 @@ def fit_pooled(
     display : Display
         What they were shown on.
     options : RateLimitOptions, optional
-        Form and degree of the curve.
+        Form and degree of the curve, and of which direction and duration the ramps are that it is drawn
+        through; all of them, unless it says so.
 
     Raises
     ------
@@ -64,18 +68,31 @@ def fit_pooled(
         If too few levels have both answers.
     """
     levels = group_by_level(trial for trial in trials if not trial.is_catch)
-    points = {level.luminance: logistic_threshold(ramp_counts(group)) for level, group in levels.items()}
-    found = {luminance: rate for luminance, rate in points.items() if rate is not None}
-    luminance, threshold = np.array(list(found)), np.array(list(found.values()))
+    points = {level: logistic_threshold(ramp_counts(group)) for level, group in levels.items()}
+    found = {level: rate for level, rate in points.items() if rate is not None}
+    own = {
+        level: rate for level, rate in found.items() if _is_asked_for(level, options or RateLimitOptions())
+    }
+    luminance = np.array([level.luminance for level in own])
+    threshold = np.array(list(own.values()))
     curve = fit_points(luminance, threshold, display, options, name="pooled")
-    return PooledFit(luminance, threshold, curve, len(points) - len(found))
+    return PooledFit(luminance, threshold, curve, len(points) - len(found), found)
+
+
+def _is_asked_for(level: RampLevelKey, options: RateLimitOptions) -> bool:
+    """Return whether a level is of the direction and duration that the options name."""
+    return options.direction in (None, level.direction) and options.ramp_duration in (
+        None,
+        level.ramp_duration,
+    )
 
 
 def logistic_threshold(counts: RampCounts) -> float | None:
     """Return the 75 % point [cd/m^2/s] of the most likely logistic function without guessing or lapses.
 
-    None if all answers are alike: no function is the most likely one then. With perfectly separated answers
-    the function becomes a step, and the point lies between the last "no" and the first "yes".
+    Of two intervals, the function rises from the half that is right by chance. None if all answers are alike:
+    no function is the most likely one then. With perfectly separated answers the function becomes a step, and
+    the point lies between the last "no" and the first "yes".
 
     >>> even = RampCounts(np.array([1.0, 2.0, 4.0]), np.array([1, 2, 3]), np.array([4, 4, 4]))
     >>> round(logistic_threshold(even), 3)  # symmetric: 25, 50 and 75 % at 1, 2 and 4
@@ -87,7 +104,8 @@ def logistic_threshold(counts: RampCounts) -> float | None:
 
     def cost(parameters: NDArray[np.float64]) -> float:
         width = float(np.exp(np.clip(parameters[1], *LN_WIDTH_RANGE)))
-        function = PsychometricFunction(float(np.exp(np.clip(parameters[0], -50, 50))), width)
+        threshold = float(np.exp(np.clip(parameters[0], -50, 50)))
+        function = PsychometricFunction(threshold, width, counts.guess_rate or 0.0)
         return -log_likelihood(function, counts.rates, counts.n_yes, counts.n_trials)
 
     start = np.array([np.average(x, weights=counts.n_trials), 0.5])

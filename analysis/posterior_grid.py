@@ -1,8 +1,8 @@
 """The posterior of a psychometric function by quadrature: a coarse grid finds it, a fine one integrates it.
 
-Four axes: ln(threshold) and ln(width) with equally spaced nodes (the trapezoid rule converges exponentially
-for a smooth density that has faded at both ends), guess and lapse rate with Gauss-Legendre nodes (whose
-density need not fade at 0). Everything is deterministic.
+Four axes, or three where the task fixes the guess rate: ln(threshold) and ln(width) with equally spaced nodes
+(the trapezoid rule converges exponentially for a smooth density that has faded at both ends), guess and lapse
+rate with Gauss-Legendre nodes (whose density need not fade at 0). Everything is deterministic.
 """
 
 from __future__ import annotations
@@ -38,14 +38,26 @@ class PsychometricPrior:
     width_median, width_spread : float
         Log-normal prior of the width: its median, and the standard deviation of ln(width).
     guess, lapse : (float, float)
-        Parameters of their Beta priors.
+        Parameters of their Beta priors; that of lapses is for yes/no.
     """
 
     threshold_falloff: float = 0.5
     width_median: float = 1.6
     width_spread: float = 0.6
     guess: tuple[float, float] = (1.0, 10.0)
-    lapse: tuple[float, float] = (1.0, 20.0)
+    lapse: tuple[float, float] = (1.0, 30.0)
+
+    def lapse_after(self, guess_rate: float | None) -> tuple[float, float]:
+        """Return the Beta parameters of the lapse rate, for a guess rate that the task fixes or not (None).
+
+        Who did not look answers at random, and of two intervals half of the random answers are right: lapses
+        show half as often.
+
+        >>> PsychometricPrior(lapse=(1.0, 30.0)).lapse_after(0.5)
+        (1.0, 60.0)
+        """
+        a, b = self.lapse
+        return a, b / (1 - (guess_rate or 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +69,12 @@ class RampCounts:
     rates : array (m,)
         Rates tested, rising [cd/m^2/s].
     n_yes, n_trials : array (m,)
-        Answers "yes" and trials at each.
+        Successes and trials at each: answers "yes", or of two intervals the right one.
     catch_yes, catch_trials : int
         The participant's answers "yes" in catch trials, and catch trials.
+    guess_rate : float or None
+        The guess rate where the task fixes it, as the choice between two intervals does at 0.5; None where it
+        has to be found out.
     """
 
     rates: NDArray[np.float64]
@@ -67,6 +82,7 @@ class RampCounts:
     n_trials: NDArray[np.int64]
     catch_yes: int = 0
     catch_trials: int = 0
+    guess_rate: float | None = None
 
     @property
     def false_alarm_rate(self) -> float | None:
@@ -115,9 +131,11 @@ class PosteriorGrid:
 
         The density between the nodes is the spline of its logarithm, and the distribution function counts
         half of a node's mass below the node: adding up whole masses would shift every interval down by
-        half a step.
+        half a step. A parameter that is known is all of its quantiles.
         """
         parameter = self.axes[axis]
+        if parameter.nodes.size == 1:
+            return (float(parameter.nodes[0]),) * len(probabilities)
         with np.errstate(divide="ignore"):
             ln_density = np.log(self.marginal(axis)) - parameter.ln_weights
         seen = np.isfinite(ln_density)
@@ -150,8 +168,11 @@ def posterior_grid(
     prior : PsychometricPrior
         What was known before.
     coarse, fine : tuple of int
-        Nodes of the grid that finds the posterior, and of the one that integrates it.
+        Nodes of the grid that finds the posterior, and of the one that integrates it; a known guess rate
+        takes one.
     """
+    if counts.guess_rate is not None:
+        coarse, fine = ((*sizes[:2], 1, sizes[3]) for sizes in (coarse, fine))
     wide = _whole_range(counts, prior)
     located = _integrate(counts, prior, wide, coarse)
     narrow = tuple(_faded_range(located, axis, wide[axis]) for axis in range(4))
@@ -165,6 +186,8 @@ def _whole_range(counts: RampCounts, prior: PsychometricPrior) -> tuple[tuple[fl
     middle = float(np.log(prior.width_median))
     a, b = _guess_after_catch_trials(counts, prior)
     guess = float(special.betaincinv(a, b, TAIL)), float(special.betainccinv(a, b, TAIL))
+    if counts.guess_rate is not None:
+        guess = counts.guess_rate, counts.guess_rate
     return (
         (float(x[0] - beyond * prior.threshold_falloff), float(x[-1] + beyond * prior.threshold_falloff)),
         (middle - beyond * prior.width_spread, middle + beyond * prior.width_spread),
@@ -206,7 +229,7 @@ def _integrate(
         Axis(ranges[0], t[0], -0.5 * outside**2, t[1]),
         Axis(ranges[1], w[0], -0.5 * off_middle**2, w[1]),
         Axis(ranges[2], g[0], _ln_beta(g[0], *_guess_after_catch_trials(counts, prior)), g[1]),
-        Axis(ranges[3], m[0], _ln_beta(m[0], *prior.lapse), m[1]),
+        Axis(ranges[3], m[0], _ln_beta(m[0], *prior.lapse_after(counts.guess_rate)), m[1]),
     )
     ln_masses = _ln_likelihood(counts, *(axis.nodes for axis in axes))
     for i, axis in enumerate(axes):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from analysis.figure_style import (
     FAINT,
@@ -28,15 +26,24 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
+from analysis.psychometric_panels import (
+    BETWEEN_ROWS,
+    PanelGrid,
+    PanelScale,
+    by_level,
+    drawn_answers,
+    heading_of,
+    panel_rows,
+    scale_of,
+)
 from analysis.rate_limit_fit import UNUSABLE
-from analysis.thresholds import RampLevelKey, ThresholdFit
+from analysis.thresholds import ThresholdFit
+from data_schema.ramp import Direction
+from data_schema.threshold import Threshold
 from method.psychometric import THRESHOLD_PROBABILITY, yes_probability
-
-Array = NDArray[np.float64]
 
 MOST_COLUMNS = 5  # panels side by side at most
 LEAST_WIDTH = 9.0  # of a panel [em]
-BETWEEN_ROWS = 6.8  # numbers of the axis, and the next row's titles [em]
 TICKS = (0.2, 0.5, 1, 2, 5, 10, 20, 50)  # [%/s]
 
 
@@ -61,87 +68,33 @@ def psychometric_figure(
     with look(medium):
         em = medium.em
         width = medium.width - 5.4 * em
-        rows = _rows(list(levels), int(np.clip(width / (LEAST_WIDTH * em), 1, MOST_COLUMNS)))
-        lines, above = heading_lines(*_heading(fits, simulated), width, em)
-        key_columns = 5 if width > 56 * em else 2
-        top = above + (1.6 * -(-5 // key_columns) + 4.6) * em
+        rows = panel_rows(list(levels), int(np.clip(width / (LEAST_WIDTH * em), 1, MOST_COLUMNS)))
+        lines, above = heading_lines(*heading_of(fits, simulated), width, em)
+        scale = scale_of(fits)
+        entries = 5 if scale.zero else 4
+        key_columns = entries if width > 56 * em else 2
+        top = above + (1.6 * -(-entries // key_columns) + 4.6) * em
         strip = float(np.clip(0.45 * max(len(group) for group in levels.values()), 1.5, 9.0)) * em
         panel = (medium.height - top) / len(rows) - strip - BETWEEN_ROWS * em
         panel = float(np.clip(panel, 7 * em, 10 * em))
-        grid = _Grid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
+        grid = PanelGrid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
         figure = new_figure(medium, grid.top + len(rows) * grid.row_height - 1.8 * em)
         for words, top, style in lines:
             text_at(figure, grid.left, top, words, **style)
-        _draw_key(figure, grid, above, key_columns)
-        limits = _relative_range(fits)
+        _draw_key(figure, grid, above, key_columns, scale)
         for row, keys in enumerate(rows):
             for column, key in enumerate(keys):
-                _draw_level(figure, grid, (row, column), levels[key], limits)
-        _name_axes(figure, grid, len(rows), medium)
+                _draw_level(figure, grid, (row, column), levels[key], scale)
+        _name_axes(figure, grid, len(rows), medium, scale)
     return figure
-
-
-def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdFit]]:
-    """Return the fits of each level, lowest threshold first."""
-    levels: dict[RampLevelKey, list[ThresholdFit]] = {}
-    for fit in sorted(fits, key=lambda fit: fit.threshold.threshold):
-        t = fit.threshold
-        levels.setdefault(RampLevelKey(t.screen, t.factor, t.luminance), []).append(fit)
-    return levels
-
-
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Where the panels are [inch]."""
-
-    em: float
-    left: float
-    top: float
-    cell_width: float
-    panel_height: float
-    strip_height: float
-
-    @property
-    def row_height(self) -> float:
-        """Height of a row: panel, strip, title and numbers of the axis."""
-        return self.panel_height + self.strip_height + BETWEEN_ROWS * self.em
-
-
-def _rows(levels: list[RampLevelKey], columns: int) -> list[list[RampLevelKey]]:
-    """Return the levels in rows: a new row for each screen, brighter levels to the right."""
-    rows: list[list[RampLevelKey]] = []
-    for screen in sorted({level.screen for level in levels}, reverse=True):  # white, then gray
-        own = sorted((v for v in levels if v.screen == screen), key=lambda v: v.luminance)
-        rows += [own[k : k + columns] for k in range(0, len(own), columns)]
-    return rows
-
-
-def _heading(fits: Sequence[ThresholdFit], simulated: bool) -> tuple[str, str]:
-    """Return title and subtitle."""
-    people = len({fit.threshold.participant_id for fit in fits})
-    trials = sum(fit.threshold.n_trials for fit in fits)
-    catches = sum({fit.threshold.participant_id: fit.threshold.n_catch for fit in fits}.values())
-    who = ("simulated " if simulated else "") + ("participant" if people == 1 else "participants")
-    return (
-        "How often a change of luminance is seen",
-        f"{people} {who}, {trials} ramps and {catches} catch trials. Above each panel: screen and brightness "
-        f"factor, initial luminance, and the rate seen in {100 * THRESHOLD_PROBABILITY:.0f} % of the trials "
-        "(geometric mean of participants).",
-    )
-
-
-def _relative_range(fits: Sequence[ThresholdFit]) -> tuple[float, float]:
-    """Return the lowest and the highest relative rate tested [%/s]."""
-    rates = [100 * fit.fit.counts.rates / fit.threshold.luminance for fit in fits]
-    return float(min(r.min() for r in rates)), float(max(r.max() for r in rates))
 
 
 def _draw_level(
     figure: Figure,
-    grid: _Grid,
+    grid: PanelGrid,
     place: tuple[int, int],
     fits: list[ThresholdFit],
-    limits: tuple[float, float],
+    scale: PanelScale,
 ) -> None:
     """Draw one level: functions, answers and false alarms above, thresholds below."""
     em, (row, column) = grid.em, place
@@ -149,12 +102,15 @@ def _draw_level(
     top = grid.top + row * grid.row_height
     panel = axes_at(figure, left, top, wide, grid.panel_height)
     strip = axes_at(figure, left, top + grid.panel_height + 0.3 * em, wide, grid.strip_height)
-    _draw_functions(panel, fits, limits)
-    _draw_answers(panel, fits, limits)
+    _draw_functions(panel, fits, scale)
+    _draw_answers(panel, fits, scale)
     _draw_thresholds(strip, fits)
     mean = _mean_threshold(fits)
     t = fits[0].threshold
-    names = [(f"{t.screen}, b = {t.factor:g}", INK), (f"{short(t.luminance)} cd/m²", INK)]
+    names = [
+        (f"{t.screen}, b = {t.factor:g}", INK),
+        (f"{short(t.luminance)} cd/m²{_way(t) if scale.several else ''}", INK),
+    ]
     if mean is not None:
         names.append((f"{short(mean)} cd/m²/s", LIMIT))
         for axes in (panel, strip):
@@ -169,20 +125,21 @@ def _draw_level(
             fontsize=0.92 * 72 * em,
         )
     for axes in (panel, strip):
-        _set_rate_axis(axes, limits)
+        _set_rate_axis(axes, scale)
     panel.tick_params(labelbottom=False, labelleft=column == 0)
     strip.tick_params(left=False, labelleft=False)
     strip.spines["left"].set_visible(False)
 
 
-def _zero_at(limits: tuple[float, float]) -> float:
-    """Return where on the logarithmic axis "no change" is put [%/s]."""
-    return limits[0] / 2
+def _way(threshold: Threshold) -> str:
+    """Return direction and duration of the ramps, for a panel's title."""
+    arrow = "↓" if threshold.direction is Direction.DOWN else "↑"
+    return f", {arrow} {threshold.ramp_duration:g} s"
 
 
-def _draw_functions(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, float]) -> None:
+def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: PanelScale) -> None:
     """Draw each participant's function thinly, and their mean."""
-    relative = np.geomspace(limits[0] / 1.2, limits[1] * 1.2, 121)
+    relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
     luminance = fits[0].threshold.luminance
     curves = [yes_probability(relative * luminance / 100, fit.fit.function) for fit in fits]
     opacity = float(np.clip(4 / len(fits), 0.15, 0.8))
@@ -192,28 +149,16 @@ def _draw_functions(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, f
     if len(curves) > 1:
         axes.plot(relative, np.mean(curves, axis=0), color=LIMIT, zorder=3)
     axes.axhline(THRESHOLD_PROBABILITY, color=MUTED, linewidth=size / 16, linestyle=(0, (4, 3)), zorder=1)
-    axes.set(ylim=(-0.04, 1.04), yticks=[0, 0.25, 0.5, 0.75, 1])
+    margin = 0.04 * (1 - scale.lowest_share)
+    ticks = [tick for tick in (0, 0.25, 0.5, 0.75, 1) if tick >= scale.lowest_share]
+    axes.set(ylim=(scale.lowest_share - margin, 1 + margin), yticks=ticks)
     axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
 
 
-def pooled_answers(fits: Sequence[ThresholdFit]) -> tuple[Array, Array, Array]:
-    """Return relative rates [%/s], answers "yes" and trials, summed over the participants of a level."""
-    rates = np.concatenate([100 * fit.fit.counts.rates / fit.threshold.luminance for fit in fits])
-    distinct, index = np.unique(np.round(rates, 9), return_inverse=True)
-    yes = np.concatenate([fit.fit.counts.n_yes for fit in fits]).astype(np.float64)
-    trials = np.concatenate([fit.fit.counts.n_trials for fit in fits]).astype(np.float64)
-    return distinct, _summed(index, yes), _summed(index, trials)
-
-
-def _summed(index: NDArray[np.intp], values: Array) -> Array:
-    """Return the sum of the values of each index."""
-    return np.asarray(np.bincount(index, values), dtype=np.float64)
-
-
-def _draw_answers(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, float]) -> None:
-    """Draw the shares of "yes" over the rates, and at no change the false alarms."""
+def _draw_answers(axes: Axes, fits: list[ThresholdFit], scale: PanelScale) -> None:
+    """Draw the shares of successes over the rates, and at no change the false alarms."""
     size = text_size()
-    rates, yes, trials = pooled_answers(fits)
+    rates, yes, trials = drawn_answers(fits)
     area = (0.75 * size) ** 2 * trials / trials.max()
     axes.scatter(
         rates,
@@ -227,7 +172,7 @@ def _draw_answers(axes: Axes, fits: list[ThresholdFit], limits: tuple[float, flo
     )
     alarms = [f.threshold.false_alarm_rate for f in fits if f.threshold.false_alarm_rate is not None]
     if alarms:
-        zero = np.full(len(alarms), _zero_at(limits))
+        zero = np.full(len(alarms), scale.zero_at)
         axes.scatter(zero, alarms, s=(0.4 * size) ** 2, color=PARTICIPANT, alpha=0.5, linewidth=0, zorder=3)
         caught = sum(f.fit.counts.catch_yes for f in fits) / sum(f.fit.counts.catch_trials for f in fits)
         axes.scatter(zero[:1], [caught], marker="D", s=(0.6 * size) ** 2, color=INK, linewidth=0, zorder=4)
@@ -254,17 +199,20 @@ def _draw_thresholds(axes: Axes, fits: list[ThresholdFit]) -> None:
     axes.set(ylim=(len(fits) - 0.3, -0.7))
 
 
-def _set_rate_axis(axes: Axes, limits: tuple[float, float]) -> None:
+def _set_rate_axis(axes: Axes, scale: PanelScale) -> None:
     """Give some axes the common logarithmic axis of relative rates, with "no change" at its left end."""
     axes.set_xscale("log")
-    axes.set_xlim(_zero_at(limits) / 1.25, limits[1] * 1.25)
-    ticks = [tick for tick in TICKS if limits[0] * 0.9 <= tick <= limits[1] * 1.1]
-    axes.set_xticks([_zero_at(limits), *ticks], ["0", *(f"{tick:g}" for tick in ticks)])
+    axes.set_xlim(scale.left, scale.high * 1.25)
+    ticks = [tick for tick in TICKS if scale.low * 0.9 <= tick <= scale.high * 1.1]
+    at, names = list(ticks), [f"{tick:g}" for tick in ticks]
+    if scale.zero:
+        at, names = [scale.zero_at, *at], ["0", *names]
+        axes.axvline(scale.low / 1.4, color=FAINT, linewidth=text_size() / 16, zorder=0)
+    axes.set_xticks(at, names)
     axes.set_xticks([], minor=True)
-    axes.axvline(limits[0] / 1.4, color=FAINT, linewidth=text_size() / 16, zorder=0)
 
 
-def _draw_key(figure: Figure, grid: _Grid, top: float, columns: int) -> None:
+def _draw_key(figure: Figure, grid: PanelGrid, top: float, columns: int, scale: PanelScale) -> None:
     """Write what is what, above the panels."""
     size = 72 * grid.em
     line: dict[str, Any] = {"color": PARTICIPANT, "linewidth": size / 11}
@@ -272,8 +220,14 @@ def _draw_key(figure: Figure, grid: _Grid, top: float, columns: int) -> None:
     handles = [
         Line2D([], [], label="a participant", **line),
         Line2D([], [], color=LIMIT, label="mean, threshold"),
-        Line2D([], [], marker="o", label="share of “yes”, area: trials", markersize=0.6 * size, **dots),
-        Line2D([], [], marker="D", label="false alarms", markersize=0.5 * size, **dots),
+        Line2D(
+            [],
+            [],
+            marker="o",
+            label=f"share of {_answer(scale)}, area: trials",
+            markersize=0.6 * size,
+            **dots,
+        ),
         Line2D(
             [],
             [],
@@ -285,6 +239,9 @@ def _draw_key(figure: Figure, grid: _Grid, top: float, columns: int) -> None:
             **line,
         ),
     ]
+    if scale.zero:
+        alarms = Line2D([], [], marker="D", label="false alarms", markersize=0.5 * size, **dots)
+        handles.insert(3, alarms)
     full_width, full_height = figure.get_size_inches()
     anchor = (grid.left / full_width, 1 - (top + 0.3 * grid.em) / full_height)
     figure.legend(
@@ -292,11 +249,24 @@ def _draw_key(figure: Figure, grid: _Grid, top: float, columns: int) -> None:
     )
 
 
-def _name_axes(figure: Figure, grid: _Grid, rows: int, medium: Medium) -> None:
+def _answer(scale: PanelScale) -> str:
+    """Return what a success is."""
+    return "correct answers" if scale.two else "“yes”"
+
+
+def _name_axes(figure: Figure, grid: PanelGrid, rows: int, medium: Medium, scale: PanelScale) -> None:
     """Write what the axes measure."""
     height = float(figure.get_size_inches()[1])
-    words = "rate of change, per initial luminance [%/s];  0: catch trials"
+    words = "rate of change, per initial luminance [%/s]"
+    words += ";  0: catch trials" if scale.zero else ""
     text_at(figure, grid.left, height - 1.0 * grid.em, words, va="bottom")
     for row in range(rows):
         middle = grid.top + row * grid.row_height + grid.panel_height / 2
-        text_at(figure, 0.6 * grid.em, middle, "“yes” [%]", rotation=90, va="center")
+        text_at(
+            figure,
+            0.6 * grid.em,
+            middle,
+            "correct [%]" if scale.two else "“yes” [%]",
+            rotation=90,
+            va="center",
+        )

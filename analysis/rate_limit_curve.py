@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from data_schema.errors import InputError
+from data_schema.ramp import Direction, Procedure
 from data_schema.rate_limit import RateLimitForm
 
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
@@ -44,15 +45,22 @@ class RateLimitOptions:
         Probability of the band.
     abscissa : LuminanceAbscissa
         At which luminance of the ramps their threshold is entered.
-    ramp_duration : float
-        Of the ramps [s]; needed for the luminances other than the initial one.
+    ramp_duration : float or None
+        Duration of the ramps [s] whose limit is wanted, where there are several.
+    direction : Direction or None
+        Direction of the ramps whose limit is wanted, where there are several. Where neither is given, the
+        condition with the lowest thresholds is taken.
+    procedure : Procedure or None
+        Task whose answers are fitted, where there are several.
     """
 
     form: RateLimitForm = RateLimitForm.LN_RATE
     degree: int = PAPER_DEGREE
     band_level: float = 0.95
     abscissa: LuminanceAbscissa = LuminanceAbscissa.INITIAL
-    ramp_duration: float = 5.0
+    ramp_duration: float | None = None
+    direction: Direction | None = None
+    procedure: Procedure | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.degree <= 8:

@@ -8,24 +8,35 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.mixed_model import GroupedEstimates, fit_mixed_model
+from analysis.conditions import (
+    Condition,
+    ConditionEffect,
+    condition_of,
+)
 from analysis.rate_limit_curve import (
     PAPER_DEGREE,
     CurveBasis,
     CurveEstimate,
-    LuminanceAbscissa,
     RateLimitOptions,
     basis_for,
     curve_band,
     falling_stretches,
     luminances_needed,
 )
+from analysis.rate_limit_notes import UNUSABLE as UNUSABLE
+from analysis.rate_limit_notes import (
+    condition_notes,
+    exclusion_notes,
+    listed,
+    participant_notes,
+    shape_notes,
+)
+from analysis.threshold_model import abscissae, band_df, model_of_thresholds
 from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit, RateLimitForm
+from data_schema.rate_limit import RateLimit
 from data_schema.threshold import Threshold, ThresholdFlag
 
-UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
 OUTSIDE = (ThresholdFlag.ALL_YES, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ALL_NO, ThresholdFlag.ABOVE_RANGE)
 WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
 
@@ -53,6 +64,10 @@ class RateLimitFit:
         The thresholds that did not, for their flag.
     notes : tuple of str
         What a reader of the curve should know, as sentences.
+    reference : Condition or None
+        Direction and duration of the ramps that the limit is for; None for bare points.
+    effects : tuple of ConditionEffect
+        How the thresholds of the other conditions compare; empty with one condition.
     """
 
     limit: RateLimit
@@ -63,6 +78,8 @@ class RateLimitFit:
     used: tuple[Threshold, ...] = ()
     excluded: tuple[Threshold, ...] = ()
     notes: tuple[str, ...] = ()
+    reference: Condition | None = None
+    effects: tuple[ConditionEffect, ...] = ()
 
     @property
     def monotone(self) -> bool:
@@ -95,6 +112,7 @@ def fit_points(
     name : str
         What to call the limit.
 
+    >>> from data_schema.rate_limit import RateLimitForm
     >>> display = Display("d", 100.0, 0.0, 2.2, 30.0)
     >>> line = RateLimitOptions(RateLimitForm.RATE, degree=1)
     >>> limit = fit_points([10, 50, 90], [0.3, 1.5, 2.7], display, line).limit
@@ -118,7 +136,7 @@ def fit_points(
         residual_sd=None if variance is None else variance**0.5,
         participant_sd=None,
         falling=falling_stretches(basis, coefficients),
-        notes=_shape_notes(basis, coefficients, df),
+        notes=shape_notes(basis, coefficients, df),
     )
 
 
@@ -152,69 +170,35 @@ def fit_thresholds(
     options = options or RateLimitOptions()
     used = tuple(t for t in thresholds if t.flag not in UNUSABLE)
     excluded = tuple(t for t in thresholds if t.flag in UNUSABLE)
+    _require_one_task(thresholds)
     _require_within_rates(thresholds)
     _require_levels(used, excluded, options.degree)
-    L = _abscissae(used, options)
-    basis = basis_for(L, options)
-    data = _grouped(used, L, basis)
-    model = fit_mixed_model(data)
-    df = int(np.unique(L).size) - data.design.shape[1]
-    estimate = CurveEstimate(model.coefficients, model.covariance, _band_df(data))
-    rates = np.array([t.threshold for t in used])
+    found = model_of_thresholds(used, options)
+    own = tuple(t for t in used if found.reference in (None, condition_of(t)))
+    basis, model, data = found.basis, found.model, found.data
+    size = basis.degree + 1
+    estimate = CurveEstimate(model.coefficients[:size], model.covariance[:size, :size], band_df(data))
+    points = abscissae(own, options), np.array([t.threshold for t in own])
     several = data.n_groups > 1
-    limit = _record(_Named(name, display), basis, estimate, (L, rates), options)
+    limit = _record(_Named(name, display), basis, estimate, points, options)
     _require_known(limit, options.degree)
+    df = int(np.unique(found.luminance).size) - size
+    chosen = options.direction is not None or options.ramp_duration is not None
     return RateLimitFit(
         limit=limit,
         residual_df=df,
         residual_sd=model.residual_sd,
         participant_sd=model.group_sd if several else None,
-        falling=falling_stretches(basis, model.coefficients),
+        falling=falling_stretches(basis, estimate.coefficients),
         used=used,
         excluded=excluded,
-        notes=_exclusion_notes(excluded, len(thresholds))
-        + _participant_notes(data)
-        + _shape_notes(basis, model.coefficients, df),
+        notes=exclusion_notes(excluded, len(thresholds))
+        + participant_notes(data)
+        + (condition_notes(found.reference, found.effects, chosen) if found.reference else ())
+        + shape_notes(basis, estimate.coefficients, df),
+        reference=found.reference,
+        effects=found.effects,
     )
-
-
-def _abscissae(thresholds: Sequence[Threshold], options: RateLimitOptions) -> NDArray[np.float64]:
-    """Return the luminance at which each threshold is entered [cd/m^2].
-
-    Mean and final luminance depend on the threshold itself. To keep its error off the abscissa, they are
-    taken for each level at the geometric mean of the participants' thresholds there.
-    """
-    initial = np.array([t.luminance for t in thresholds])
-    share = {LuminanceAbscissa.INITIAL: 0.0, LuminanceAbscissa.MEAN: 0.5, LuminanceAbscissa.FINAL: 1.0}
-    if not initial.size or options.abscissa is LuminanceAbscissa.INITIAL:
-        return initial
-    _, level = np.unique(initial, return_inverse=True)
-    ln_rates = np.log([t.threshold for t in thresholds])
-    typical = np.exp(np.bincount(level, ln_rates) / np.bincount(level))[level]
-    return initial - share[options.abscissa] * options.ramp_duration * typical
-
-
-def _grouped(
-    thresholds: Sequence[Threshold], luminance: NDArray[np.float64], basis: CurveBasis
-) -> GroupedEstimates:
-    """Return the thresholds as the mixed model takes them."""
-    rates = np.array([t.threshold for t in thresholds])
-    errors = np.array([t.standard_error_ln for t in thresholds])
-    if basis.form is RateLimitForm.RATE:
-        errors = errors * rates  # first order: d(rate) = rate d(ln rate)
-    _, groups = np.unique([t.participant_id for t in thresholds], return_inverse=True)
-    return GroupedEstimates(basis.ordinate(rates), errors, basis.design(luminance), groups.astype(np.int64))
-
-
-def _band_df(data: GroupedEstimates) -> float:
-    """Return the degrees of freedom of the band: of the participants, or of one participant's scatter.
-
-    The curve's height is a mean over participants, so its variance is known from P values only.
-    """
-    if data.n_groups > 1:
-        return float(data.n_groups - 1)
-    df = data.values.size - data.design.shape[1]
-    return float(df) if df > 0 else float("inf")
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +238,16 @@ def _record(
         raise InputError(f"the thresholds give no usable rate limit: {error}") from error
 
 
+def _require_one_task(thresholds: Sequence[Threshold]) -> None:
+    """Refuse thresholds of both tasks: 75 % "yes" and 75 % right are not the same d′."""
+    tasks = sorted({t.procedure.value for t in thresholds})
+    if len(tasks) > 1:
+        raise InputError(
+            f"thresholds of {' and '.join(tasks)} do not compare (75 % of what?), and make no common rate "
+            f"limit; give --procedure {tasks[0]} or {tasks[1]}"
+        )
+
+
 def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
     """Refuse thresholds most of which lie outside the rates tested: they are the prior's word."""
     below = sum(t.flag in OUTSIDE[:2] for t in thresholds)
@@ -265,7 +259,7 @@ def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
     )
     raise InputError(
         f"{below + above} of {len(thresholds)} thresholds lie outside the rates tested "
-        f"({_listed(thresholds, OUTSIDE)}), which is no basis for a rate limit; test {advice} ramps"
+        f"({listed(thresholds, OUTSIDE)}), which is no basis for a rate limit; test {advice} ramps"
     )
 
 
@@ -277,7 +271,7 @@ def _require_levels(used: Sequence[Threshold], excluded: Sequence[Threshold], de
     raise InputError(
         f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, got {luminances}: "
         f"{len(excluded)} of {len(used) + len(excluded)} thresholds are left out "
-        f"({_listed(excluded, UNUSABLE)}); mend what these flags name, or measure more levels"
+        f"({listed(excluded, UNUSABLE)}); mend what these flags name, or measure more levels"
     )
 
 
@@ -298,50 +292,3 @@ def _require_known(limit: RateLimit, degree: int) -> None:
 def _floats(values: NDArray[np.float64]) -> tuple[float, ...]:
     """Return an array as a tuple of Python's numbers."""
     return tuple(values.tolist())
-
-
-def _shape_notes(basis: CurveBasis, coefficients: NDArray[np.float64], residual_df: int) -> tuple[str, ...]:
-    """Return what is to be said about the curve's shape."""
-    notes = []
-    if residual_df <= 0:
-        notes.append(
-            f"Degree {basis.degree} has as many coefficients as there are luminances: the curve can meet "
-            "every level, and the data cannot tell whether its shape is right."
-        )
-    for low, high in falling_stretches(basis, coefficients):
-        notes.append(
-            f"The limit falls with luminance from {low:.4g} to {high:.4g} cd/m^2, within the measured range."
-        )
-    luminance = np.linspace(*basis.luminance_range, 201)
-    if basis.form is RateLimitForm.RATE and (basis.design(luminance) @ coefficients <= 0).any():
-        notes.append("The polynomial of the rate falls to 0 or below within the measured range.")
-    return tuple(notes)
-
-
-def _participant_notes(data: GroupedEstimates) -> tuple[str, ...]:
-    """Return what is to be said about a fit to one participant."""
-    if data.n_groups > 1:
-        return ()
-    return ("One participant: the band is this participant's, and says nothing about others.",)
-
-
-def _exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ...]:
-    """Return how many thresholds were left out, and which way that draws the curve."""
-    if not excluded:
-        return ()
-    counts = {flag: sum(t.flag is flag for t in excluded) for flag in UNUSABLE}
-    words = f"{len(excluded)} of {total} thresholds are left out ({_listed(excluded, UNUSABLE)})."
-    if counts[ThresholdFlag.ALL_YES]:
-        words += (
-            " All_yes lie below the slowest rate tested: without them the limit is too high, on the unsafe "
-            "side; test slower rates."
-        )
-    if counts[ThresholdFlag.ALL_NO]:
-        words += " All_no lie above the fastest one: without them the limit is too low, on the safe side."
-    return (words,)
-
-
-def _listed(thresholds: Sequence[Threshold], flags: Sequence[ThresholdFlag]) -> str:
-    """Return how many thresholds carry each of some flags, as "3 all_yes, 1 all_no"."""
-    counts = ((sum(t.flag is flag for t in thresholds), flag.value) for flag in flags)
-    return ", ".join(f"{count} {name}" for count, name in counts if count)

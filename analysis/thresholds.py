@@ -6,23 +6,23 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
+from analysis.drift import Drift, TimedAnswers, drift_of
+from analysis.goodness_of_fit import POOR_FIT_P, GoodnessOfFit, goodness_of_fit
 from analysis.posterior_grid import PsychometricPrior, RampCounts
 from analysis.psychometric_fit import PsychometricFit, fit_psychometric
-from data_schema.ramp import RampTrial, Response
+from analysis.ramp_counts import RampLevelKey, catch_counts, group_by_participant_and_level, ramp_counts
+from analysis.signal_detection import (
+    COMPARED_D_PRIME,
+    TWO_INTERVAL_D_PRIME,
+    criterion_of,
+    interval_biases,
+    rate_of_d_prime,
+)
+from data_schema.ramp import Procedure, RampTrial
 from data_schema.threshold import Threshold, ThresholdFlag
 
 MAX_FALSE_ALARM_RATE = 0.5  # above it, "yes" is said more often than not to nothing at all
-
-
-@dataclass(frozen=True, slots=True)
-class RampLevelKey:
-    """A luminance level of the experiment: screen, initial brightness factor, initial luminance [cd/m^2]."""
-
-    screen: str
-    factor: float
-    luminance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,36 +35,29 @@ class ThresholdFit:
         The record.
     fit : PsychometricFit
         Answers, fitted function, posterior.
+    goodness : GoodnessOfFit or None
+        How well the function describes the answers; None with too few rates to judge by.
     """
 
     threshold: Threshold
     fit: PsychometricFit
+    goodness: GoodnessOfFit | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Criterion:
-    """How readily a participant says "yes" (signal detection, equal variances).
+class _Person:
+    """What is a participant's and not a level's."""
 
-    Attributes
-    ----------
-    false_alarm_rate : float
-        "Yes" in catch trials, as counted.
-    criterion : float
-        Distance of the criterion from the mean of "nothing changed", z(1 - FA), in standard deviations.
-    d_prime_at_threshold : float
-        d′ of a ramp that is noticed in 75 % of the trials: z(0.75) + z(1 - FA); 0.95 is what 75 % correct in
-        a true two-interval choice stands for.
-    """
-
-    false_alarm_rate: float
-    criterion: float
-    d_prime_at_threshold: float
+    d_prime: float | None = None
+    criterion: float | None = None
+    drift: Drift | None = None
 
 
 def fit_thresholds_of(
     trials: Iterable[RampTrial],
     prior: PsychometricPrior | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
+    judge: bool = True,
 ) -> list[ThresholdFit]:
     """Fit a threshold for every participant and level of some trials.
 
@@ -79,71 +72,88 @@ def fit_thresholds_of(
         For every fit.
     report : callable, optional
         Called with the fits done and their total.
+    judge : bool
+        Whether to judge each fit by Monte Carlo, which takes about as long as the fit itself.
     """
     groups = group_by_participant_and_level(trials)
-    catches = catch_counts(trial for group in groups.values() for trial in group)
+    everything = [trial for group in groups.values() for trial in group]
+    catches = catch_counts(everything)
     ramps = {key: [t for t in group if not t.is_catch] for key, group in groups.items()}
     ramps = {key: group for key, group in ramps.items() if group}
-    fits = []
-    for done, ((participant, level), group) in enumerate(ramps.items(), start=1):
-        counts = ramp_counts(group, *catches.get(participant, (0, 0)))
-        fit = fit_psychometric(counts, prior)
-        fits.append(ThresholdFit(_record(participant, level, fit), fit))
+    found = {}
+    for done, (key, group) in enumerate(ramps.items(), start=1):
+        caught = catches.get(key[0], (0, 0)) if key[1].procedure is Procedure.YES_NO else (0, 0)
+        counts = ramp_counts(group, *caught)
+        found[key] = fit_psychometric(counts, prior), goodness_of_fit(counts, prior) if judge else None
         report(done, len(ramps))
-    return fits
+    times = trial_times(everything)
+    people = {
+        (who, task): _person(who, task, ramps, found, catches, times)
+        for who, task in dict.fromkeys((who, level.procedure) for who, level in ramps)
+    }
+    return [
+        ThresholdFit(_record(key, fit, goodness, people[key[0], key[1].procedure]), fit, goodness)
+        for key, (fit, goodness) in found.items()
+    ]
 
 
-def group_by_participant_and_level(
-    trials: Iterable[RampTrial],
-) -> dict[tuple[str, RampLevelKey], list[RampTrial]]:
-    """Return the trials of each participant at each level, in order of participant, screen and factor."""
-    groups: dict[tuple[str, RampLevelKey], list[RampTrial]] = {}
+Ramps = dict[tuple[str, RampLevelKey], list[RampTrial]]
+Fits = dict[tuple[str, RampLevelKey], tuple[PsychometricFit, GoodnessOfFit | None]]
+TrialKey = tuple[str, str, int]
+
+
+def _person(
+    who: str,
+    task: Procedure,
+    ramps: Ramps,
+    fits: Fits,
+    catches: dict[str, tuple[int, int]],
+    times: dict[TrialKey, float],
+) -> _Person:
+    """Return criterion and drift of a participant in one task."""
+    own = {key: group for key, group in ramps.items() if key[0] == who and key[1].procedure is task}
+    drift = drift_of([_timed(fits[key][0], group, times) for key, group in own.items()])
+    if task is Procedure.TWO_INTERVAL:
+        answered = [trial for group in own.values() for trial in group]
+        return _Person(TWO_INTERVAL_D_PRIME, interval_biases(answered)[who].bias, drift)
+    if who not in catches:
+        return _Person(drift=drift)
+    criterion = criterion_of(*catches[who])
+    return _Person(criterion.d_prime_at_threshold, criterion.criterion, drift)
+
+
+def trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
+    """Return the place of each trial among all of its participant's, from 0 (first) to 1 (last).
+
+    Sessions follow each other in order of their names.
+    """
+    keys: dict[str, set[TrialKey]] = {}
     for trial in trials:
-        level = RampLevelKey(trial.screen, trial.factor, trial.initial_luminance)
-        groups.setdefault((trial.participant_id, level), []).append(trial)
-    order = {"white": 0, "gray": 1}
-    return dict(
-        sorted(
-            groups.items(),
-            key=lambda item: (item[0][0], order.get(item[0][1].screen, 2), -item[0][1].factor),
-        )
+        keys.setdefault(trial.participant_id, set()).add(_key(trial))
+    return {
+        key: place / max(len(own) - 1, 1) for own in keys.values() for place, key in enumerate(sorted(own))
+    }
+
+
+def _key(trial: RampTrial) -> TrialKey:
+    """Return what names a trial."""
+    return trial.participant_id, trial.session_id, trial.trial_index
+
+
+def _timed(fit: PsychometricFit, ramps: Sequence[RampTrial], times: dict[TrialKey, float]) -> TimedAnswers:
+    """Return the answers at a level in time."""
+    return TimedAnswers(
+        fit.function,
+        np.array([trial.rate for trial in ramps]),
+        np.array([float(trial.success) for trial in ramps]),
+        np.array([times[_key(trial)] for trial in ramps]),
     )
 
 
-def group_by_level(trials: Iterable[RampTrial]) -> dict[RampLevelKey, list[RampTrial]]:
-    """Return the trials of all participants at each level."""
-    groups: dict[RampLevelKey, list[RampTrial]] = {}
-    for trial in trials:
-        level = RampLevelKey(trial.screen, trial.factor, trial.initial_luminance)
-        groups.setdefault(level, []).append(trial)
-    return groups
-
-
-def catch_counts(trials: Iterable[RampTrial]) -> dict[str, tuple[int, int]]:
-    """Return, for each participant, the answers "yes" in catch trials and the catch trials."""
-    counts: dict[str, tuple[int, int]] = {}
-    for trial in trials:
-        if trial.is_catch:
-            yes, total = counts.get(trial.participant_id, (0, 0))
-            counts[trial.participant_id] = (yes + (trial.response is Response.YES), total + 1)
-    return counts
-
-
-def ramp_counts(ramps: Sequence[RampTrial], catch_yes: int = 0, catch_trials: int = 0) -> RampCounts:
-    """Return the answers to ramps of one level, counted by rate."""
-    rates, index = np.unique([trial.rate for trial in ramps], return_inverse=True)
-    yes = np.array([trial.response is Response.YES for trial in ramps])
-    return RampCounts(
-        rates=rates,
-        n_yes=np.bincount(index, yes, minlength=rates.size).astype(np.int64),
-        n_trials=np.bincount(index, minlength=rates.size).astype(np.int64),
-        catch_yes=catch_yes,
-        catch_trials=catch_trials,
-    )
-
-
-def flag_of(counts: RampCounts, threshold: float) -> ThresholdFlag:
+def flag_of(counts: RampCounts, threshold: float, fit_p: float | None = None) -> ThresholdFlag:
     """Return why a threshold should be looked at before use: the gravest reason first.
+
+    Where the guess rate is known, answers that are right no more often than guesses count as "no".
 
     >>> even = RampCounts(np.array([1.0, 2.0]), np.array([0, 4]), np.array([4, 4]))
     >>> flag_of(even, 1.4).value
@@ -151,7 +161,7 @@ def flag_of(counts: RampCounts, threshold: float) -> ThresholdFlag:
     """
     if (counts.n_yes == counts.n_trials).all():
         return ThresholdFlag.ALL_YES
-    if (counts.n_yes == 0).all():
+    if counts.n_yes.sum() <= (counts.guess_rate or 0.0) * counts.n_trials.sum():
         return ThresholdFlag.ALL_NO
     if (counts.false_alarm_rate or 0.0) > MAX_FALSE_ALARM_RATE:
         return ThresholdFlag.FALSE_ALARMS
@@ -161,28 +171,24 @@ def flag_of(counts: RampCounts, threshold: float) -> ThresholdFlag:
         return ThresholdFlag.ABOVE_RANGE
     fastest_no = counts.rates[counts.n_yes < counts.n_trials].max()
     slowest_yes = counts.rates[counts.n_yes > 0].min()
-    return ThresholdFlag.SEPARATED if fastest_no < slowest_yes else ThresholdFlag.NONE
+    if fastest_no < slowest_yes:
+        return ThresholdFlag.SEPARATED
+    poor = fit_p is not None and fit_p < POOR_FIT_P
+    return ThresholdFlag.POOR_FIT if poor else ThresholdFlag.NONE
 
 
-def criterion_of(catch_yes: int, catch_trials: int) -> Criterion:
-    """Return a participant's criterion from the catch trials.
-
-    Shares of 0 and 1 are kept off infinity by the log-linear correction (yes + 0.5) / (trials + 1) of Hautus
-    (1995).
-
-    >>> never = criterion_of(0, 99)  # corrected: 0.005
-    >>> round(never.criterion, 3), round(never.d_prime_at_threshold, 3)  # z(0.995), and z(0.75) = 0.674 more
-    (2.576, 3.25)
-    """
-    corrected = (catch_yes + 0.5) / (catch_trials + 1)
-    criterion = -float(special.ndtri(corrected))
-    return Criterion(catch_yes / catch_trials, criterion, criterion + float(special.ndtri(0.75)))
-
-
-def _record(participant: str, level: RampLevelKey, fit: PsychometricFit) -> Threshold:
+def _record(
+    key: tuple[str, RampLevelKey], fit: PsychometricFit, goodness: GoodnessOfFit | None, person: _Person
+) -> Threshold:
     """Return the record of a fitted threshold."""
-    counts = fit.counts
+    counts, (participant, level) = fit.counts, key
     threshold = fit.function.threshold
+    two = level.procedure is Procedure.TWO_INTERVAL
+    known = two or person.criterion is not None
+    compared = (
+        rate_of_d_prime(COMPARED_D_PRIME, fit.function, None if two else person.criterion) if known else None
+    )
+    fit_p = goodness.p_value if goodness else None
     return Threshold(
         participant_id=participant,
         screen=level.screen,
@@ -198,5 +204,15 @@ def _record(participant: str, level: RampLevelKey, fit: PsychometricFit) -> Thre
         false_alarm_rate=counts.false_alarm_rate,
         n_trials=int(counts.n_trials.sum()),
         n_catch=counts.catch_trials,
-        flag=flag_of(counts, threshold),
+        flag=flag_of(counts, threshold, fit_p),
+        direction=level.direction,
+        ramp_duration=level.ramp_duration,
+        procedure=level.procedure,
+        d_prime=person.d_prime,
+        criterion=person.criterion,
+        threshold_d_prime_1=compared,
+        deviance=goodness.deviance if goodness else None,
+        deviance_p=fit_p,
+        drift_ratio=person.drift.ratio if person.drift else None,
+        drift_p=person.drift.p_value if person.drift else None,
     )

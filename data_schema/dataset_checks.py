@@ -18,6 +18,7 @@ from data_schema.errors import InputError
 from data_schema.file_checks import CheckedFile, check_file
 from data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
 from data_schema.provenance import Provenance
+from data_schema.ramp import TrialFlag
 from data_schema.record_kinds import SESSION_MANIFEST, TRIALS_OF_TASK
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
@@ -128,8 +129,9 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
             got, right = getattr(trial, key), getattr(manifest, key)
             if got != right:
                 checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
-    count, planned = len(checked.records), manifest.n_trials
-    if manifest.status is SessionStatus.COMPLETE and count != planned:
+    count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
+    flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
+    if manifest.status is SessionStatus.COMPLETE and not planned - flagged <= count <= planned:
         checked.blame(f"expected {planned} usable trials, because the session is complete, got {count}")
     elif count > planned:
         checked.blame(f"expected at most {planned} trials, as in {MANIFEST}, got {count}")
@@ -137,6 +139,8 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
         checked.notes.append(
             f"{checked.path}: the session is {manifest.status.value}, with {count} of {planned} trials"
         )
+    if flagged:
+        checked.notes.append(f"{checked.path}: {flagged} trial(s) are flagged and left out of the analysis")
 
 
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:
@@ -264,11 +268,11 @@ def _participant_rows(checked: CheckedFile) -> Iterator[tuple[int, dict[str, str
 
 
 def _compare_names(checked: CheckedFile, listed: dict[str, int], folders: Iterable[str]) -> None:
-    """Note participants that have a folder and no row, or a row and no folder."""
+    """Note participants that have a folder and no row; a row without a folder is one of a roster."""
     folders = list(folders)
     for name in folders:
         if name not in listed:
             checked.blame(f"{name!r} has a folder and is not listed")
     for name, line in listed.items():
         if name not in folders:
-            checked.blame(f"participant_id: {name!r} is listed and has no folder", line)
+            checked.notes.append(f"{checked.path}, line {line}: {name!r} is listed and has no session yet")

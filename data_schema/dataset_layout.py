@@ -8,6 +8,11 @@ DESCRIPTION = "dataset_description.json"
 PARTICIPANTS = "participants.tsv"
 MANIFEST = "manifest.json"
 TRIALS = "trials.jsonl"
+FRAMES = "frames.jsonl"
+EVENTS = "events.jsonl"
+BEHAVIOUR_FOLDER = "beh"
+LOCK = ".session.lock"
+DATASET_LOCK = ".dataset.lock"
 SIMULATED_TRUTH = "simulated_truth.json"
 
 
@@ -27,7 +32,7 @@ def behaviour_file(dataset: Path, participant_id: str, session_id: str, task: st
     'lab/sub-01/ses-02/beh/sub-01_ses-02_task-ramp_beh.tsv'
     """
     stem = f"sub-{participant_id}_ses-{session_id}_task-{task}_beh"
-    return session_folder(dataset, participant_id, session_id) / "beh" / f"{stem}.tsv"
+    return session_folder(dataset, participant_id, session_id) / BEHAVIOUR_FOLDER / f"{stem}.tsv"
 
 
 def session_folders(dataset: Path) -> list[Path]:

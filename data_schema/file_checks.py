@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,15 @@ from data_schema.mapping import record_from_mapping, refuse_newer_schema, type_h
 from data_schema.quantities import file_key
 from data_schema.record_kinds import BRIGHTNESS_TRACK, FileFormat, RecordKind
 from data_schema.schema_problems import schema_problems
-from data_schema.text_files import columns_of, csv_rows, parse_json, plain_cell, read_text, read_toml
+from data_schema.text_files import (
+    columns_of,
+    csv_rows,
+    optional_columns,
+    parse_json,
+    plain_cell,
+    read_text,
+    read_toml,
+)
 
 Wheres = Callable[[Place], str]
 
@@ -129,7 +137,8 @@ def _check_table(checked: CheckedFile, kind: RecordKind) -> None:
     if kind is BRIGHTNESS_TRACK:
         _check_track(checked, kind)
         return
-    for number, cells in _rows_of(checked, columns_of(kind.record), kind.words):
+    optional = optional_columns(kind.record)
+    for number, cells in _rows_of(checked, columns_of(kind.record), kind.words, optional):
         row = _row(checked, kind, cells, number)
         if row is not None:
             _check_row(checked, kind, row, number)
@@ -154,13 +163,16 @@ def _check_track(checked: CheckedFile, kind: RecordKind) -> None:
             checked.problems.append(str(error))
 
 
-def _rows_of(checked: CheckedFile, columns: Iterable[str], words: str) -> Iterable[tuple[int, list[str]]]:
+def _rows_of(
+    checked: CheckedFile, columns: Iterable[str], words: str, optional: Collection[str] = ()
+) -> Iterable[tuple[int, list[str]]]:
     """Yield the rows of a table; note those that are torn."""
     return csv_rows(
         checked.path,
         list(columns),
         f"a table ({words})",
         torn=lambda error: checked.problems.append(str(error)),
+        optional=optional,
     )
 
 
@@ -169,7 +181,10 @@ def _row(checked: CheckedFile, kind: RecordKind, cells: list[str], number: int) 
     before = len(checked.problems)
     row: dict[str, Any] = {}
     kinds = type_hints(kind.record)
+    optional = optional_columns(kind.record)
     for column, text in zip(dataclasses.fields(kind.record), cells, strict=True):
+        if not text and file_key(column) in optional:
+            continue
         _put_cell(checked, row, file_key(column), kinds[column.name], text, number)
     return row if len(checked.problems) == before else None
 

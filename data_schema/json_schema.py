@@ -92,7 +92,7 @@ def _property(field: dataclasses.Field[Any], kind: Any, parts: dict[str, Schema]
     if field.default is not dataclasses.MISSING:
         schema["default"] = plain_value(field.default)
     elif field.default_factory is not dataclasses.MISSING:
-        schema["default"] = field.default_factory()
+        schema["default"] = plain_value(field.default_factory())
     return schema
 
 

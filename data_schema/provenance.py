@@ -12,7 +12,7 @@ from typing import Any
 from data_schema.errors import InputError
 from data_schema.quantities import check_limits, described, quantity
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 _PACKAGES = ("numpy", "scipy", "numba", "av")
 
 

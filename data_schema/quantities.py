@@ -20,6 +20,7 @@ UNIT_SUFFIX = {
     "cd/m^2": "_cd_m2",
     "cd/m^2/s": "_cd_m2_s",
     "s": "_s",
+    "m": "_m",
     "W": "_w",
     "W m^2/cd": "_w_m2_cd",
     "deg": "_deg",
@@ -65,7 +66,7 @@ def quantity(
 def described(doc: str, *, default: Any = dataclasses.MISSING, pattern: str | None = None) -> Any:
     """Return a dataclass field without a unit: a name, a choice, a flag.
 
-    A `pattern` is a regular expression that the whole text must match.
+    A `pattern` is a regular expression that the whole text, or each text of a list, must match.
     """
     return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern})
 
@@ -87,8 +88,10 @@ def check_limits(record: Any) -> None:
             continue
         if "unit" in field.metadata:
             _check_quantity(field, value)
-        elif (pattern := field.metadata.get("pattern")) and not re.fullmatch(pattern, value):
-            raise ValueError(f"{file_key(field)} must match {pattern}, got {value!r}")
+        elif pattern := field.metadata.get("pattern"):
+            for text in value if isinstance(value, tuple) else (value,):
+                if not re.fullmatch(pattern, text):
+                    raise ValueError(f"{file_key(field)} must match {pattern}, got {text!r}")
 
 
 def _check_quantity(field: dataclasses.Field[Any], value: Any) -> None:

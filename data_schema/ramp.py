@@ -3,38 +3,105 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 from data_schema.quantities import check_limits, described, quantity
 
+ROUNDING = 1e-9  # relative, of a luminance that was computed
+
+
+class Procedure(enum.Enum):
+    """What a participant is asked."""
+
+    YES_NO = "yes_no"  # one ramp, "did the brightness change?": the paper's
+    TWO_INTERVAL = "two_interval"  # two intervals, "in which did it change?": free of the criterion
+
+
+class Placement(enum.Enum):
+    """How the rates of the ramps are chosen."""
+
+    CONSTANT = "constant"  # the design's rates, equally often: constant stimuli, the paper's
+    TARGETED = "targeted"  # around the posterior mean of the 75 % point
+    PSI_MARGINAL = "psi_marginal"  # where an answer tells most about the threshold (Prins 2013)
+
+
+class Direction(enum.Enum):
+    """Which way the luminance goes."""
+
+    DOWN = "down"
+    UP = "up"
+
 
 class Response(enum.Enum):
-    """The answer to "did the brightness change?"."""
+    """The answer to "did the brightness change?", or to "in which interval did it?"."""
 
     YES = "yes"
     NO = "no"
+    FIRST = "first"
+    SECOND = "second"
+
+
+class TrialFlag(enum.Enum):
+    """Why a trial is left out of the analysis."""
+
+    NONE = ""
+    DROPPED_FRAMES = "dropped_frames"  # more than the design allows: not the ramp that was meant
 
 
 @dataclass(frozen=True, slots=True)
 class RampDesign:
-    """Which ramps are shown, and how often.
+    """Which ramps are shown, how often and how, and what is asked.
 
     Attributes
     ----------
+    procedure : Procedure
+        What a participant is asked.
+    placement : Placement
+        How the rates of the ramps are chosen.
+    screens : tuple of str
+        "white" and "gray", each a block of its own.
     factors : tuple of float
         Initial brightness factors B of the paper.
     white_pixel_value, gray_pixel_value : float
         Pixel values of the two uniform screens, in [0, 1].
+    directions : tuple of Direction
+        Whether the luminance falls or rises; each a block of its own.
+    ramp_durations : tuple of float
+        Durations of the ramp [s]; each a block of its own.
     relative_rates : tuple of float
-        Rates of decrease as a share of the initial luminance per second [1/s].
+        Rates of change as a share of the initial luminance per second [1/s]. Adaptive placement moves
+        between the lowest and the highest.
+    same_amounts : bool
+        Whether `relative_rates` are those of the first duration, and others are scaled so that a ramp of
+        another duration makes the same total change.
     repetitions : int
-        Trials per screen, factor and rate.
+        Trials per screen, factor, direction, duration and rate, for constant placement.
+    trials_per_level : int
+        Ramps per screen, factor, direction and duration, for adaptive placement.
     catch_share : float
-        Share of all trials without any change.
-    ramp_duration, hold_duration : float
-        Of the decrease and of the constant end [s].
+        Share of all trials without any change; yes/no only.
+    adaptation_duration, hold_duration : float
+        Constant luminance before and after the ramp [s].
+    interval_gap : float
+        Between the two intervals of a trial [s].
+    pause_duration : float
+        From an answer to the next trial [s].
+    practice_trials : int
+        Before the session; left out of the analysis.
+    trials_between_breaks : int
+        0 for no breaks.
+    max_dropped_frames : int
+        A trial with more dropped frames is flagged.
+    repeat_flagged : bool
+        Whether a flagged trial is shown again at the end of the session.
     """
 
+    procedure: Procedure = described("what a participant is asked", default=Procedure.YES_NO)
+    placement: Placement = described("how the rates are chosen", default=Placement.CONSTANT)
+    screens: tuple[str, ...] = described(
+        "uniform screens: white, gray", default=("white", "gray"), pattern="^(white|gray)$"
+    )
     factors: tuple[float, ...] = quantity(
         "1",
         "initial brightness factors",
@@ -49,29 +116,65 @@ class RampDesign:
     gray_pixel_value: float = quantity(
         "1", "pixel value of the gray screen", above=0.0, maximum=1.0, default=0.46
     )
+    directions: tuple[Direction, ...] = described(
+        "whether the luminance falls or rises", default=(Direction.DOWN,)
+    )
+    ramp_durations: tuple[float, ...] = quantity(
+        "s", "durations of the ramp", above=0.0, min_items=1, default=(5.0,)
+    )
     relative_rates: tuple[float, ...] = quantity(
         "1/s",
-        "rates of decrease as a share of the initial luminance per second",
+        "rates of change as a share of the initial luminance per second; adaptive placement stays within",
         above=0.0,
         min_items=1,
         default=(0.008, 0.013, 0.02, 0.028, 0.04, 0.055, 0.08, 0.12),
         key="relative_rates_per_s",
     )
-    repetitions: int = quantity("1", "trials per screen, factor and rate", minimum=1, default=6)
-    catch_share: float = quantity(
-        "1", "share of trials without change", minimum=0.0, maximum=0.9, default=0.2
+    same_amounts: bool = described(
+        "true if rates are those of the first duration, and others are scaled to the same change",
+        default=True,
     )
-    ramp_duration: float = quantity("s", "duration of the decrease", above=0.0, default=5.0)
-    hold_duration: float = quantity("s", "duration of the constant end", minimum=0.0, default=1.0)
+    repetitions: int = quantity("1", "trials per rate and level, constant placement", minimum=1, default=6)
+    trials_per_level: int = quantity("1", "ramps per level, adaptive placement", minimum=1, default=40)
+    catch_share: float = quantity(
+        "1", "share of trials without change; yes/no only", minimum=0.0, maximum=0.9, default=0.2
+    )
+    adaptation_duration: float = quantity("s", "constant luminance before the ramp", minimum=0.0, default=1.0)
+    hold_duration: float = quantity("s", "constant luminance after the ramp", minimum=0.0, default=1.0)
+    interval_gap: float = quantity("s", "between two intervals of a trial", minimum=0.0, default=0.5)
+    pause_duration: float = quantity("s", "from an answer to the next trial", minimum=0.0, default=0.5)
+    practice_trials: int = quantity("1", "before the session; left out of the analysis", minimum=0, default=6)
+    trials_between_breaks: int = quantity("1", "0 for no breaks", minimum=0, default=60)
+    max_dropped_frames: int = quantity("1", "a trial with more is flagged", minimum=0, default=3)
+    repeat_flagged: bool = described("true if flagged trials are shown again at the end", default=True)
 
     def __post_init__(self) -> None:
         check_limits(self)
-        fastest = max(self.relative_rates)
-        if fastest * self.ramp_duration >= 1:
-            raise ValueError(
-                f"a decrease of {fastest:g} of the initial luminance per second for {self.ramp_duration:g} s "
-                f"would end below black; the fastest must stay below {1 / self.ramp_duration:g}"
-            )
+        for name in ("screens", "directions", "ramp_durations", "factors", "relative_rates"):
+            values = getattr(self, name)
+            if not values or len(set(values)) < len(values):
+                raise ValueError(f"{name} must name at least one, and none twice, got {len(values)} of them")
+        for duration in self.ramp_durations if Direction.DOWN in self.directions else ():
+            fastest = max(self.rates_of(duration))
+            if fastest * duration >= 1:
+                raise ValueError(
+                    f"a decrease of {fastest:g} of the initial luminance per second for {duration:g} s "
+                    f"would end below black; the fastest must stay below {1 / duration:g}"
+                )
+
+    def rates_of(self, duration: float) -> tuple[float, ...]:
+        """Return the relative rates [1/s] of ramps of a duration [s].
+
+        >>> RampDesign(ramp_durations=(5.0, 10.0), relative_rates=(0.02, 0.04)).rates_of(10.0)
+        (0.01, 0.02)
+        """
+        scale = self.ramp_durations[0] / duration if self.same_amounts else 1.0
+        return tuple(rate * scale for rate in self.relative_rates)
+
+    @property
+    def has_catch_trials(self) -> bool:
+        """Whether trials without change are mixed in: two intervals need none."""
+        return self.procedure is Procedure.YES_NO and self.catch_share > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +186,7 @@ class RampTrial:
     participant_id, session_id : str
         Whose trial it is.
     trial_index : int
-        Place in the session, from 0.
+        Place among the answered trials of the session, from 0; practice is counted.
     screen : str
         "white" or "gray".
     factor : float
@@ -91,7 +194,7 @@ class RampTrial:
     initial_luminance, final_luminance : float
         Before and after the ramp [cd/m^2].
     rate : float
-        Rate of decrease; 0 in a catch trial [cd/m^2/s].
+        Rate of change; 0 in a catch trial [cd/m^2/s].
     duration : float
         Of the ramp [s].
     is_catch : bool
@@ -99,26 +202,155 @@ class RampTrial:
     response : Response
         The answer.
     response_time : float or None
-        From the end of the presentation to the answer; None from a simulation without a clock [s].
+        From the question to the answer; None from a simulation without a clock [s].
     simulated : bool
         Whether a simulated observer answered.
+    procedure : Procedure
+        What was asked.
+    direction : Direction
+        Which way the luminance went, or would have gone in a catch trial.
+    ramp_interval : int or None
+        Which of two intervals held the ramp, 1 or 2; None in yes/no.
+    practice : bool
+        Whether it was practice.
+    block : int
+        Of the session, from 1; 0 for practice.
+    attempt : int
+        1, or more where the trial was shown before and interrupted.
+    onset : float or None
+        First flip of the trial, since the session began [s].
+    noise_seed : int or None
+        Of the dithering noise.
+    n_frames, frames_dropped : int or None
+        Frames shown, and those that the display showed longer than one refresh.
+    drawn_initial_luminance, drawn_final_luminance : float or None
+        Mean luminance read back from the window, before and after the ramp [cd/m^2].
+    largest_luminance_error : float or None
+        Largest difference of read-back and intended mean luminance [cd/m^2].
+    flag : TrialFlag
+        Why it is left out of the analysis, if it is.
     """
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
     session_id: str = described("session", pattern="^[0-9A-Za-z]+$")
-    trial_index: int = quantity("1", "place in the session, from 0", minimum=0)
+    trial_index: int = quantity("1", "place among the session's answered trials, from 0", minimum=0)
     screen: str = described("white or gray", pattern="^(white|gray)$")
     factor: float = quantity("1", "initial brightness factor", above=0.0, maximum=1.0)
     initial_luminance: float = quantity("cd/m^2", "before the ramp", above=0.0)
     final_luminance: float = quantity("cd/m^2", "after the ramp", minimum=0.0)
-    rate: float = quantity("cd/m^2/s", "rate of decrease; 0 in a catch trial", minimum=0.0)
+    rate: float = quantity("cd/m^2/s", "rate of change; 0 in a catch trial", minimum=0.0)
     duration: float = quantity("s", "duration of the ramp", above=0.0)
     is_catch: bool = described("true if nothing changed")
-    response: Response = described("did the brightness change?")
-    response_time: float | None = quantity("s", "from the end of the ramp to the answer", minimum=0.0)
+    response: Response = described("did the brightness change, or in which interval?")
+    response_time: float | None = quantity("s", "from the question to the answer", minimum=0.0)
     simulated: bool = described("true if a simulated observer answered")
+    procedure: Procedure = described("what was asked", default=Procedure.YES_NO)
+    direction: Direction = described("which way the luminance goes", default=Direction.DOWN)
+    ramp_interval: int | None = quantity(
+        "1", "which of two intervals held the ramp", minimum=1, maximum=2, default=None
+    )
+    practice: bool = described("true if it was practice", default=False)
+    block: int = quantity("1", "block of the session, from 1; 0 for practice", minimum=0, default=1)
+    attempt: int = quantity("1", "above 1 if it was shown before and interrupted", minimum=1, default=1)
+    onset: float | None = quantity(
+        "s", "first flip of the trial, since the session began", minimum=0.0, default=None
+    )
+    noise_seed: int | None = quantity("1", "seed of the dithering noise", minimum=0, default=None)
+    n_frames: int | None = quantity("1", "frames shown", minimum=0, default=None)
+    frames_dropped: int | None = quantity("1", "refreshes without a new frame", minimum=0, default=None)
+    drawn_initial_luminance: float | None = quantity(
+        "cd/m^2", "read back from the window before the ramp", minimum=0.0, default=None
+    )
+    drawn_final_luminance: float | None = quantity(
+        "cd/m^2", "read back from the window after the ramp", minimum=0.0, default=None
+    )
+    largest_luminance_error: float | None = quantity(
+        "cd/m^2", "largest difference of read-back and intended mean", minimum=0.0, default=None
+    )
+    flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
 
     def __post_init__(self) -> None:
         check_limits(self)
         if self.is_catch != (self.rate == 0):
             raise ValueError(f"a catch trial has rate 0 and only a catch trial has, got rate {self.rate:g}")
+        two = self.procedure is Procedure.TWO_INTERVAL
+        if two != (self.ramp_interval is not None) or (two and self.is_catch):
+            raise ValueError(
+                f"two_interval needs a ramp, and ramp_interval 1 or 2, which yes_no has not; "
+                f"got {self.procedure.value} with {self.ramp_interval} and rate {self.rate:g}"
+            )
+        answers = (Response.FIRST, Response.SECOND) if two else (Response.YES, Response.NO)
+        if self.response not in answers:
+            raise ValueError(
+                f"response must be {answers[0].value!r} or {answers[1].value!r} to {self.procedure.value}, "
+                f"got {self.response.value!r}"
+            )
+        change = self.final_luminance - self.initial_luminance
+        slack = ROUNDING * self.initial_luminance
+        if (change > slack) if self.direction is Direction.DOWN else (change < -slack):
+            raise ValueError(
+                f"a ramp {self.direction.value} from {self.initial_luminance:g} cd/m^2 cannot end at "
+                f"{self.final_luminance:g} cd/m^2"
+            )
+
+    @property
+    def success(self) -> bool:
+        """Whether the change was reported: "yes", or the interval that it was in."""
+        if self.procedure is Procedure.YES_NO:
+            return self.response is Response.YES
+        return (self.response is Response.FIRST) == (self.ramp_interval == 1)
+
+    @property
+    def usable(self) -> bool:
+        """Whether it counts: neither practice nor flagged."""
+        return not self.practice and self.flag is TrialFlag.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLog:
+    """What the display showed in one interval of a trial, as one line of `frames.jsonl`.
+
+    Attributes
+    ----------
+    trial_index, attempt : int
+        Which trial.
+    interval : int
+        1, or 2 for the second interval of a trial.
+    flip_times : tuple of float
+        When each frame appeared, since the first of the interval [s].
+    intended_luminance : tuple of float
+        What each frame was to show [cd/m^2].
+    probe_frames : tuple of int
+        Frames that were read back from the window.
+    probe_luminance : tuple of float
+        Their mean luminance [cd/m^2].
+    backlight_factors : tuple of float
+        What the backlight reported for each frame; empty where pixels make the brightness.
+    """
+
+    trial_index: int = quantity("1", "place among the session's answered trials, from 0", minimum=0)
+    attempt: int = quantity("1", "above 1 if it was shown before and interrupted", minimum=1)
+    interval: int = quantity("1", "of the trial", minimum=1, maximum=2)
+    flip_times: tuple[float, ...] = quantity("s", "of each frame, since the first", minimum=0.0)
+    intended_luminance: tuple[float, ...] = quantity("cd/m^2", "of each frame", minimum=0.0)
+    probe_frames: tuple[int, ...] = quantity("1", "frames read back from the window", minimum=0, default=())
+    probe_luminance: tuple[float, ...] = quantity("cd/m^2", "their mean", minimum=0.0, default=())
+    backlight_factors: tuple[float, ...] = quantity(
+        "1", "as the backlight reported; empty where pixels make the brightness", minimum=0.0, default=()
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        n = len(self.flip_times)
+        if len(self.intended_luminance) != n or len(self.backlight_factors) not in (0, n):
+            raise ValueError(f"the lists of a frame log must be equally long, got {n} flip_times")
+        if len(self.probe_frames) != len(self.probe_luminance):
+            raise ValueError("probe_frames and probe_luminance_cd_m2 must be equally long")
+        if any(later < earlier for earlier, later in zip(self.flip_times, self.flip_times[1:], strict=False)):
+            raise ValueError("flip_times_s must not fall")
+
+    @property
+    def largest_error(self) -> float:
+        """Largest difference of read-back and intended mean luminance [cd/m^2]; 0 without a probe."""
+        pairs = zip(self.probe_frames, self.probe_luminance, strict=True)
+        return max((math.fabs(self.intended_luminance[k] - L) for k, L in pairs), default=0.0)

@@ -15,9 +15,10 @@ from data_schema.display import Display
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
 from data_schema.power_model import PowerModel
-from data_schema.ramp import RampDesign, RampTrial
+from data_schema.ramp import FrameLog, RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
-from data_schema.session import SessionManifest
+from data_schema.rig import Rig
+from data_schema.session import SessionEvent, SessionManifest
 from data_schema.threshold import Threshold
 
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
@@ -83,6 +84,7 @@ CONTRAST_MODEL = RecordKind(
 RAMP_DESIGN = RecordKind(
     "ramp_design", RampDesign, FileFormat.TOML, ("design.toml", "*.design.toml"), "an experimenter"
 )
+RIG = RecordKind("rig", Rig, FileFormat.TOML, ("rig.toml", "*.rig.toml"), "an experimenter")
 RATE_LIMIT = RecordKind(
     "rate_limit", RateLimit, FileFormat.JSON, ("rate_limit.json", "*.rate_limit.json"), "`evenlight fit`"
 )
@@ -105,14 +107,23 @@ SESSION_MANIFEST = RecordKind(
 RAMP_TRIAL = RecordKind(
     "ramp_trial", RampTrial, FileFormat.JSON_LINES, ("trials.jsonl",), "the experiment `ramp`"
 )
+FRAME_LOG = RecordKind(
+    "frame_log", FrameLog, FileFormat.JSON_LINES, ("frames.jsonl",), "an experiment with a window"
+)
+SESSION_EVENT = RecordKind(
+    "session_event", SessionEvent, FileFormat.JSON_LINES, ("events.jsonl",), "an experiment"
+)
 
 KINDS = (
     DISPLAY,
     POWER_MODEL,
     CONTRAST_MODEL,
+    RIG,
     SESSION_MANIFEST,
     RAMP_DESIGN,
     RAMP_TRIAL,
+    FRAME_LOG,
+    SESSION_EVENT,
     THRESHOLD,
     RATE_LIMIT,
     LOSS_CURVES,

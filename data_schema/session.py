@@ -1,14 +1,15 @@
-"""The manifest of a session, written before its first trial."""
+"""A session: its manifest, written before its first trial, and the log of what happened."""
 
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from data_schema.display import Display
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
 from data_schema.ramp import RampDesign
+from data_schema.rig import Rig
 
 
 class SessionStatus(enum.Enum):
@@ -32,13 +33,23 @@ class SessionManifest:
     status : SessionStatus
         How far it got.
     n_trials : int
-        Trials that the design asks for.
+        Usable trials that the design asks for; practice, and trials shown again, are not counted.
     display : Display
         The display it ran on.
     design : RampDesign
         What was shown.
     provenance : Provenance
         Software and seed.
+    order_index : int
+        Row of the counterbalanced order of blocks: the participant's place in the data set.
+    rig : Rig or None
+        What it ran on; None from a simulation without a rig.
+    pages : dict of str to str
+        SHA-256 of each page of instructions, by name.
+    apparatus : dict of str to str
+        What window, graphics driver and keyboard said of themselves.
+    started : str
+        When it began, UTC (ISO 8601); empty from a simulation without a clock.
     """
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
@@ -46,10 +57,66 @@ class SessionManifest:
     task: str = described("experiment")
     simulated: bool = described("true if a simulated observer answers")
     status: SessionStatus = described("how far the session got")
-    n_trials: int = quantity("1", "trials that the design asks for", minimum=0)
+    n_trials: int = quantity("1", "usable trials that the design asks for", minimum=0)
     display: Display = described("display it ran on")
     design: RampDesign = described("what was shown")
     provenance: Provenance = described("how the file was made")
+    order_index: int = quantity("1", "row of the counterbalanced order of blocks", minimum=0, default=0)
+    rig: Rig | None = described("what it ran on", default=None)
+    pages: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "SHA-256 of each page of instructions, by its name"}
+    )
+    apparatus: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "what window, driver and keyboard say of themselves"}
+    )
+    started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+class EventKind(enum.Enum):
+    """What happened in a session."""
+
+    STARTED = "started"
+    RESUMED = "resumed"
+    PAGE_SHOWN = "page_shown"
+    CONSENT_GIVEN = "consent_given"
+    CONSENT_DECLINED = "consent_declined"
+    TRIAL_BEGUN = "trial_begun"
+    TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
+    TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
+    LINE_TORN = "line_torn"  # what a crash left of a line; its text is kept here
+    PAUSED = "paused"
+    CONTINUED = "continued"
+    STOPPED = "stopped"  # by the experimenter or the participant
+    COMPLETED = "completed"
+
+
+@dataclass(frozen=True, slots=True)
+class SessionEvent:
+    """One event of a session, as one line of `events.jsonl`.
+
+    Attributes
+    ----------
+    kind : EventKind
+        What happened.
+    time : float
+        Since the session began [s].
+    utc : str
+        When (ISO 8601); empty from a simulation without a clock.
+    trial_index, attempt : int or None
+        In which trial, if in one.
+    detail : str
+        More about it: the page's name, the torn line, the reason.
+    """
+
+    kind: EventKind = described("what happened")
+    time: float = quantity("s", "since the session began", minimum=0.0)
+    utc: str = described("when, UTC (ISO 8601); empty without a clock", default="")
+    trial_index: int | None = quantity("1", "in which trial", minimum=0, default=None)
+    attempt: int | None = quantity("1", "in which attempt at it", minimum=1, default=None)
+    detail: str = described("more about it", default="")
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -10,14 +10,21 @@ import re
 import tomllib
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 from data_schema.errors import InputError
 from data_schema.files import write_whole
 from data_schema.line_numbers import line_of_token
-from data_schema.mapping import mapping_from_record, record_from_mapping, shown, type_hints, unknown_key
+from data_schema.mapping import (
+    keys_of,
+    mapping_from_record,
+    record_from_mapping,
+    shown,
+    type_hints,
+    unknown_key,
+)
 from data_schema.quantities import file_key
 
 Record = TypeVar("Record")
@@ -161,6 +168,7 @@ def csv_rows(
     what: str,
     delimiter: str = ",",
     torn: Callable[[InputError], None] = _raise,
+    optional: Collection[str] = (),
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the rows of a table with their line numbers; the cells are in the order of `columns`.
 
@@ -176,6 +184,8 @@ def csv_rows(
         What divides the cells.
     torn : callable, optional
         What to do about a row that has not as many cells as the header; else it is raised.
+    optional : collection of str, optional
+        Columns that may be missing, as in files of older versions; their cells are empty then.
 
     Raises
     ------
@@ -184,21 +194,24 @@ def csv_rows(
     """
     reader = csv.reader(io.StringIO(read_text(path, what), newline=""), delimiter=delimiter)
     try:
-        order = _column_places(next(reader, []), columns, f"{path}: ", what)
+        header = next(reader, [])
+        order = _column_places(header, columns, f"{path}: ", what, optional)
         for cells in reader:
             if not cells:
                 continue  # an empty line, as some editors leave at the end
             where = f"{path}, line {reader.line_num}"
-            if len(cells) != len(order):
-                got = f"expected {len(order)} cells, got {len(cells)}; the table is torn"
+            if len(cells) != len(header):
+                got = f"expected {len(header)} cells, got {len(cells)}; the table is torn"
                 torn(InputError(f"{where}: {got}"))
                 continue
-            yield reader.line_num, [cells[place] for place in order]
+            yield reader.line_num, ["" if place is None else cells[place] for place in order]
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
 
 
-def _column_places(header: list[str], columns: Sequence[str], where: str, what: str) -> list[int]:
+def _column_places(
+    header: list[str], columns: Sequence[str], where: str, what: str, optional: Collection[str]
+) -> list[int | None]:
     """Return where each column is in a header, or raise `InputError` if they are not the same columns."""
     if not header:
         raise InputError(f"{where}is empty; expected {what} with the columns {','.join(columns)}")
@@ -209,9 +222,9 @@ def _column_places(header: list[str], columns: Sequence[str], where: str, what: 
         if header.count(name) > 1:
             raise InputError(f"{where}the column {shown(name)} is there twice")
     for name in columns:
-        if name not in header:
+        if name not in header and name not in optional:
             raise InputError(f"{where}the column {name!r} of {what} is missing")
-    return [header.index(name) for name in columns]
+    return [header.index(name) if name in header else None for name in columns]
 
 
 def write_rows(path: Path, cls: type[Any], records: Iterable[Any]) -> None:
@@ -225,20 +238,33 @@ def columns_of(cls: type[Any]) -> list[str]:
 
 
 def read_rows(cls: type[Record], path: Path) -> list[Record]:
-    """Return the records of a CSV table whose columns are the record's keys, in any order."""
-    columns = columns_of(cls)
+    """Return the records of a CSV table whose columns are the record's keys, in any order.
+
+    Columns with a default may be missing, and their cells empty.
+    """
+    rows = csv_rows(path, columns_of(cls), f"a table of {cls.__name__} rows", optional=optional_columns(cls))
     return [
         record_from_mapping(cls, plain_cells(cls, cells, f"{path}, line {line}"), f"{path}, line {line}")
-        for line, cells in csv_rows(path, columns, f"a table of {cls.__name__} rows")
+        for line, cells in rows
     ]
 
 
+def optional_columns(cls: type[Any]) -> frozenset[str]:
+    """Return the columns of a table of records that have a default."""
+    known, required = keys_of(cls)
+    return frozenset(known) - frozenset(required)
+
+
 def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, Any]:
-    """Return the cells of a row, in the order of a record's fields, as the plain values they stand for."""
-    kinds = type_hints(cls)
+    """Return the cells of a row, in the order of a record's fields, as the plain values they stand for.
+
+    An empty cell of a column with a default stands for that.
+    """
+    kinds, optional = type_hints(cls), optional_columns(cls)
     return {
         file_key(field): plain_cell(kinds[field.name], text, f"{where}: {file_key(field)}")
         for field, text in zip(dataclasses.fields(cls), cells, strict=True)
+        if text or file_key(field) not in optional
     }
 
 

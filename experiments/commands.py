@@ -19,7 +19,9 @@ def simulate(
     participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
     display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
-    design: Annotated[Path | None, typer.Option(help="Design of the experiment: a toml file.")] = None,
+    design: Annotated[
+        str, typer.Option(help="Design: a preset (paper, recommended, quick, ...) or a toml file.")
+    ] = "paper",
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
 ) -> None:
     """Simulate many participants of an experiment at once, without a window."""
@@ -34,8 +36,7 @@ def simulate(
     from rich.console import Console
     from rich.progress import Progress
 
-    from data_schema.ramp import RampDesign
-    from data_schema.text_files import read_toml_record
+    from experiments.design_files import load_design
     from experiments.simulate_ramp import RampSimulation, simulate_dataset
     from experiments.simulated_observers import ObserverPopulation
     from method.preset_files import load_display, load_rate_limit
@@ -44,7 +45,7 @@ def simulate(
         participants=participants,
         seed=seed,
         display=load_display(display),
-        design=read_toml_record(RampDesign, design) if design else RampDesign(),
+        design=load_design(design),
         limit=load_rate_limit("surace2025"),
         population=ObserverPopulation(),
     )

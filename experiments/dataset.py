@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import json
 import typing
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
+
+from data_schema.append_log import record_line
 from data_schema.dataset_layout import (
+    DATASET_LOCK,
     DESCRIPTION,
+    EVENTS,
+    FRAMES,
+    LOCK,
     MANIFEST,
     PARTICIPANTS,
     SIMULATED_TRUTH,
@@ -26,10 +32,29 @@ from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance
 from data_schema.quantities import file_key
 from data_schema.session import SessionManifest
-from data_schema.text_files import write_json, write_json_record
+from data_schema.text_files import read_json, read_text, write_json, write_json_record
 
 BIDS_VERSION = "1.10.0"
 MISSING = "n/a"  # BIDS: how a table says that there is no value
+LONGEST_WAIT = 30.0  # [s] for another session to put its participant on the list
+PARTICIPANT_COLUMNS = {
+    "participant_id": {"Description": "participant"},
+    "simulated": {
+        "Description": "whether a simulated observer answered",
+        "Levels": {"true": "simulated", "false": "a person"},
+    },
+}
+README = """\
+Sessions of a psychophysics experiment on temporal brightness management, recorded with Evenlight.
+
+{kind}
+
+`sub-XX/ses-YY/beh` holds one row per trial; the .json beside each table says what its columns mean. The
+files that Evenlight itself reads lie in `sub-XX/ses-YY`: `manifest.json` (participant, display, rig, design,
+software, seed), `trials.jsonl` (the trials as they were written), `frames.jsonl` (when each frame appeared,
+and what it showed), `events.jsonl` (what happened). Trials marked `practice` or with a `flag` are left out of
+the analysis.
+"""
 
 
 @contextmanager
@@ -49,6 +74,82 @@ def new_dataset(dataset: Path) -> Iterator[Path]:
         yield staging
 
 
+def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Provenance) -> int:
+    """Put a participant on a data set's list, which is made if there is none, and return the place on it.
+
+    A list that names participants without a session is a roster: nobody else is put on it.
+
+    Raises
+    ------
+    InputError
+        If the data set holds the other kind of participants, recorded or simulated, or a roster without this
+        one; if it cannot be written.
+    """
+    make_folder(dataset)
+    with FileLock(dataset / DATASET_LOCK, timeout=LONGEST_WAIT):
+        if not (dataset / DESCRIPTION).exists():
+            if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
+                raise InputError(
+                    f"{dataset}: holds other things than a data set; give a new or empty folder with --out"
+                )
+            write_description(dataset, "Evenlight sessions", simulated, provenance)
+        _refuse_other_kind(dataset, simulated)
+        header, rows = _participant_table(dataset)
+        listed = [row[0] for row in rows]
+        name = f"sub-{participant_id}"
+        if name in listed:
+            return listed.index(name)
+        waiting = [other for other in listed if not (dataset / other).is_dir()]
+        if waiting:
+            raise InputError(
+                f"participant {participant_id!r} is not on the list {dataset / PARTICIPANTS}; waiting for a "
+                f"session are {', '.join(waiting[:8])}; give one of these, or put {name} on the list"
+            )
+        values = {"participant_id": name, "simulated": _cell(simulated)}
+        _write_participant_table(dataset, header, [*rows, [values.get(column, MISSING) for column in header]])
+        return len(rows)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder if it is not there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
+        ) from error
+
+
+def _refuse_other_kind(dataset: Path, simulated: bool) -> None:
+    """Refuse to mix recorded and simulated sessions: nothing could be fitted to the mixture."""
+    there = bool(read_json(dataset / DESCRIPTION, "the description of a data set").get("Simulated"))
+    if there != simulated:
+        kinds = {True: "simulated", False: "recorded"}
+        raise InputError(
+            f"{dataset}: holds {kinds[there]} sessions, this one is {kinds[simulated]}; "
+            "keep them in two data sets, and give another folder with --out"
+        )
+
+
+def _participant_table(dataset: Path) -> tuple[list[str], list[list[str]]]:
+    """Return the columns and rows of the list of participants; a new one where there is none."""
+    path = dataset / PARTICIPANTS
+    if not path.exists():
+        return ["participant_id", "simulated"], []
+    lines = [line.split("\t") for line in read_text(path, "the list of participants").splitlines() if line]
+    if not lines or lines[0][0] != "participant_id":
+        raise InputError(f"{path}, line 1: expected the first column participant_id")
+    return lines[0], lines[1:]
+
+
+def _write_participant_table(dataset: Path, header: list[str], rows: list[list[str]]) -> None:
+    """Write the list of participants, and what its columns mean where nothing says it yet."""
+    path = dataset / PARTICIPANTS
+    write_whole(path, _tsv(header, rows))
+    if not path.with_suffix(".json").exists():
+        write_json(path.with_suffix(".json"), PARTICIPANT_COLUMNS)
+
+
 def write_description(dataset: Path, name: str, simulated: bool, provenance: Provenance) -> None:
     """Write `dataset_description.json`: what the data set is, and whether anybody took part in it."""
     write_json(
@@ -62,7 +163,13 @@ def write_description(dataset: Path, name: str, simulated: bool, provenance: Pro
             "provenance": mapping_from_record(provenance),
         },
     )
-    own_files = (f"**/{MANIFEST}", f"**/{TRIALS}", SIMULATED_TRUTH)
+    kind = (
+        "The participants are SIMULATED: no person took part."
+        if simulated
+        else "The participants are people."
+    )
+    write_whole(dataset / "README", README.format(kind=kind))
+    own_files = (*(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)), SIMULATED_TRUTH)
     write_whole(dataset / ".bidsignore", "".join(f"{name}\n" for name in own_files))
 
 
@@ -71,16 +178,7 @@ def write_participants(dataset: Path, participant_ids: Iterable[str], simulated:
     rows = [[f"sub-{participant}", _cell(simulated)] for participant in participant_ids]
     path = dataset / PARTICIPANTS
     write_whole(path, _tsv(["participant_id", "simulated"], rows))
-    write_json(
-        path.with_suffix(".json"),
-        {
-            "participant_id": {"Description": "participant"},
-            "simulated": {
-                "Description": "whether a simulated observer answered",
-                "Levels": {"true": "simulated", "false": "a person"},
-            },
-        },
-    )
+    write_json(path.with_suffix(".json"), PARTICIPANT_COLUMNS)
 
 
 def write_session(dataset: Path, manifest: SessionManifest, trials: Iterable[Any]) -> None:
@@ -88,13 +186,8 @@ def write_session(dataset: Path, manifest: SessionManifest, trials: Iterable[Any
     trials = list(trials)
     folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
     write_json_record(folder / MANIFEST, manifest)
-    write_whole(folder / TRIALS, "".join(trial_line(trial) for trial in trials))
+    write_whole(folder / TRIALS, "".join(record_line(trial) for trial in trials))
     export_behaviour(dataset, manifest, trials)
-
-
-def trial_line(trial: Any) -> str:
-    """Return a trial as one line of `trials.jsonl`, its end included."""
-    return json.dumps(mapping_from_record(trial), allow_nan=False) + "\n"
 
 
 def export_behaviour(dataset: Path, manifest: SessionManifest, trials: list[Any]) -> None:

@@ -1,14 +1,11 @@
-"""The order of a ramp session: which ramp comes when (Section 3.4)."""
+"""The design of a ramp session: its levels, its conditions, and the ramps that it asks for (Section 3.4)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import RampDesign
+from data_schema.ramp import Direction, Placement, RampDesign
 from method.luminance import dimmed_luminance, displayed_luminance
 
 
@@ -24,11 +21,23 @@ class RampLevel:
         Initial brightness factor b.
     luminance : float
         Initial luminance L = b · I + L_refl, I what the screen emits at b = 1 [cd/m^2].
+    pixel_value : float
+        L' of the screen, in [0, 1].
     """
 
     screen: str
     factor: float
     luminance: float
+    pixel_value: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RampCondition:
+    """What stays the same throughout a block: screen, direction, and duration of the ramp [s]."""
+
+    screen: str
+    direction: Direction
+    duration: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +49,29 @@ class PlannedRamp:
     level : RampLevel
         Where it sets out.
     rate : float
-        Rate of decrease [cd/m^2/s]; 0 in a catch trial.
+        Rate of change [cd/m^2/s], at least 0 whichever way the luminance goes; 0 in a catch trial.
     final_luminance : float
         Where it ends [cd/m^2].
+    direction : Direction
+        Which way the luminance goes, or would go in a catch trial.
+    duration : float
+        Of the ramp [s].
+    ramp_interval : int or None
+        Which of two intervals holds the ramp, 1 or 2; None in yes/no.
+    block : int
+        From 1; 0 for practice.
+    practice : bool
+        Whether it is left out of the analysis.
     """
 
     level: RampLevel
     rate: float
     final_luminance: float
+    direction: Direction = Direction.DOWN
+    duration: float = 5.0
+    ramp_interval: int | None = None
+    block: int = 1
+    practice: bool = False
 
     @property
     def is_catch(self) -> bool:
@@ -56,7 +80,7 @@ class PlannedRamp:
 
 
 def ramp_levels(design: RampDesign, display: Display) -> tuple[RampLevel, ...]:
-    """Return the levels of a design on a display: both screens at every factor.
+    """Return the levels of a design on a display: each of its screens at every factor.
 
     >>> display = Display("d", 100.0, 0.0, 2.0, 30.0)
     >>> design = RampDesign(factors=(0.5, 1.0), gray_pixel_value=0.5)
@@ -65,70 +89,73 @@ def ramp_levels(design: RampDesign, display: Display) -> tuple[RampLevel, ...]:
     """
     pixel_values = {"white": design.white_pixel_value, "gray": design.gray_pixel_value}
     levels = []
-    for screen, pixel_value in pixel_values.items():
-        emitted = float(displayed_luminance(pixel_value, display)) - display.reflected_luminance
+    for screen in design.screens:
+        emitted = float(displayed_luminance(pixel_values[screen], display)) - display.reflected_luminance
         levels += [
-            RampLevel(screen, factor, float(dimmed_luminance(emitted, factor, display)))
+            RampLevel(screen, factor, float(dimmed_luminance(emitted, factor, display)), pixel_values[screen])
             for factor in design.factors
         ]
     return tuple(levels)
 
 
+def ramp_conditions(design: RampDesign) -> tuple[RampCondition, ...]:
+    """Return the conditions of a design, each of which is a block: screen by direction by duration.
+
+    >>> [condition.screen for condition in ramp_conditions(RampDesign())]
+    ['white', 'gray']
+    """
+    return tuple(
+        RampCondition(screen, direction, duration)
+        for screen in design.screens
+        for direction in design.directions
+        for duration in design.ramp_durations
+    )
+
+
 def trial_count(design: RampDesign) -> tuple[int, int]:
-    """Return the number of ramps and of catch trials of a session.
+    """Return the number of ramps and of catch trials of a session; practice is not counted.
 
     >>> trial_count(RampDesign(factors=(1.0,), relative_rates=(0.02, 0.04), repetitions=4, catch_share=0.2))
     (16, 4)
     """
-    ramps = 2 * len(design.factors) * len(design.relative_rates) * design.repetitions
-    return ramps, round(ramps * design.catch_share / (1 - design.catch_share))
+    ramps = len(ramp_conditions(design)) * len(design.factors) * ramps_per_level(design)
+    share = design.catch_share if design.has_catch_trials else 0.0
+    return ramps, round(ramps * share / (1 - share))
 
 
-def ramp_order(design: RampDesign, display: Display, rng: np.random.Generator) -> list[PlannedRamp]:
-    """Return the trials of a session in a random order, catch trials among them.
+def ramps_per_level(design: RampDesign) -> int:
+    """Return how many ramps each level has in each of its blocks.
 
-    Catch trials are spread over the levels as evenly as their number allows; where it does not go into the
-    number of levels, chance decides which level gets one more.
-
-    Parameters
-    ----------
-    design : RampDesign
-        Which ramps, how often.
-    display : Display
-        What they are shown on.
-    rng : numpy.random.Generator
-        Source of the order.
-
-    Raises
-    ------
-    InputError
-        If a ramp would end below the luminance that the display reflects, which dimming cannot reach.
+    >>> ramps_per_level(RampDesign(relative_rates=(0.02, 0.04), repetitions=4))
+    8
     """
-    levels = ramp_levels(design, display)
-    ramps = [
-        _planned(level, relative * level.luminance, design, display)
-        for level in levels
-        for relative in design.relative_rates
-        for _ in range(design.repetitions)
-    ]
-    each, over = divmod(trial_count(design)[1], len(levels))
-    extra = set(rng.permutation(len(levels))[:over].tolist())
-    catches = [
-        _planned(level, 0.0, design, display)
-        for index, level in enumerate(levels)
-        for _ in range(each + (index in extra))
-    ]
-    trials = ramps + catches
-    return [trials[i] for i in rng.permutation(len(trials))]
+    if design.placement is Placement.CONSTANT:
+        return len(design.relative_rates) * design.repetitions
+    return design.trials_per_level
 
 
-def _planned(level: RampLevel, rate: float, design: RampDesign, display: Display) -> PlannedRamp:
-    """Return a trial, or refuse it if the display cannot get as dark."""
-    final = level.luminance - rate * design.ramp_duration
-    if final < display.reflected_luminance:
-        raise InputError(
-            f"the ramp from {level.luminance:.4g} cd/m^2 at {rate:.4g} cd/m^2/s would end at {final:.4g} "
-            f"cd/m^2, below the {display.reflected_luminance:.4g} cd/m^2 that {display.name!r} reflects; "
-            "take out the fastest relative_rates or the lowest factors of the design"
-        )
-    return PlannedRamp(level, rate, final)
+def planned_ramp(
+    level: RampLevel,
+    condition: RampCondition,
+    rate: float,
+    *,
+    ramp_interval: int | None = None,
+    block: int = 0,
+) -> PlannedRamp:
+    """Return a trial at a level: the luminance changes linearly at a rate [cd/m^2/s]; block 0 is practice.
+
+    >>> white = RampLevel("white", 1.0, 100.0)
+    >>> planned_ramp(white, RampCondition("white", Direction.DOWN, 5.0), 2.0, block=1).final_luminance
+    90.0
+    """
+    change = rate * condition.duration * (1 if condition.direction is Direction.UP else -1)
+    return PlannedRamp(
+        level=level,
+        rate=rate,
+        final_luminance=level.luminance + change,
+        direction=condition.direction,
+        duration=condition.duration,
+        ramp_interval=ramp_interval,
+        block=block,
+        practice=block == 0,
+    )

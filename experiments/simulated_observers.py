@@ -2,20 +2,26 @@
 
 The population's median threshold is the paper's published rate limit. How participants scatter about it was
 not published; the figures below are choices within what brightness-change studies report
-(docs/decisions/yes-no-task.md), and every record made from them says that it is simulated.
+(docs/decisions/yes-no-task.md, docs/decisions/ramp-durations-and-directions.md), and every record made from
+them says that it is simulated.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from data_schema.ramp import Response
+from data_schema.ramp import Direction, Procedure, Response
 from data_schema.rate_limit import RateLimit
+from experiments.design import PlannedRamp
+from experiments.keyed_chance import Purpose, generator_for
 from method.psychometric import PsychometricFunction, yes_probability
 from method.rate_limit import rate_limit_at
+from method.two_intervals import two_interval_function
 
+REFERENCE_DURATION = 5.0  # [s] of the paper's ramps, for which the published limit holds
 MAX_GUESS_RATE = 0.5  # who says "yes" more often than not to nothing would be excluded by any experimenter
 MAX_LAPSE_RATE = 0.2
 
@@ -37,6 +43,12 @@ class ObserverPopulation:
         0.12 in log10(rate), usual for yes/no detection (choice).
     guess, lapse : (float, float)
         Beta parameters of the guess rate (mean 0.07) and of the lapse rate (mean 0.024) (choice).
+    amount_share : float
+        The threshold in rate goes with duration^-amount_share: 0 if only the rate is seen, 1 if only the
+        total change is, as Knau (2000) found for a whole field. 0.5 lies half way (choice).
+    up_ratio : float
+        Threshold of rising luminance as a multiple of that of falling luminance: decrements are seen a
+        little better than increments (choice of the amount).
     """
 
     participant_sd: float = 0.25
@@ -45,6 +57,8 @@ class ObserverPopulation:
     width_spread: float = 0.3
     guess: tuple[float, float] = (2.0, 28.0)
     lapse: tuple[float, float] = (1.5, 60.0)
+    amount_share: float = 0.5
+    up_ratio: float = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +68,20 @@ class SimulatedObserver:
     Attributes
     ----------
     limit : RateLimit
-        The population's median threshold over luminance.
+        The population's median threshold over luminance: of yes/no, for the luminance falling over 5 s.
     sensitivity : float
         The participant's threshold as a multiple of the population's.
     level_factors : dict of float to float
         Further multiple at each luminance level [cd/m^2]; 1 where none is given.
     width : float
-        ln(rate) from 5 % to 95 % of the rise.
+        ln(rate) from 5 % to 95 % of the rise, in yes/no.
     guess_rate, lapse_rate : float
-        γ and λ.
+        γ and λ, in yes/no.
+    amount_share : float
+        How far it is the total change that is seen and not its rate: the threshold in rate goes with
+        duration^-amount_share.
+    up_ratio : float
+        Threshold of rising luminance as a multiple of that of falling luminance.
     """
 
     limit: RateLimit
@@ -71,32 +90,67 @@ class SimulatedObserver:
     width: float
     guess_rate: float
     lapse_rate: float
+    amount_share: float = 0.5
+    up_ratio: float = 1.1
 
-    def threshold_at(self, luminance: float) -> float:
-        """Return the rate [cd/m^2/s] that is detected in 75 % of the trials at an initial luminance L."""
+    def threshold_at(
+        self, luminance: float, direction: Direction = Direction.DOWN, duration: float = REFERENCE_DURATION
+    ) -> float:
+        """Return the rate [cd/m^2/s] of 75 % "yes" at an initial luminance [cd/m^2], over a duration [s]."""
         own = self.sensitivity * self.level_factors.get(luminance, 1.0)
+        own *= math.pow(duration / REFERENCE_DURATION, -self.amount_share)
+        own *= self.up_ratio if direction is Direction.UP else 1.0
         return own * float(rate_limit_at(self.limit, luminance))
 
-    def function_at(self, luminance: float) -> PsychometricFunction:
-        """Return the psychometric function at an initial luminance L [cd/m^2]."""
-        return PsychometricFunction(
-            self.threshold_at(luminance), self.width, self.guess_rate, self.lapse_rate
-        )
+    def function_at(
+        self,
+        luminance: float,
+        procedure: Procedure = Procedure.YES_NO,
+        direction: Direction = Direction.DOWN,
+        duration: float = REFERENCE_DURATION,
+    ) -> PsychometricFunction:
+        """Return the psychometric function at an initial luminance [cd/m^2], for what is asked and shown.
 
-    def answer(self, luminance: float, rate: float, rng: np.random.Generator) -> Response:
-        """Return an answer to "did the brightness change?" for one ramp.
+        The two ways of asking meet the same eye: what is right of two intervals follows from the yes/no
+        function by signal detection (`method.two_intervals`).
+        """
+        yes_no = PsychometricFunction(
+            self.threshold_at(luminance, direction, duration), self.width, self.guess_rate, self.lapse_rate
+        )
+        return two_interval_function(yes_no) if procedure is Procedure.TWO_INTERVAL else yes_no
+
+    def answer(self, ramp: PlannedRamp, rng: np.random.Generator) -> Response:
+        """Return the answer to a trial: "did it change?", or, if it has two intervals, "in which?".
 
         Parameters
         ----------
-        luminance : float
-            Initial luminance L [cd/m^2].
-        rate : float
-            Rate of the change [cd/m^2/s]; 0 in a catch trial.
+        ramp : PlannedRamp
+            The trial.
         rng : numpy.random.Generator
-            Chance.
+            Chance; `answer_generator` gives each trial its own.
         """
-        seen = rng.random() < float(yes_probability(rate, self.function_at(luminance)))
-        return Response.YES if seen else Response.NO
+        two = ramp.ramp_interval is not None
+        procedure = Procedure.TWO_INTERVAL if two else Procedure.YES_NO
+        function = self.function_at(ramp.level.luminance, procedure, ramp.direction, ramp.duration)
+        success = rng.random() < float(yes_probability(ramp.rate, function))
+        if not two:
+            return Response.YES if success else Response.NO
+        return Response.FIRST if success == (ramp.ramp_interval == 1) else Response.SECOND
+
+
+def answer_generator(seed: int, order_index: int, trial_index: int) -> np.random.Generator:
+    """Return the chance of one answer, which is the trial's own.
+
+    A session that was broken off and taken up again so gets the answers that it would have got unbroken.
+
+    Parameters
+    ----------
+    seed, order_index : int
+        Of the session.
+    trial_index : int
+        Of the trial.
+    """
+    return generator_for(seed, order_index, Purpose.ANSWERS, trial_index)
 
 
 def draw_observer(
@@ -127,4 +181,6 @@ def draw_observer(
         width=float(people.width_median * np.exp(people.width_spread * rng.standard_normal())),
         guess_rate=min(float(rng.beta(*people.guess)), MAX_GUESS_RATE),
         lapse_rate=min(float(rng.beta(*people.lapse)), MAX_LAPSE_RATE),
+        amount_share=people.amount_share,
+        up_ratio=people.up_ratio,
     )

@@ -1,1 +1,1 @@
-"""Instruments: luminance meters, power meters, backlights, screen timing (none is driven yet)."""
+"""Devices: window, keys and backlight of a session, their simulations, and the rig that names them."""

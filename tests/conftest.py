@@ -1,6 +1,8 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
-from collections.abc import Callable
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,3 +107,30 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
         return Outcome(int(ended.value.code or 0), out, err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def virtual_screen() -> Iterator[Callable[[int], str]]:
+    """Start a virtual screen of 24 or 30 bits where there is none yet, and return its DISPLAY."""
+    running: dict[int, tuple[subprocess.Popen[str], str]] = {}
+
+    def display(depth: int = 24) -> str:
+        if depth not in running:
+            if shutil.which("Xvfb") is None:
+                pytest.fail("Xvfb is missing: on Debian, apt-get install xvfb libgl1-mesa-dri")
+            server = subprocess.Popen(
+                ["Xvfb", "-displayfd", "1", "-screen", "0", f"1280x800x{depth}", "-nolisten", "tcp"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+            )
+            assert server.stdout is not None
+            running[depth] = (server, server.stdout.readline().strip())  # comes when it is ready
+        return f":{running[depth][1]}"
+
+    yield display
+    for server, _ in running.values():
+        server.terminate()
+        server.wait()
+        assert server.stdout is not None
+        server.stdout.close()

@@ -34,7 +34,8 @@ from analysis.figure_style import (
     png_bytes,
     write_png,
 )
-from analysis.psychometric_figure import by_level, pooled_answers, psychometric_figure
+from analysis.psychometric_figure import psychometric_figure
+from analysis.psychometric_panels import by_level, pooled_answers
 from analysis.rate_limit_figure import level_means, rate_limit_figure
 from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from analysis.thumbnails import dimmed_picture, small_picture, thumbnails_of

@@ -40,7 +40,14 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
-    fit(dataset, out=folder, quiet=True)
+    fit(dataset, out=folder, quiet=True)  # with its clip
+    return folder
+
+
+@pytest.fixture(scope="module")
+def without_clip(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("without_clip")
+    fit(dataset, out=folder, quiet=True, no_clip=True)
     return folder
 
 
@@ -90,14 +97,13 @@ def test_the_summary_states_what_the_curve_rests_on(results: Path) -> None:
     assert set(summary["provenance"]["inputs"]) == {"dataset"}
 
 
-def test_the_same_data_give_the_same_files(dataset: Path, results: Path, tmp_path: Path) -> None:
-    fit(dataset, out=tmp_path, quiet=True)
+def test_the_same_data_give_the_same_files(results: Path, without_clip: Path) -> None:
     for name in ("thresholds.csv", "rate_limit.json", "fit_summary.json"):
-        assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
+        assert (without_clip / name).read_bytes() == (results / name).read_bytes()
 
 
 def test_a_power_law_can_be_asked_for(dataset: Path, tmp_path: Path) -> None:
-    fit(dataset, out=tmp_path, form=RateLimitForm.LOG_LOG, degree=1, quiet=True)
+    fit(dataset, out=tmp_path, form=RateLimitForm.LOG_LOG, degree=1, quiet=True, no_clip=True)
     limit = load_rate_limit(str(tmp_path / "rate_limit.json"))
     assert limit.form is RateLimitForm.LOG_LOG
     # Near Weber's law: ΔL ∝ L^a with a about 1 (published points: 0.97 by least squares in log-log).
@@ -113,7 +119,7 @@ def test_participants_with_a_single_level_have_no_curve_and_leave_nothing_half_w
     data = simulate(tmp_path / "data", 1, design)
     out = tmp_path / "out"
     with pytest.raises(InputError, match="degree 4 needs thresholds at 5 or more luminances, got 2"):
-        fit(data, out=out, quiet=True)
+        fit(data, out=out, quiet=True, no_clip=True)
     assert not out.exists()
 
 
@@ -126,7 +132,7 @@ def test_a_participant_who_sees_everything_is_left_out_with_a_warning_on_the_err
     lines = [json.loads(line) for line in trials.read_text().splitlines()]
     ramps = [line | ({} if line["is_catch"] else {"response": "yes"}) for line in lines]
     trials.write_text("".join(json.dumps(line) + "\n" for line in ramps))
-    result = command("fit", changed, "--out", tmp_path / "out", "--quiet")
+    result = command("fit", changed, "--out", tmp_path / "out", "--quiet", "--no-clip")
     assert result.code == 0
     told = [line for line in result.err.splitlines() if "10 all_yes" in line]
     assert len(told) == 1
@@ -140,7 +146,7 @@ def test_a_participant_who_sees_everything_is_left_out_with_a_warning_on_the_err
 def test_the_error_stream_of_a_pipe_holds_words_alone(dataset: Path, tmp_path: Path, command) -> None:
     """A progress bar leaves an empty line where there is no terminal to draw it on."""
     made = command("simulate", "ramp", "--participants", 1, "--out", tmp_path / "data")
-    fitted = command("fit", dataset, "--out", tmp_path / "out")
+    fitted = command("fit", dataset, "--out", tmp_path / "out", "--no-clip")
     assert made.code == fitted.code == 0
     assert made.err == ""
     assert all(line.startswith("evenlight: ") for line in fitted.err.splitlines())
@@ -154,7 +160,7 @@ def test_a_data_set_without_catch_trials_is_fitted_with_a_warning(
     for trials in changed.glob("sub-*/ses-*/trials.jsonl"):
         lines = [line for line in trials.read_text().splitlines() if not json.loads(line)["is_catch"]]
         trials.write_text("".join(line + "\n" for line in lines))
-    fit(changed, out=tmp_path / "out", quiet=True)
+    fit(changed, out=tmp_path / "out", quiet=True, no_clip=True)
     told = [
         any("no catch trials" in warning for warning in json.loads(path.read_text())["warnings"])
         for path in (results / "fit_summary.json", tmp_path / "out" / "fit_summary.json")
@@ -171,3 +177,61 @@ def test_quiet_is_a_flag_without_an_opposite(name: str, command) -> None:
 def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="got 12"):
         fit(dataset, out=tmp_path / "out", degree=12, quiet=True)
+
+
+def test_the_choices_of_the_curve_are_compared_on_a_clip(results: Path) -> None:
+    content = json.loads((results / "limit_choices.json").read_text())
+    assert content["clip"]["video"] == "sunrise"
+    rows = {row["choice"]: row for row in content["choices"]}
+    assert {"fitted", "fitted_safe", "log_log_1", "log_log_2", "rate_4", "pooled"} <= set(rows)
+    # What allows less gains less; what the optimizer makes is never worse than constant dimming.
+    assert rows["fitted_safe"]["gain"] < rows["fitted"]["gain"]
+    assert all(row["gain"] >= 0 and row["share_of_limit"] <= 1 + 1e-6 for row in rows.values())
+    assert set(content["provenance"]["inputs"]) == {"dataset", "clip"}
+    assert (results / "limit_choices.csv").read_text().count("\n") == len(rows) + 1
+
+
+def test_the_safe_and_the_log_log_limit_are_files_that_the_optimizer_takes(
+    results: Path, tmp_path: Path, command
+) -> None:
+    for name in ("rate_limit_safe.json", "rate_limit_log_log.json"):
+        out = tmp_path / name
+        result = command(
+            "optimize", "checkerboard", "--fps", 2, "--budget", 0.5, "--rate-limit", results / name,
+            "--out", out, "--quiet",
+        )  # fmt: skip
+        assert result.code == 0, result.err
+        assert json.loads((out / "summary.json").read_text())["max_rate_ratio"] <= 1 + 1e-6
+
+
+def test_the_results_of_a_fit_pass_the_validation(results: Path, command) -> None:
+    result = command("validate", results)
+    assert result.code == 0, result.err + result.out
+
+
+def test_without_a_clip_the_curves_are_compared_all_the_same(without_clip: Path) -> None:
+    content = json.loads((without_clip / "limit_choices.json").read_text())
+    assert content["clip"] is None
+    assert content["choices"][0]["choice"] == "fitted"
+    assert (without_clip / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--clip", "nowhere.mp4"), "no video 'nowhere.mp4'"),
+        (("--budget", "0.05"), "--budget must lie between 0.2 and 1, got 0.05"),
+        (("--no-clip", "--clip", "sunrise"), "contradict each other"),
+        (("--procedure", "two_interval"), "holds no trials of two_interval"),
+        (("--direction", "up"), "no usable threshold of ramps up"),
+        (("--ramp-duration", "10"), "no usable threshold of ramps 10 s"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line_and_leaves_nothing(
+    dataset: Path, tmp_path: Path, command, arguments: tuple[str, ...], words: str
+) -> None:
+    result = command("fit", dataset, "--out", tmp_path / "out", *arguments)
+    assert result.code == 2
+    assert words in result.err
+    assert result.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

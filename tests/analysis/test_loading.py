@@ -12,10 +12,11 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial, Response
+from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
 from data_schema.session import SessionManifest, SessionStatus
 
 DISPLAY = Display("bench", 100.0, 0.0, 2.0, 60.0)
+DESIGN = RampDesign()
 
 
 def trial(index: int, participant: str = "01", **changed: Any) -> dict[str, Any]:
@@ -38,7 +39,11 @@ def trial(index: int, participant: str = "01", **changed: Any) -> dict[str, Any]
 
 
 def write_session(
-    dataset: Path, participant: str = "01", display: Display = DISPLAY, simulated: bool = False
+    dataset: Path,
+    participant: str = "01",
+    display: Display = DISPLAY,
+    simulated: bool = False,
+    design: RampDesign = DESIGN,
 ) -> Path:
     manifest = SessionManifest(
         participant_id=participant,
@@ -48,7 +53,7 @@ def write_session(
         status=SessionStatus.COMPLETE,
         n_trials=3,
         display=display,
-        design=RampDesign(),
+        design=design,
         provenance=Provenance(),
     )
     folder = session_folder(dataset, participant, "01")
@@ -120,7 +125,10 @@ def test_a_session_that_was_cut_short_is_used_and_remarked_upon(tmp_path: Path) 
     [
         ({"rate_cd_m2_s": -1.0}, r"line 2: rate_cd_m2_s must be at least 0 cd/m\^2/s, got -1"),
         ({"factor": 1.5}, "line 2: factor must be at most 1, got 1.5"),
-        ({"response": "maybe"}, "line 2: response: expected one of 'yes', 'no', got 'maybe'"),
+        (
+            {"response": "maybe"},
+            "line 2: response: expected one of 'yes', 'no', 'first', 'second', got 'maybe'",
+        ),
         ({"rate_cd_m2_s": 0.0}, "line 2: a catch trial has rate 0"),
         ({"factr": 1.0}, "line 2: unknown key 'factr'.*did you mean 'factor'"),
         (
@@ -197,3 +205,53 @@ def test_a_data_set_without_ramps_is_refused(tmp_path: Path) -> None:
 def test_no_folder_at_all(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such folder"):
         load_ramp_data(tmp_path / "nowhere")
+
+
+def test_practice_and_flagged_trials_are_left_out_and_counted(tmp_path: Path) -> None:
+    folder = write_session(tmp_path)
+    write_trials(
+        folder,
+        [
+            trial(0, practice=True, block=0),
+            trial(1),
+            trial(2, flag="dropped_frames"),
+            trial(3),
+            trial(4),
+        ],
+    )
+    data = load_ramp_data(tmp_path)
+    assert [t.trial_index for t in data.trials] == [1, 3, 4]
+    assert (data.sessions[0].n_practice, data.sessions[0].n_flagged) == (1, 1)
+    assert data.warnings == (f"{folder}: trials left out: 1 of practice, 1 flagged (dropped frames)",)
+
+
+def test_a_session_of_practice_alone_has_no_trial(tmp_path: Path) -> None:
+    folder = write_session(tmp_path)
+    write_trials(folder, [trial(0, practice=True, block=0)])
+    with pytest.raises(InputError, match="found 1 without any trial"):
+        load_ramp_data(tmp_path)
+
+
+def test_trials_written_before_there_were_directions_and_tasks_are_read(tmp_path: Path) -> None:
+    folder = write_session(tmp_path)
+    known = set(list(trial(0))[: list(trial(0)).index("simulated") + 1])
+    write_trials(folder, [{key: value for key, value in trial(k).items() if key in known} for k in range(3)])
+    data = load_ramp_data(tmp_path)
+    assert {(t.procedure, t.direction, t.practice) for t in data.trials} == {
+        (Procedure.YES_NO, Direction.DOWN, False)
+    }
+    assert data.warnings == ()
+
+
+def test_sessions_of_several_designs_are_read_together(tmp_path: Path) -> None:
+    write_session(tmp_path, "01")
+    write_session(tmp_path, "02", design=RampDesign(ramp_durations=(2.0,), relative_rates=(0.02, 0.1)))
+    assert len(load_ramp_data(tmp_path).sessions) == 2
+
+
+def test_a_trial_of_another_task_than_its_session_is_refused(tmp_path: Path) -> None:
+    folder = write_session(tmp_path)
+    other = trial(1, procedure="two_interval", ramp_interval=1, response="first")
+    write_trials(folder, [trial(0), other, trial(2)])
+    with pytest.raises(InputError, match="trial 1: procedure is 'two_interval', but 'yes_no' in the session"):
+        load_ramp_data(tmp_path)

@@ -11,19 +11,18 @@ import pytest
 
 from analysis.calibration import Calibration, calibrate
 from analysis.calibration_figures import write_figures
+from analysis.calibration_sections import calibration_section, rate_limit_section
 from analysis.closed_loop import origins_of
 from analysis.figure_style import PAGE, new_figure, png_bytes
 from analysis.loading import load_ramp_data
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.report import SIMULATED_NOTE, Picture, Report, Section, Table, report_html, write_report
 from analysis.report_sections import (
-    calibration_section,
     contrast_map_section,
     files_section,
     introduction_section,
     meaning_of,
     provenance_section,
-    rate_limit_section,
     track_section,
 )
 from data_schema.brightness_track import BudgetUnit, OptimizationSummary

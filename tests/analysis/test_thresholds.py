@@ -7,7 +7,9 @@ import pytest
 from scipy import special
 
 from analysis.posterior_grid import RampCounts
-from analysis.thresholds import catch_counts, criterion_of, fit_thresholds_of, flag_of, ramp_counts
+from analysis.ramp_counts import catch_counts, ramp_counts
+from analysis.signal_detection import criterion_of
+from analysis.thresholds import fit_thresholds_of, flag_of
 from data_schema.ramp import RampTrial, Response
 from data_schema.threshold import ThresholdFlag
 

@@ -15,8 +15,9 @@ from data_schema.display import Display
 from data_schema.mapping import type_hints
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial
+from data_schema.ramp import Direction, FrameLog, Procedure, RampDesign, RampTrial, Response
 from data_schema.rate_limit import RateLimit
+from data_schema.rig import Keys, Rig
 from data_schema.session import SessionManifest
 from data_schema.threshold import Threshold
 
@@ -53,7 +54,7 @@ def field_values(kind: Any, meta: Any) -> st.SearchStrategy[Any]:
     if kind is bool:
         return st.booleans()
     if kind is int:
-        return st.integers(int(meta.get("minimum") or 0), 2**63 - 1)
+        return st.integers(int(meta.get("minimum") or 0), int(meta.get("maximum") or 2**63 - 1))
     return numbers(meta)
 
 
@@ -94,11 +95,53 @@ def threshold_in_interval(values: Values) -> Values:
 
 
 def ends_above_black(values: Values) -> Values:
-    return values | {"ramp_duration": 0.5 / max(values["relative_rates"])}
+    """No ramp reaches zero, and no list names anything twice or nothing."""
+    lists = ("screens", "directions", "ramp_durations", "factors", "relative_rates")
+    values = values | {name: tuple(dict.fromkeys(values[name])) for name in lists}
+    values["screens"] = values["screens"] or ("white",)
+    values["directions"] = values["directions"] or (Direction.DOWN,)
+    longest = 1.0 if values["same_amounts"] else max(values["ramp_durations"]) / values["ramp_durations"][0]
+    first = 0.5 / max(values["relative_rates"]) / longest
+    scale = first / values["ramp_durations"][0]
+    return values | {"ramp_durations": tuple(dict.fromkeys(d * scale for d in values["ramp_durations"]))}
 
 
-def catch_means_no_rate(values: Values) -> Values:
-    return values | {"is_catch": values["rate"] == 0}
+def one_of_two_tasks(values: Values) -> Values:
+    """A ramp in one of two intervals, or a question with yes and no, with a ramp that goes its way."""
+    two = values["procedure"] is Procedure.TWO_INTERVAL
+    rate = (values["rate"] or 1.0) if two else values["rate"]
+    start, end = values["initial_luminance"], values["final_luminance"]
+    low, high = min(start, end), max(start, end, 1e-3)
+    falls = values["direction"] is Direction.DOWN
+    return values | {
+        "rate": rate,
+        "is_catch": rate == 0,
+        "ramp_interval": (values["ramp_interval"] or 1) if two else None,
+        "response": Response.FIRST if two else Response.YES,
+        "initial_luminance": high if falls else max(low, 1e-6),
+        "final_luminance": low if falls else max(high, 1e-6),
+    }
+
+
+def a_trial_of_frames(values: Values) -> Values:
+    """Lists of one length, times that do not fall."""
+    times = tuple(sorted(values["flip_times"]))
+    probes = values["probe_frames"][: len(times)]
+    return values | {
+        "flip_times": times,
+        "intended_luminance": (1.0,) * len(times),
+        "probe_frames": probes,
+        "probe_luminance": (1.0,) * len(probes),
+        "backlight_factors": (0.5,) * len(times) if values["backlight_factors"] else (),
+    }
+
+
+def keys_that_differ(values: Values) -> Values:
+    return {name: f"{name}_{number}" for number, name in enumerate(values)}
+
+
+def usable_rig(values: Values) -> Values:
+    return values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
 
 
 def bounded_objective(values: Values) -> Values:
@@ -112,7 +155,10 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     Threshold: threshold_in_interval,
     OptimizationSummary: bounded_objective,
     RampDesign: ends_above_black,
-    RampTrial: catch_means_no_rate,
+    RampTrial: one_of_two_tasks,
+    FrameLog: a_trial_of_frames,
+    Keys: keys_that_differ,
+    Rig: usable_rig,
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

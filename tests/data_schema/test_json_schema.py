@@ -63,12 +63,12 @@ def test_every_key_says_what_it_is_and_its_unit_is_that_of_its_name(name: str) -
 
 
 def test_limits_units_and_choices_are_in_the_schema() -> None:
-    """Display.peak_luminance > 0 cd/m^2; a factor in (0, 1]; a response is yes or no; a pattern for names."""
+    """Display.peak_luminance > 0 cd/m^2; a factor in (0, 1]; one of four responses; a pattern for names."""
     peak = schemas()["display"]["properties"]["peak_luminance_cd_m2"]
     assert (peak["type"], peak["exclusiveMinimum"], peak["unit"]) == ("number", 0.0, "cd/m^2")
     trial = schemas()["ramp_trial"]["properties"]
     assert (trial["factor"]["exclusiveMinimum"], trial["factor"]["maximum"]) == (0.0, 1.0)
-    assert trial["response"]["enum"] == ["yes", "no"]
+    assert trial["response"]["enum"] == ["yes", "no", "first", "second"]
     assert trial["response_time_s"]["type"] == ["number", "null"]
     assert trial["participant_id"]["pattern"] == "^[0-9A-Za-z]+$"
     limit = schemas()["rate_limit"]["properties"]
@@ -159,7 +159,7 @@ def trial(**changes: Any) -> dict[str, Any]:
         ({"factor": "a"}, "expected a number, got 'a'"),
         ({"trial_index": 1.5}, "expected a whole number, got 1.5"),
         ({"is_catch": 0}, "expected true or false, got 0"),
-        ({"response": "maybe"}, "expected one of 'yes', 'no', got 'maybe'"),
+        ({"response": "maybe"}, "expected one of 'yes', 'no', 'first', 'second', got 'maybe'"),
         ({"response_time_s": "a"}, "expected a number or null, got 'a'"),
         ({"participant_id": "a b"}, "expected text that matches ^[0-9A-Za-z]+$, got 'a b'"),
     ],
@@ -176,7 +176,7 @@ def test_all_problems_are_told_not_only_the_first() -> None:
         ((), "the key 'screen' is missing"),
         (("facto",), "unknown key 'facto'; did you mean 'factor'?"),
         (("factor",), "expected at most 1, got 2.0"),
-        (("response",), "expected one of 'yes', 'no', got 'no!'"),
+        (("response",), "expected one of 'yes', 'no', 'first', 'second', got 'no!'"),
     ]
 
 

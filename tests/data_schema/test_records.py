@@ -189,8 +189,8 @@ def test_a_power_model_is_one_whose_power_can_be_written_down() -> None:
 def test_no_ramp_ends_below_black() -> None:
     """0.2 of the luminance per second for 5 s is all of it."""
     with pytest.raises(ValueError, match=r"the fastest must stay below 0\.2"):
-        RampDesign(relative_rates=(0.2,), ramp_duration=5.0)
-    assert RampDesign(relative_rates=(0.19,), ramp_duration=5.0).relative_rates == (0.19,)
+        RampDesign(relative_rates=(0.2,), ramp_durations=(5.0,))
+    assert RampDesign(relative_rates=(0.19,), ramp_durations=(5.0,)).relative_rates == (0.19,)
 
 
 @pytest.mark.parametrize(("rate", "is_catch"), [(0.0, False), (1.0, True)])

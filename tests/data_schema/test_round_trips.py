@@ -22,9 +22,10 @@ from data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, 
 from data_schema.mapping import mapping_from_record, record_from_mapping
 from data_schema.power_model import PowerModel
 from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial
+from data_schema.ramp import FrameLog, RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
-from data_schema.session import SessionManifest
+from data_schema.rig import Rig
+from data_schema.session import SessionEvent, SessionManifest
 from data_schema.text_files import (
     read_json_record,
     read_rows,
@@ -42,6 +43,9 @@ JSON_AND_TOML = [
     Provenance,
     RampDesign,
     RampTrial,
+    FrameLog,
+    Rig,
+    SessionEvent,
     RateLimit,
     SessionManifest,
     Threshold,
@@ -62,7 +66,7 @@ def test_json_gives_back_the_record(
     assert read_json_record(cls, path) == record
 
 
-@pytest.mark.parametrize("cls", [Display, PowerModel, RampDesign])
+@pytest.mark.parametrize("cls", [Display, PowerModel, RampDesign, Rig])
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_toml_gives_back_the_record(
@@ -158,7 +162,7 @@ def test_units_are_part_of_the_keys() -> None:
     """cd/m^2 -> _cd_m2, s -> _s, a pure number -> nothing; an explicit key as it is."""
     keys = set(mapping_from_record(Display("x", 1.0, 0.0, 2.2, 30.0)))
     assert {"peak_luminance_cd_m2", "gamma", "pixels_per_degree"} <= keys
-    assert {"ramp_duration_s", "relative_rates_per_s"} <= set(mapping_from_record(RampDesign()))
+    assert {"ramp_durations_s", "relative_rates_per_s"} <= set(mapping_from_record(RampDesign()))
 
 
 def test_arrays_of_a_record_are_copies_that_cannot_be_written_to() -> None:

@@ -24,12 +24,15 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves, write_loss_curves
 from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance
+from data_schema.provenance import SCHEMA_VERSION, Provenance
 from data_schema.ramp import RampTrial, Response
 from data_schema.results_checks import mean_absolute_difference
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
 from data_schema.validation import validate
+
+VERSION = f'"schema_version": {SCHEMA_VERSION}'
+CELLS = len(columns_of(RampTrial))
 
 
 def problems_of(path: Path) -> list[str]:
@@ -121,14 +124,13 @@ def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
         (TRIALS, "{", "[", "line 1: not valid JSON"),
         (MANIFEST, '"gamma": 1.95', '"gamma": -1', "line 12: display.gamma: expected above 0, got -1"),
         (MANIFEST, '"participant_id": "01"', '"participant_id": "07"', "expected '01', as in the folder's"),
-        (MANIFEST, '"schema_version": 1', '"schema_version": 9', "schema version 9, this Evenlight reads up"),
+        (MANIFEST, VERSION, '"schema_version": 9', "schema version 9, this Evenlight reads up"),
         (MANIFEST, '"black_level_cd_m2": 0.2', '"black_level_cd_m2": 200', "need black_level < peak_lum"),
         (TABLE, "\t50.0\t", "\t51.0\t", "line 2: initial_luminance: not as in line 1 of trials.jsonl"),
-        (TABLE, "\tno\t", "\tmaybe\t", "line 2: response: expected one of 'yes', 'no', got 'maybe'"),
-        (TABLE, "\tn/a\t", "\t", "line 2: expected 13 cells, got 12; the table is torn"),
+        (TABLE, "\tno\t", "\tmaybe\t", "line 2: response: expected one of 'yes', 'no', 'first', 'second'"),
+        (TABLE, "\tn/a\t", "\t", f"line 2: expected {CELLS} cells, got {CELLS - 1}; the table is torn"),
         (TABLE, "screen\t", "sreen\t", "unknown column 'sreen'; did you mean 'screen'?"),
         ("participants.tsv", "sub-01", "sub-02", "'sub-01' has a folder and is not listed"),
-        ("participants.tsv", "sub-01", "sub-02", "line 2: participant_id: 'sub-02' is listed and has no"),
         ("participants.tsv", "sub-01\ttrue", "sub-01\tfalse", "line 2: simulated: expected 'true'"),
         (
             "participants.tsv",
@@ -205,12 +207,31 @@ def test_a_participant_without_sessions_is_told(dataset: Path) -> None:
     assert "sub-02: holds no session folder (ses-*)" in problems_of(dataset)
 
 
+def test_a_participant_without_a_session_is_one_of_a_roster(dataset: Path) -> None:
+    with (dataset / "participants.tsv").open("a") as stream:
+        stream.write("sub-02\ttrue\n")
+    found = list(validate(dataset))
+    assert not any(checked.problems for checked in found)
+    notes = [note for checked in found for note in checked.notes]
+    assert any("line 3: 'sub-02' is listed and has no session yet" in note for note in notes)
+
+
+def test_practice_and_flagged_trials_are_not_counted_among_those_of_the_design(
+    tmp_path: Path, manifest_of: Callable[..., SessionManifest]
+) -> None:
+    lines = [trial(0, practice=True), trial(1, flag="dropped_frames"), trial(2), trial(3)]
+    root = write_dataset(tmp_path / "lab", manifest_of(n_trials=2), lines)
+    assert problems_of(root) == []
+    root = write_dataset(tmp_path / "short", manifest_of(n_trials=4), lines)
+    assert any("expected 4 usable trials" in problem for problem in problems_of(root))
+
+
 def test_all_problems_of_a_file_are_told_in_one_go(dataset: Path) -> None:
     lines = [trial(0, factor=-1.0, response="?", simulated=3), trial(1, duration_s=0)]
     (dataset / TRIALS).write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert problems_of(dataset)[:4] == [
         f"{TRIALS}, line 1: factor: expected above 0, got -1.0",
-        f"{TRIALS}, line 1: response: expected one of 'yes', 'no', got '?'",
+        f"{TRIALS}, line 1: response: expected one of 'yes', 'no', 'first', 'second', got '?'",
         f"{TRIALS}, line 1: simulated: expected true or false, got 3",
         f"{TRIALS}, line 2: duration_s: expected above 0 s, got 0",
     ]

@@ -1,6 +1,7 @@
 """`evenlight simulate ramp`: the data set it writes."""
 
 import csv
+import dataclasses
 import json
 from pathlib import Path
 
@@ -8,10 +9,16 @@ import pytest
 
 from data_schema.errors import InputError
 from data_schema.mapping import record_from_mapping
-from data_schema.ramp import RampDesign, RampTrial
+from data_schema.ramp import Procedure, RampDesign, RampTrial
 from data_schema.session import SessionManifest
 from data_schema.text_files import read_json_record, write_toml_record
 from experiments.commands import simulate
+from experiments.design import ramp_levels
+from experiments.design_files import load_design
+from experiments.ramp_schedule import RampSchedule
+from experiments.simulate_ramp import simulated_trials, simulated_trials_and_thresholds
+from experiments.simulated_observers import ObserverPopulation
+from method.preset_files import load_display
 
 DESIGN = RampDesign(
     factors=(0.4, 1.0), relative_rates=(0.02, 0.05), repetitions=2
@@ -28,7 +35,7 @@ def design_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def dataset(design_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("simulated") / "dataset"
-    simulate("ramp", out=folder, participants=3, seed=7, design=design_file, quiet=True)
+    simulate("ramp", out=folder, participants=3, seed=7, design=str(design_file), quiet=True)
     return folder
 
 
@@ -76,7 +83,7 @@ def test_the_exported_table_holds_the_trials_and_describes_each_column_with_unit
         assert row["is_catch"] == str(recorded["is_catch"]).lower()
     assert set(rows[0]) == set(sidecar) - {"TaskName"}
     assert sidecar["rate_cd_m2_s"]["Units"] == "cd/m^2/s"
-    assert set(sidecar["response"]["Levels"]) == {"yes", "no"}
+    assert set(sidecar["response"]["Levels"]) == {"yes", "no", "first", "second"}
     assert sidecar["TaskName"] == "ramp"
 
 
@@ -94,8 +101,8 @@ def test_participants_differ_in_their_order_and_in_their_truth(dataset: Path) ->
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(
     dataset: Path, design_file: Path, tmp_path: Path
 ) -> None:
-    simulate("ramp", out=tmp_path / "a", participants=3, seed=7, design=design_file, quiet=True)
-    simulate("ramp", out=tmp_path / "b", participants=3, seed=8, design=design_file, quiet=True)
+    simulate("ramp", out=tmp_path / "a", participants=3, seed=7, design=str(design_file), quiet=True)
+    simulate("ramp", out=tmp_path / "b", participants=3, seed=8, design=str(design_file), quiet=True)
     assert files(tmp_path / "a") == files(dataset)
     changed = "sub-01/ses-01/trials.jsonl"
     assert files(tmp_path / "b")[changed] != files(dataset)[changed]
@@ -104,14 +111,14 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(
 def test_a_participant_is_the_same_however_many_there_are(
     dataset: Path, design_file: Path, tmp_path: Path
 ) -> None:
-    simulate("ramp", out=tmp_path / "one", participants=1, seed=7, design=design_file, quiet=True)
+    simulate("ramp", out=tmp_path / "one", participants=1, seed=7, design=str(design_file), quiet=True)
     assert trials(tmp_path / "one", "01") == trials(dataset, "01")
 
 
 def test_data_are_never_overwritten(dataset: Path, design_file: Path) -> None:
     before = files(dataset)
     with pytest.raises(InputError, match="never overwritten"):
-        simulate("ramp", out=dataset, participants=1, seed=1, design=design_file, quiet=True)
+        simulate("ramp", out=dataset, participants=1, seed=1, design=str(design_file), quiet=True)
     assert files(dataset) == before
 
 
@@ -119,7 +126,7 @@ def test_a_file_in_the_place_of_the_data_set_is_left_alone(design_file: Path, tm
     place = tmp_path / "notes.txt"
     place.write_text("mine")
     with pytest.raises(InputError, match=r"notes\.txt: is there already"):
-        simulate("ramp", out=place, participants=1, seed=1, design=design_file, quiet=True)
+        simulate("ramp", out=place, participants=1, seed=1, design=str(design_file), quiet=True)
     assert place.read_text() == "mine"
 
 
@@ -129,6 +136,7 @@ def test_a_file_in_the_place_of_the_data_set_is_left_alone(design_file: Path, tm
         ({"task": "jump"}, "task 'jump' cannot be simulated; there is 'ramp'"),
         ({"participants": 0}, "--participants must lie in 1 to 9999, got 0"),
         ({"seed": -1}, "--seed must be 0 or more, got -1"),
+        ({"design": "papper"}, "papper: no such design; did you mean 'paper'"),
         ({"display": "varjo-xr4"}, "no such display; did you mean 'varjo-xr3'"),
     ],
 )
@@ -144,3 +152,54 @@ def test_unusable_options_are_named_and_nothing_is_written(
 def test_a_trial_reads_back_as_it_was_written(dataset: Path) -> None:
     first = record_from_mapping(RampTrial, trials(dataset, "01")[0], "line 1")
     assert first.final_luminance == pytest.approx(first.initial_luminance - first.rate * first.duration)
+
+
+def test_a_session_can_be_taken_up_with_what_its_manifest_says(dataset: Path) -> None:
+    manifest = read_json_record(SessionManifest, dataset / "sub-02/ses-01/manifest.json")
+    schedule = RampSchedule(manifest.design, manifest.display, manifest.provenance.seed, manifest.order_index)
+    for line in trials(dataset, "02"):
+        schedule.take(record_from_mapping(RampTrial, line, "line"))
+    assert schedule.next_trial() is None
+
+
+def test_blocks_are_counterbalanced_over_the_participants(dataset: Path) -> None:
+    first = [trials(dataset, participant)[0]["screen"] for participant in ("01", "02", "03")]
+    assert first == ["white", "gray", "white"]
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("crossed") / "dataset"
+    simulate("ramp", out=folder, participants=2, seed=7, design="durations_and_directions", quiet=True)
+    return folder
+
+
+def test_the_truth_has_a_threshold_for_every_level_direction_and_duration(crossed: Path) -> None:
+    truth = json.loads((crossed / "simulated_truth.json").read_text())["participants"][0]
+    levels = {
+        (level["factor"], level["direction"], level["ramp_duration_s"]): level for level in truth["levels"]
+    }
+    assert len(levels) == 2 * 2 * 3
+    assert {level["procedure"] for level in truth["levels"]} == {"two_interval"}
+    threshold = {key: level["threshold_cd_m2_s"] for key, level in levels.items()}
+    # duration^-0.5 and a ratio of 1.1, in either task alike.
+    assert threshold[0.6, "down", 2.5] / threshold[0.6, "down", 10.0] == pytest.approx(2.0)
+    assert threshold[0.6, "up", 5.0] / threshold[0.6, "down", 5.0] == pytest.approx(1.1)
+
+
+def test_answers_in_memory_are_those_of_the_data_set(crossed: Path) -> None:
+    design, display = load_design("durations_and_directions"), load_display("varjo-xr3")
+    in_memory = simulated_trials(design, display, participants=2, seed=7, population=ObserverPopulation())
+    written = [
+        record_from_mapping(RampTrial, line, "line") for who in ("01", "02") for line in trials(crossed, who)
+    ]
+    assert in_memory == written
+
+
+def test_the_thresholds_that_go_with_them_are_those_of_the_task() -> None:
+    design, display = load_design("quick"), load_display("varjo-xr3")
+    _, two = simulated_trials_and_thresholds(design, display, participants=1, seed=7)
+    asked = dataclasses.replace(design, procedure=Procedure.YES_NO)
+    _, yes_no = simulated_trials_and_thresholds(asked, display, participants=1, seed=7)
+    assert set(two) == {("01", level.luminance) for level in ramp_levels(design, display)}
+    assert all(two[level] < yes_no[level] for level in two)

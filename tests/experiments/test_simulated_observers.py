@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from data_schema.ramp import Response
-from experiments.simulated_observers import ObserverPopulation, SimulatedObserver, draw_observer
+from data_schema.ramp import Direction, Procedure, Response
+from experiments.design import PlannedRamp, RampCondition, RampLevel, planned_ramp
+from experiments.simulated_observers import (
+    ObserverPopulation,
+    SimulatedObserver,
+    answer_generator,
+    draw_observer,
+)
 from method.preset_files import load_rate_limit
 
 LIMIT = load_rate_limit("surace2025")
@@ -14,9 +20,26 @@ def observer(sensitivity: float = 1.0) -> SimulatedObserver:
     return SimulatedObserver(LIMIT, sensitivity, {}, width=1.6, guess_rate=0.1, lapse_rate=0.05)
 
 
-def share_of_yes(who: SimulatedObserver, luminance: float, rate: float, n: int = 4000) -> float:
+def ramp(
+    luminance: float,
+    rate: float,
+    interval: int | None = None,
+    direction: Direction = Direction.DOWN,
+    duration: float = 5.0,
+) -> PlannedRamp:
+    level = RampLevel("white", 1.0, luminance)
+    return planned_ramp(
+        level, RampCondition("white", direction, duration), rate, ramp_interval=interval, block=1
+    )
+
+
+def share(who: SimulatedObserver, planned: PlannedRamp, answer: Response, n: int = 4000) -> float:
     rng = np.random.default_rng(5)
-    return sum(who.answer(luminance, rate, rng) is Response.YES for _ in range(n)) / n
+    return sum(who.answer(planned, rng) is answer for _ in range(n)) / n
+
+
+def share_of_yes(who: SimulatedObserver, luminance: float, rate: float) -> float:
+    return share(who, ramp(luminance, rate), Response.YES)
 
 
 def test_the_median_participant_has_the_published_thresholds() -> None:
@@ -33,6 +56,47 @@ def test_answers_follow_the_psychometric_function() -> None:
     assert share_of_yes(who, 60.0, threshold) == pytest.approx(0.75, abs=0.028)
     assert share_of_yes(who, 60.0, 0.0) == pytest.approx(0.10, abs=0.019)
     assert share_of_yes(who, 60.0, 100 * threshold) == pytest.approx(0.95, abs=0.014)
+
+
+def test_of_two_intervals_75_percent_are_right_at_a_lower_threshold() -> None:
+    who = observer()
+    function = who.function_at(60.0, Procedure.TWO_INTERVAL)
+    assert function.threshold < who.threshold_at(60.0)
+    for interval, right in ((1, Response.FIRST), (2, Response.SECOND)):
+        at_threshold = ramp(60.0, function.threshold, interval)
+        assert share(who, at_threshold, right) == pytest.approx(0.75, abs=0.028)
+        # Lapses of 5 % in yes/no: half of them are right by chance.
+        assert share(who, ramp(60.0, 100.0 * function.threshold, interval), right) == pytest.approx(
+            0.975, abs=0.01
+        )
+
+
+def test_a_threshold_lies_between_a_constant_rate_and_a_constant_amount_of_change() -> None:
+    # duration^-0.5: four times the duration, half the rate, twice the amount.
+    who = observer()
+    assert who.threshold_at(60.0, duration=20.0) == pytest.approx(who.threshold_at(60.0) / 2)
+    by_rate, by_amount = (SimulatedObserver(LIMIT, 1.0, {}, 1.6, 0.1, 0.05, share) for share in (0.0, 1.0))
+    assert by_rate.threshold_at(60.0, duration=20.0) == pytest.approx(by_rate.threshold_at(60.0))
+    assert by_amount.threshold_at(60.0, duration=20.0) == pytest.approx(by_amount.threshold_at(60.0) / 4)
+
+
+def test_rising_luminance_is_seen_a_little_less_well() -> None:
+    who = observer()
+    assert who.threshold_at(60.0, Direction.UP) == pytest.approx(1.1 * who.threshold_at(60.0))
+    rate = who.threshold_at(60.0)
+    assert share(who, ramp(60.0, rate, direction=Direction.UP), Response.YES) < 0.75
+    assert share(who, ramp(60.0, rate, duration=10.0), Response.YES) > 0.8
+
+
+def test_an_answer_depends_on_seed_participant_and_trial_alone() -> None:
+    who, planned = observer(), ramp(60.0, observer().threshold_at(60.0))
+
+    def answers(seed: int, order_index: int, trials: range) -> list[Response]:
+        return [who.answer(planned, answer_generator(seed, order_index, trial)) for trial in trials]
+
+    assert answers(1, 0, range(50))[30:] == answers(1, 0, range(30, 50))
+    assert answers(1, 0, range(50)) != answers(1, 1, range(50))
+    assert answers(1, 0, range(50)) != answers(2, 0, range(50))
 
 
 def test_a_population_has_the_spread_it_states() -> None:

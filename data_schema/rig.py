@@ -1,0 +1,125 @@
+"""The rig: display, distance, refresh rate, keys and what makes the brightness, as one file of a lab."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from data_schema.quantities import check_limits, described, quantity
+
+KEY = "^[a-z0-9_]+$"  # names of keys as PsychoPy has them: y, n, left, right, space, escape, num_1
+
+
+class Dither(enum.Enum):
+    """How a luminance between two codes of the display is drawn."""
+
+    NOISY_BIT = "noisy_bit"  # fresh noise for each pixel and frame (Allard & Faubert 2008)
+    ORDERED = "ordered"  # 8 x 8 threshold matrix (Bayer 1973)
+    NONE = "none"  # rounding: a slow ramp becomes a few visible jumps
+
+
+class Actuator(enum.Enum):
+    """What makes the brightness."""
+
+    PIXELS = "pixels"
+    BACKLIGHT = "backlight"
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of a rig, by PsychoPy's names.
+
+    Attributes
+    ----------
+    yes, no : str
+        Answers to "did the brightness change?".
+    first, second : str
+        Answers to "in which interval did it change?".
+    proceed : str
+        To the next page.
+    pause : str
+        Pauses at any time, and stops from there.
+    """
+
+    yes: str = described("the brightness changed", default="y", pattern=KEY)
+    no: str = described("it did not", default="n", pattern=KEY)
+    first: str = described("it changed in the first interval", default="left", pattern=KEY)
+    second: str = described("it changed in the second interval", default="right", pattern=KEY)
+    proceed: str = described("to the next page", default="space", pattern=KEY)
+    pause: str = described("pauses, and stops from there", default="escape", pattern=KEY)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        for group in (("yes", "no"), ("first", "second")):
+            names = [getattr(self, name) for name in (*group, "proceed", "pause")]
+            if len(set(names)) < len(names):
+                raise ValueError(
+                    f"the keys {', '.join(group)}, proceed and pause must differ, got {', '.join(names)}"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What a session runs on.
+
+    Attributes
+    ----------
+    name : str
+        What the rig is called.
+    display : str
+        Its calibrated display: a preset, or a toml file (relative to the rig's own).
+    viewing_distance : float
+        From eye to display [m].
+    refresh_rate : float
+        Of the display [Hz].
+    screen : int
+        Which screen of the computer, from 0.
+    full_screen : bool
+        Whether the window fills it.
+    window_size : (int, int)
+        Width and height of a window that does not [pixels].
+    bits : int
+        Of each colour channel: 8, or 10 where display and driver have them.
+    dither : Dither
+        How luminances between two codes are drawn.
+    actuator : Actuator
+        What makes the brightness.
+    backlight : str
+        "none", "simulated", or "sysfs:NAME" for /sys/class/backlight/NAME.
+    language : str
+        Of the pages shown, e.g. "en".
+    keys : Keys
+        What is pressed.
+    """
+
+    name: str = described("name of the rig")
+    display: str = described("calibrated display: a preset, or a toml file beside the rig's")
+    viewing_distance: float = quantity("m", "from eye to display", above=0.0, maximum=100.0)
+    refresh_rate: float = quantity("Hz", "of the display", above=0.0, maximum=1000.0)
+    screen: int = quantity("1", "which screen of the computer, from 0", minimum=0, default=0)
+    full_screen: bool = described("true if the window fills the screen", default=True)
+    window_size: tuple[int, int] = quantity(
+        "pixels", "width and height of a window that does not", minimum=64, default=(1280, 720)
+    )
+    bits: int = quantity("1", "of each colour channel, as display and driver have them", default=8)
+    dither: Dither = described("how luminances between two codes are drawn", default=Dither.NOISY_BIT)
+    actuator: Actuator = described("what makes the brightness", default=Actuator.PIXELS)
+    backlight: str = described(
+        "none, simulated, or sysfs:NAME for /sys/class/backlight/NAME",
+        default="none",
+        pattern="^(none|simulated|sysfs:[^/]+)$",
+    )
+    language: str = described("of the pages shown", default="en", pattern="^[A-Za-z0-9-]+$")
+    keys: Keys = field(default_factory=Keys, metadata={"doc": "what is pressed"})
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.bits not in (8, 10):
+            raise ValueError(f"bits must be 8 or 10, got {self.bits}")
+        if not self.display:
+            raise ValueError(
+                "display must name a calibrated display, a preset or a toml file; without its luminances "
+                "no ramp can be drawn"
+            )
+        if self.actuator is Actuator.BACKLIGHT and self.backlight == "none":
+            raise ValueError("the actuator is the backlight, so backlight must name one, got 'none'")

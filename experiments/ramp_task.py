@@ -1,0 +1,226 @@
+"""The ramp experiment as a session conducts it (Section 3.4 of the paper)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from data_schema.display import Display
+from data_schema.ramp import FrameLog, Procedure, RampDesign, RampTrial, Response, TrialFlag
+from data_schema.rig import Actuator, Keys
+from experiments.design import PlannedRamp, ramp_levels
+from experiments.keyed_chance import Purpose, generator_for
+from experiments.pages import Pages
+from experiments.ramp_schedule import RampSchedule
+from experiments.stage import RampInterval, ShownInterval, Stage
+from experiments.task import Conducted, Participant, TrialPlace
+
+ANSWER_TIME = 1.5  # [s] that a practised person takes, for the estimate of a session's length
+BREAK_TIME = 60.0  # [s] likewise
+LARGEST_SEED = 2**31
+
+
+class RampTask:
+    """The ramp experiment: a schedule of ramps, shown on a stage.
+
+    Parameters
+    ----------
+    design : RampDesign
+        Which ramps.
+    display : Display
+        What they are shown on.
+    seed : int
+        Of order, placement and dithering noise.
+    order_index : int
+        Row of the counterbalanced order of blocks.
+    keys : Keys
+        What is pressed.
+    actuator : Actuator
+        What makes the brightness.
+    """
+
+    def __init__(
+        self,
+        design: RampDesign,
+        display: Display,
+        seed: int,
+        order_index: int,
+        keys: Keys,
+        actuator: Actuator = Actuator.PIXELS,
+    ) -> None:
+        self.design = design
+        self._keys = keys
+        self._session = (seed, order_index)
+        self._schedule = RampSchedule(design, display, seed, order_index, actuator)
+        levels = [level.luminance for level in ramp_levels(design, display)]
+        self.neutral_luminance = float(np.exp(np.mean(np.log(levels))))
+
+    @property
+    def n_trials(self) -> int:
+        """Usable trials that the design asks for."""
+        return self._schedule.n_trials
+
+    @property
+    def trials_between_breaks(self) -> int:
+        """0 for no breaks."""
+        return self.design.trials_between_breaks
+
+    @property
+    def minutes(self) -> float:
+        """How long the session takes, about."""
+        return session_minutes(self.design, self.n_trials)
+
+    @property
+    def instructions(self) -> str:
+        """Name of the page with the instructions."""
+        return f"instructions_{self.design.procedure.value}"
+
+    def practice(self) -> Sequence[PlannedRamp]:
+        """Return the trials for practice."""
+        return self._schedule.practice()
+
+    def next_trial(self) -> PlannedRamp | None:
+        """Return the ramp to be shown next, or None at the end."""
+        return self._schedule.next_trial()
+
+    def take(self, trial: RampTrial) -> None:
+        """Take an answered trial."""
+        self._schedule.take(trial)
+
+    def is_flagged(self, trial: RampTrial) -> bool:
+        """Return whether a trial is left out of the analysis."""
+        return trial.flag is not TrialFlag.NONE
+
+    def feedback(self, trial: RampTrial, pages: Pages) -> str:
+        """Return what a participant is told about a trial of practice."""
+        if trial.procedure is Procedure.TWO_INTERVAL:
+            truth = "truth_first" if trial.ramp_interval == 1 else "truth_second"
+        else:
+            truth = "truth_no_change" if trial.is_catch else "truth_change"
+        right = trial.success != trial.is_catch
+        name = "feedback_right" if right else "feedback_wrong"
+        return pages.text(name, self._keys, truth=pages.text(truth, self._keys))
+
+    def conduct(
+        self, planned: PlannedRamp, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> Conducted:
+        """Show a ramp, in one of two intervals if the design has two, and ask about it."""
+        chance = generator_for(*self._session, Purpose.NOISE, place.trial_index)
+        noise_seed = int(chance.integers(LARGEST_SEED))
+        stage.wait(self.design.pause_duration, self.neutral_luminance)
+        intervals = self._intervals(planned, noise_seed)
+        shown = []
+        for number, interval in enumerate(intervals):
+            if number:
+                stage.wait(self.design.interval_gap, self.neutral_luminance)
+            shown.append(stage.show_ramp(interval))
+        participant.see_trial(planned, place.trial_index)
+        answers = self._answers()
+        question = pages.text(f"question_{self.design.procedure.value}", self._keys)
+        press = stage.ask(question, list(answers), intervals[-1].final_luminance)
+        trial = self._row(planned, place, shown, noise_seed, answers[press.name], press.time)
+        frames = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
+        return Conducted(trial, frames)
+
+    def _answers(self) -> dict[str, Response]:
+        """Return what each key means."""
+        keys = self._keys
+        if self.design.procedure is Procedure.TWO_INTERVAL:
+            return {keys.first: Response.FIRST, keys.second: Response.SECOND}
+        return {keys.yes: Response.YES, keys.no: Response.NO}
+
+    def _intervals(self, planned: PlannedRamp, noise_seed: int) -> list[RampInterval]:
+        """Return what is shown: the ramp, or the ramp and a constant field in the planned order."""
+        two = planned.ramp_interval is not None
+        count = 2 if two else 1
+        return [
+            RampInterval(
+                initial_luminance=planned.level.luminance,
+                final_luminance=(
+                    planned.final_luminance
+                    if planned.ramp_interval in (None, number)
+                    else planned.level.luminance
+                ),
+                pixel_value=planned.level.pixel_value,
+                adaptation=self.design.adaptation_duration,
+                duration=planned.duration,
+                hold=self.design.hold_duration,
+                noise_seed=noise_seed + number - 1,
+                label=str(number) if two else "",
+            )
+            for number in range(1, count + 1)
+        ]
+
+    def _row(
+        self,
+        planned: PlannedRamp,
+        place: TrialPlace,
+        shown: list[ShownInterval],
+        noise_seed: int,
+        response: Response,
+        response_time: float,
+    ) -> RampTrial:
+        """Return the row of an answered trial."""
+        ramp = shown[(planned.ramp_interval or 1) - 1]
+        probes = ramp.probe_luminance
+        logs = [_frame_log(place, number, part) for number, part in enumerate(shown, start=1)]
+        dropped = sum(part.frames_dropped for part in shown)
+        too_many = dropped > self.design.max_dropped_frames
+        return RampTrial(
+            participant_id=place.participant_id,
+            session_id=place.session_id,
+            trial_index=place.trial_index,
+            screen=planned.level.screen,
+            factor=planned.level.factor,
+            initial_luminance=planned.level.luminance,
+            final_luminance=planned.final_luminance,
+            rate=planned.rate,
+            duration=planned.duration,
+            is_catch=planned.is_catch,
+            response=response,
+            response_time=response_time,
+            simulated=place.simulated,
+            procedure=self.design.procedure,
+            direction=planned.direction,
+            ramp_interval=planned.ramp_interval,
+            practice=planned.practice,
+            block=planned.block,
+            attempt=place.attempt,
+            onset=shown[0].onset,
+            noise_seed=noise_seed,
+            n_frames=sum(len(part.flip_times) for part in shown),
+            frames_dropped=dropped,
+            drawn_initial_luminance=probes[0] if probes else None,
+            drawn_final_luminance=probes[-1] if probes else None,
+            largest_luminance_error=max(log.largest_error for log in logs) if probes else None,
+            flag=TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
+        )
+
+
+def session_minutes(design: RampDesign, n_trials: int) -> float:
+    """Return how long a session of a design takes, about [min].
+
+    >>> design = RampDesign(practice_trials=0, trials_between_breaks=0)
+    >>> session_minutes(design, 60)  # 1 + 5 + 1 s of ramp, 1.5 s to answer, 0.5 s of pause: 9 s
+    9.0
+    """
+    interval = design.adaptation_duration + float(np.mean(design.ramp_durations)) + design.hold_duration
+    shown = 2 * interval + design.interval_gap if design.procedure is Procedure.TWO_INTERVAL else interval
+    trials = n_trials + design.practice_trials
+    breaks = (n_trials - 1) // design.trials_between_breaks if design.trials_between_breaks else 0
+    return (trials * (shown + ANSWER_TIME + design.pause_duration) + breaks * BREAK_TIME) / 60
+
+
+def _frame_log(place: TrialPlace, interval: int, shown: ShownInterval) -> FrameLog:
+    """Return what the display showed of an interval, as a record."""
+    return FrameLog(
+        trial_index=place.trial_index,
+        attempt=place.attempt,
+        interval=interval,
+        flip_times=shown.flip_times,
+        intended_luminance=shown.intended_luminance,
+        probe_frames=shown.probe_frames,
+        probe_luminance=shown.probe_luminance,
+        backlight_factors=shown.backlight_factors,
+    )

@@ -1,0 +1,127 @@
+"""The command `evenlight run`: one session with a participant, or its rehearsal."""
+
+from __future__ import annotations
+
+import enum
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from data_schema.errors import InputError
+
+if TYPE_CHECKING:
+    from experiments.run_session import SessionOutcome, SessionRequest
+
+TASKS = ("ramp",)
+ID = re.compile("[0-9A-Za-z]+")
+
+
+class Simulation(enum.Enum):
+    """How a session is rehearsed."""
+
+    DATA = "data"  # without a window
+    VISUAL = "visual"  # through the real window
+
+
+def run(
+    task: Annotated[str, typer.Argument(help="Experiment: ramp.")],
+    participant: Annotated[str, typer.Option(help="Participant: letters and digits, no name.")],
+    session: Annotated[str, typer.Option(help="Session: letters and digits, e.g. 01.")],
+    rig: Annotated[str, typer.Option(help="Rig: a toml file, or the preset simulated.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set; sessions are added to it.")],
+    design: Annotated[
+        str | None,
+        typer.Option(help="Design: a preset (paper, recommended, quick, ...) or a toml file; default paper."),
+    ] = None,
+    simulate: Annotated[
+        Simulation | None,
+        typer.Option(help="Rehearse with a simulated observer: data, without a window; visual, through it."),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of order, placement and noise; otherwise drawn and recorded.")
+    ] = None,
+    language: Annotated[str | None, typer.Option(help="Of the pages; otherwise the rig's.")] = None,
+    pages: Annotated[
+        Path | None, typer.Option(help="Folder with your own pages in place of those that come along.")
+    ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Rehearse at the pace of a session, not as fast as it goes.")
+    ] = False,
+    screenshots: Annotated[
+        Path | None, typer.Option(help="Folder for a picture of every kind of screen, as it was drawn.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
+) -> None:
+    """Run one session of an experiment with a participant, or rehearse it."""
+    if task not in TASKS:
+        raise InputError(f"task {task!r} cannot be run; there is {', '.join(map(repr, TASKS))}")
+    for option, value in (("--participant", participant), ("--session", session)):
+        if not ID.fullmatch(value):
+            raise InputError(f"{option} must be letters and digits only, such as 01, got {value!r}")
+    if seed is not None and seed < 0:
+        raise InputError(f"--seed must be 0 or more, got {seed}")
+    if simulate is not Simulation.VISUAL and real_time:
+        raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
+    if simulate is Simulation.DATA and screenshots is not None:
+        raise InputError("--screenshots needs a window, which --simulate data does not open")
+    from experiments.design_files import load_design
+    from experiments.pages import load_pages
+    from experiments.run_session import SessionRequest
+    from experiments.staging import Staging
+    from hardware.rig import load_rig
+    from method.preset_files import load_display
+
+    loaded, display_name = load_rig(rig)
+    try:
+        display = load_display(display_name)
+    except InputError as error:
+        raise InputError(
+            f"the display of the rig {loaded.name!r} is not to be had, and without it no ramp can "
+            f"be drawn: {error}"
+        ) from error
+    request = SessionRequest(
+        dataset=out,
+        participant_id=participant,
+        session_id=session,
+        rig=loaded,
+        display=display,
+        design=load_design(design) if design else None,
+        pages=load_pages(language or loaded.language, pages),
+        staging=Staging(simulate.value if simulate else None, real_time, screenshots),
+        seed=seed,
+        resume=resume,
+    )
+    outcome = _run_with_progress(request, quiet)
+    if not quiet:
+        _close(outcome)
+
+
+def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
+    """Run a session, with its progress on the experimenter's terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from experiments.run_session import run_ramp_session
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=quiet or not console.is_terminal
+    ) as bars:
+        words = f"participant {request.participant_id}, session {request.session_id}"
+        bar = bars.add_task(words, total=None)
+        return run_ramp_session(request, lambda done, total: bars.update(bar, completed=done, total=total))
+
+
+def _close(outcome: SessionOutcome) -> None:
+    """Say how a session ended."""
+    flagged = f", {outcome.flagged} flagged for dropped frames" if outcome.flagged else ""
+    words = f"{outcome.done} of {outcome.planned} trials{flagged} in {outcome.folder}"
+    if outcome.done < outcome.planned:
+        print(f"evenlight: stopped after {words}; go on with --resume", file=sys.stderr)
+    else:
+        typer.echo(f"complete: {words}")

@@ -1,0 +1,251 @@
+"""The files of one session: written line by line, so that whatever kills the program loses no trial.
+
+Every task has the same: `manifest.json` before the first trial; `trials.jsonl`, `frames.jsonl` and
+`events.jsonl`, whose lines are on the disk before the next trial begins; a lock, which the system lets go
+when the program ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from data_schema.append_log import AppendLog, mend_last_line, sync_folder
+from data_schema.dataset_layout import EVENTS, FRAMES, LOCK, MANIFEST, TRIALS, session_folder
+from data_schema.errors import InputError
+from data_schema.mapping import record_from_mapping
+from data_schema.record_kinds import TRIALS_OF_TASK
+from data_schema.session import EventKind, SessionEvent, SessionManifest, SessionStatus
+from data_schema.text_files import parse_json, read_json_record, read_text, write_json_record
+from experiments.dataset import export_behaviour
+
+Clock = Callable[[], float]
+Utc = Callable[[], str]
+
+
+class SessionStore:
+    """An open session: its manifest, what was recorded, and the only way to record more.
+
+    Attributes
+    ----------
+    folder : Path
+        `sub-XX/ses-YY` of the data set.
+    manifest : SessionManifest
+        As it is on the disk.
+    trials : list
+        The trials recorded so far, practice included, in order.
+    events : list of SessionEvent
+        What happened so far.
+    """
+
+    def __init__(self, dataset: Path, manifest: SessionManifest, lock: FileLock, utc: Utc) -> None:
+        self.dataset = dataset
+        self.folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
+        self.manifest = manifest
+        self.trials: list[Any] = []
+        self.events: list[SessionEvent] = []
+        self._lock = lock
+        self._utc = utc
+        self._clock: Clock = float  # of 0.0 s, until there is one
+        self._started = 0.0
+        self._logs = {name: AppendLog(self.folder / name) for name in (TRIALS, FRAMES, EVENTS)}
+
+    def __enter__(self) -> SessionStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files and let go of the session."""
+        for log in self._logs.values():
+            log.close()
+        self._lock.release()
+
+    def use_clock(self, clock: Clock) -> None:
+        """Count time with a clock [s] from now on, from where the session's last event was."""
+        self._clock = clock
+        self._started = clock() - self.last_time
+
+    def now(self) -> float:
+        """Return the time since the session began [s]."""
+        return max(self._clock() - self._started, 0.0)
+
+    def since_beginning(self, time: float) -> float:
+        """Return a time on the clock in use as the time since the session began [s]."""
+        return max(time - self._started, 0.0)
+
+    @property
+    def last_time(self) -> float:
+        """Time of the last event [s]."""
+        return max((event.time for event in self.events), default=0.0)
+
+    def write_trial(self, trial: Any, frames: Iterable[Any] = ()) -> None:
+        """Record an answered trial; when this returns it cannot be lost any more.
+
+        The frames go first: a trial whose line is there has its frames too.
+        """
+        for frame in frames:
+            self._logs[FRAMES].append(frame)
+        self._logs[TRIALS].append(trial)
+        self.trials.append(trial)
+
+    def note(
+        self, kind: EventKind, detail: str = "", trial_index: int | None = None, attempt: int | None = None
+    ) -> None:
+        """Record an event."""
+        event = SessionEvent(kind, self.now(), self._utc(), trial_index, attempt, detail)
+        self._logs[EVENTS].append(event)
+        self.events.append(event)
+
+    def describe(self, apparatus: dict[str, str]) -> None:
+        """Note in the manifest what the devices say of themselves."""
+        self.manifest = dataclasses.replace(self.manifest, apparatus=apparatus)
+        write_json_record(self.folder / MANIFEST, self.manifest)
+
+    def finish(self, status: SessionStatus) -> None:
+        """Note how far the session got, and export its trials as a table."""
+        self.manifest = dataclasses.replace(self.manifest, status=status)
+        write_json_record(self.folder / MANIFEST, self.manifest)
+        export_behaviour(self.dataset, self.manifest, self.trials)
+
+    def attempt_at(self, trial_index: int) -> int:
+        """Return which attempt at a trial comes next: one more than were begun."""
+        begun = (e for e in self.events if e.kind is EventKind.TRIAL_BEGUN and e.trial_index == trial_index)
+        return 1 + sum(1 for _ in begun)
+
+    def happened(self, kind: EventKind) -> bool:
+        """Return whether something happened in this session already."""
+        return any(event.kind is kind for event in self.events)
+
+
+def utc_now() -> str:
+    """Return the time of day, UTC (ISO 8601)."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def begin_session(dataset: Path, manifest: SessionManifest, utc: Utc = utc_now) -> SessionStore:
+    """Open a session that is not there yet, and write its manifest.
+
+    Parameters
+    ----------
+    dataset : Path
+        Where to.
+    manifest : SessionManifest
+        What it is.
+    utc : callable, optional
+        Returns the time of day as text; empty text for a session that is the same whenever it is run.
+
+    Raises
+    ------
+    InputError
+        If it is there already: data are never overwritten; or another program writes it right now.
+    """
+    folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
+    lock = _locked(folder)
+    try:
+        if (folder / MANIFEST).exists() or (folder / TRIALS).exists():
+            raise InputError(
+                f"{folder}: this session is there already and data are never overwritten; go on with it "
+                "with --resume, or give another --session"
+            )
+        write_json_record(folder / MANIFEST, manifest)
+        return SessionStore(dataset, manifest, lock, utc)
+    except BaseException:
+        lock.release()
+        raise
+
+
+def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc = utc_now) -> SessionStore:
+    """Open a session that was interrupted: mend what a crash tore, and mark the trial that it broke.
+
+    Raises
+    ------
+    InputError
+        If there is no such session, it is complete, a line cannot be used, or another program writes it.
+    """
+    folder = session_folder(dataset, participant_id, session_id)
+    if not (folder / MANIFEST).is_file():
+        raise InputError(f"{folder}: there is no session to resume; {_known_sessions(dataset)}")
+    lock = _locked(folder)
+    try:
+        manifest = read_json_record(SessionManifest, folder / MANIFEST)
+        if manifest.status is SessionStatus.COMPLETE:
+            raise InputError(f"{folder}: this session is complete; give another --session")
+        torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, EVENTS)}
+        trials = _read_lines(TRIALS_OF_TASK[manifest.task].record, folder / TRIALS)
+        events = _read_lines(SessionEvent, folder / EVENTS)
+        store = SessionStore(dataset, manifest, lock, utc)
+    except BaseException:
+        lock.release()
+        raise
+    store.trials, store.events = trials, events
+    store.manifest = dataclasses.replace(manifest, status=SessionStatus.RUNNING)
+    write_json_record(folder / MANIFEST, store.manifest)
+    store.use_clock(float)
+    _note_what_broke(store, torn)
+    return store
+
+
+def _note_what_broke(store: SessionStore, torn: dict[str, str | None]) -> None:
+    """Note that the session goes on, what was torn, and the trial that was shown and not answered."""
+    store.note(EventKind.RESUMED)
+    for name, text in torn.items():
+        if text:
+            store.note(EventKind.LINE_TORN, f"{name}: {text}")
+    broken = _broken_trial(store)
+    if broken is not None:
+        reason = "the program ended during this trial; it is shown again"
+        store.note(EventKind.TRIAL_INTERRUPTED, reason, broken.trial_index, broken.attempt)
+
+
+def _broken_trial(store: SessionStore) -> SessionEvent | None:
+    """Return the beginning of the trial that was being shown when the program ended; None if none was."""
+    of_trials = (EventKind.TRIAL_BEGUN, EventKind.TRIAL_INTERRUPTED)
+    last = next((event for event in reversed(store.events) if event.kind in of_trials), None)
+    if last is None or last.kind is EventKind.TRIAL_INTERRUPTED:
+        return None
+    return None if any(trial.trial_index == last.trial_index for trial in store.trials) else last
+
+
+def _locked(folder: Path) -> FileLock:
+    """Return the lock of a session, held."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for parent in (folder.parent, folder.parent.parent):
+            sync_folder(parent)
+        lock = FileLock(folder / LOCK)
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise InputError(f"{folder}: another program is writing this session; wait until it ends") from None
+    except OSError as error:
+        raise InputError(
+            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
+        ) from error
+    return lock
+
+
+def _read_lines(cls: type[Any], path: Path) -> list[Any]:
+    """Return the records of a log, one per line."""
+    if not path.exists():
+        return []
+    text = read_text(path, f"one {cls.__name__} per line")
+    lines = ((number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip())
+    return [_record(cls, line, f"{path}, line {number}") for number, line in lines]
+
+
+def _record(cls: type[Any], line: str, where: str) -> Any:
+    """Return the record of one line."""
+    return record_from_mapping(cls, parse_json(line, where, f"a {cls.__name__}"), where)
+
+
+def _known_sessions(dataset: Path) -> str:
+    """Return which sessions a data set has, in words."""
+    found = sorted(path.parent for path in dataset.glob(f"sub-*/ses-*/{MANIFEST}"))
+    if not found:
+        return f"{dataset} has none"
+    names = [f"{p.parent.name.removeprefix('sub-')}/{p.name.removeprefix('ses-')}" for p in found]
+    shown = ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
+    return f"{dataset} has (participant/session) {shown}"

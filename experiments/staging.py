@@ -1,0 +1,85 @@
+"""Opening a session's stage: with a person or a simulated observer, on a window or without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from data_schema.display import Display
+from data_schema.rig import Rig
+from experiments.blind_stage import BlindStage
+from experiments.participants import PressKey
+from experiments.session_store import utc_now
+from experiments.stage import Stage
+from experiments.window_stage import WindowStage
+from hardware.clocks import RefreshClock
+from hardware.rig import open_backlight, open_keyboard, open_window
+from hardware.simulated_keyboard import SimulatedKeyboard
+
+
+@dataclass(frozen=True, slots=True)
+class Staging:
+    """How a session is staged.
+
+    Attributes
+    ----------
+    simulation : str or None
+        None with a person; "data" without a window, "visual" through the window, with a simulated observer.
+    real_time : bool
+        Whether a rehearsal that is seen goes at the pace of a session.
+    screenshots : Path or None
+        Folder for a picture of every kind of screen.
+    """
+
+    simulation: str | None = None
+    real_time: bool = False
+    screenshots: Path | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulated observer answers."""
+        return self.simulation is not None
+
+    def utc(self) -> str:
+        """Return the time of day; empty in a rehearsal, which is the same whenever it is run."""
+        return "" if self.simulated else utc_now()
+
+
+@contextmanager
+def open_stage(
+    staging: Staging, rig: Rig, display: Display, page_luminance: float
+) -> Iterator[tuple[Stage, PressKey | None]]:
+    """Yield the stage of a session, and what presses the keys of a rehearsal; None where a person does.
+
+    Parameters
+    ----------
+    staging : Staging
+        With a person or a simulated observer, on a window or without one.
+    rig : Rig
+        The devices.
+    display : Display
+        The rig's calibrated display.
+    page_luminance : float
+        Of the ground of pages [cd/m^2].
+    """
+    if staging.simulation == "data":
+        frames = RefreshClock(rig.refresh_rate)
+        keyboard = SimulatedKeyboard(frames.now)
+        with BlindStage(rig, frames, keyboard) as blind:
+            yield blind, keyboard.queue
+        return
+    counted = staging.simulated and not staging.real_time
+    clock = RefreshClock(rig.refresh_rate) if counted else None
+    window = open_window(rig, clock, rehearsal=staging.simulated)
+    try:
+        simulated = SimulatedKeyboard(window.now) if staging.simulated else None
+        keys = simulated or open_keyboard()
+        backlight = open_backlight(rig, window)
+        stage = WindowStage(window, keys, rig, display, page_luminance, backlight, staging.screenshots)
+    except BaseException:
+        window.close()
+        raise
+    with stage:
+        yield stage, simulated.queue if simulated else None

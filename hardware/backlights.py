@@ -1,0 +1,200 @@
+"""Backlights: that of the computer's own panel on Linux, and a simulated one.
+
+Where pixels make the brightness there is none, and no device is opened.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from data_schema.errors import InputError
+from hardware.protocols import InstrumentError
+
+SYSFS = Path("/sys/class/backlight")
+ROUNDING = 1e-9  # of a factor that was computed
+
+
+class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
+    """The backlight of a panel, as Linux has it under /sys/class/backlight.
+
+    Parameters
+    ----------
+    name : str
+        Its folder there, e.g. "intel_backlight".
+    root : Path, optional
+        Where the folders are.
+    min_interval : float, optional
+        Shortest time between two settings [s]; drivers take a few ms.
+
+    Raises
+    ------
+    InputError
+        If there is no such backlight, it may not be set, or its steps are not linear in light.
+    """
+
+    def __init__(self, name: str, root: Path = SYSFS, min_interval: float = 0.01) -> None:
+        self._folder, self._min_interval = root / name, min_interval
+        if not (self._folder / "max_brightness").is_file():
+            names = sorted(path.name for path in root.glob("*")) if root.is_dir() else []
+            raise InputError(
+                f"{self._folder}: no such backlight; there is {', '.join(names) or 'none'} on this computer"
+            )
+        scale = self._folder / "scale"
+        if scale.is_file() and scale.read_text().strip() == "non-linear":
+            raise InputError(
+                f"{self._folder}: its steps are not linear in light, so they are no brightness factors; let "
+                "pixels make the brightness"
+            )
+        self._highest = self._read("max_brightness")
+        self._found = self._read("brightness")
+        self._write(self._found)  # tells at once whether it may be set
+
+    def set_factor(self, factor: float) -> float:
+        """Set the brightness factor b, and return the one achieved: the nearest step of the device.
+
+        Raises
+        ------
+        InstrumentError
+            If the device has no such factor, or refuses.
+        """
+        require_factor(factor, self.smallest_factor(), str(self._folder))
+        step = max(1, round(factor * self._highest))
+        try:
+            self._write(step)
+        except InputError as error:
+            raise InstrumentError(str(error)) from None
+        return step / self._highest
+
+    def read_factor(self) -> float:
+        """Return the brightness factor that the device reports."""
+        actual = (self._folder / "actual_brightness").is_file()
+        return self._read("actual_brightness" if actual else "brightness") / self._highest
+
+    def smallest_factor(self) -> float:
+        """Return the lowest brightness factor above 0."""
+        return 1 / self._highest
+
+    def step(self) -> float:
+        """Return the distance between two neighbouring factors."""
+        return 1 / self._highest
+
+    def min_interval(self) -> float:
+        """Return the shortest time between two settings [s]."""
+        return self._min_interval
+
+    def close(self) -> None:
+        """Leave the device as it was found."""
+        self._write(self._found)
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _read(self, name: str) -> int:
+        """Return the number that a file of the device holds."""
+        path = self._folder / name
+        try:
+            return int(path.read_text())
+        except (OSError, ValueError) as error:
+            raise InstrumentError(f"{path}: expected a whole number, got {error}") from None
+
+    def _write(self, step: int) -> None:
+        """Set the device to a step."""
+        path = self._folder / "brightness"
+        try:
+            # Not Path.write_text: the file is never to be made, only written to.
+            descriptor = os.open(path, os.O_WRONLY)
+            try:
+                os.write(descriptor, f"{step}\n".encode())
+            finally:
+                os.close(descriptor)
+        except PermissionError:
+            raise InputError(
+                f"{path}: may not be written; as root, add the udev rule "
+                'SUBSYSTEM=="backlight", ACTION=="add", '
+                'RUN+="/bin/chgrp video /sys/class/backlight/%k/brightness", '
+                'RUN+="/bin/chmod g+w /sys/class/backlight/%k/brightness", join the group video, and restart'
+            ) from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be set to {step} ({error.strerror})") from None
+
+
+class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
+    """A backlight with steps that follows what is set with a first-order lag.
+
+    Parameters
+    ----------
+    clock : callable
+        The window's clock [s].
+    steps : int, optional
+        How many there are above 0.
+    time_constant : float, optional
+        In which 63 % of a change is made [s].
+    min_interval : float, optional
+        Shortest time between two settings [s].
+
+    >>> time = [0.0]
+    >>> backlight = SimulatedBacklight(lambda: time[0], steps=100, time_constant=0.01)
+    >>> backlight.set_factor(0.503)
+    0.5
+    >>> time[0] = 0.01
+    >>> round(backlight.read_factor(), 3)  # 0.5 + 0.5 / e
+    0.684
+    """
+
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        steps: int = 4095,
+        time_constant: float = 0.005,
+        min_interval: float = 0.01,
+    ) -> None:
+        self._clock, self._steps = clock, steps
+        self._time_constant, self._min_interval = time_constant, min_interval
+        self._start, self._target, self._set_at = 1.0, 1.0, clock()
+
+    def set_factor(self, factor: float) -> float:
+        """Set the brightness factor b, and return the one achieved: the nearest step of the device.
+
+        Raises
+        ------
+        InstrumentError
+            If the device has no such factor.
+        """
+        require_factor(factor, self.smallest_factor(), "the simulated backlight")
+        self._start, self._set_at = self.read_factor(), self._clock()
+        self._target = max(1, round(factor * self._steps)) / self._steps
+        return self._target
+
+    def read_factor(self) -> float:
+        """Return the brightness factor that the device reports."""
+        left = math.exp(-(self._clock() - self._set_at) / self._time_constant)
+        return self._target + (self._start - self._target) * left
+
+    def smallest_factor(self) -> float:
+        """Return the lowest brightness factor above 0."""
+        return 1 / self._steps
+
+    def step(self) -> float:
+        """Return the distance between two neighbouring factors."""
+        return 1 / self._steps
+
+    def min_interval(self) -> float:
+        """Return the shortest time between two settings [s]."""
+        return self._min_interval
+
+    def close(self) -> None:
+        """Leave the device as it was found."""
+        self.set_factor(1.0)
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def require_factor(factor: float, smallest: float, device: str) -> None:
+    """Refuse a brightness factor that a backlight has not; nothing is clipped."""
+    if not smallest - ROUNDING <= factor <= 1 + ROUNDING:
+        raise InstrumentError(f"{device}: has factors from {smallest:.4g} to 1, got {factor:.6g}")

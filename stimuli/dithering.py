@@ -1,0 +1,177 @@
+"""Dithering: which codes a display draws, so that a frame's mean luminance is the one meant.
+
+Decision (docs/decisions/dithering.md): a luminance between two neighbouring codes is drawn as a mix of both,
+with a share of the upper one that is linear in light, so that the mean is unbiased in cd/m^2. Everything from
+the share on is whole numbers, so that the shader of `stimuli.field_renderer` draws these very codes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from data_schema.display import Display
+from data_schema.rig import Dither
+from method.luminance import displayed_luminance
+
+LEVELS = 1 << 24  # of a threshold: shares of the upper code are resolved to 6e-8
+BAYER_2 = np.array([[0, 2], [3, 1]])  # Bayer (1973)
+MULTIPLIER, INCREMENT = np.uint32(1664525), np.uint32(1013904223)  # Jarzynski & Olano (2020), pcg4d
+ROUNDING = 1e-9  # relative, of a luminance that was computed
+
+
+def dithered_codes(
+    luminance: ArrayLike, thresholds: NDArray[np.uint32], display: Display, bits: int
+) -> NDArray[np.int64]:
+    """Return the codes that are drawn for a luminance: the upper neighbour where the threshold is below.
+
+    Parameters
+    ----------
+    luminance : array_like, broadcast with `thresholds`
+        L, reflected light included [cd/m^2].
+    thresholds : array of uint32, (height, width)
+        Of each pixel, below `LEVELS`, as `thresholds_of` makes them.
+    display : Display
+        The display.
+    bits : int
+        Bits of a code.
+
+    >>> lab = Display("lab", 255.0, 0.0, 1.0, pixels_per_degree=60.0)
+    >>> thresholds = np.array([[0, LEVELS // 8], [LEVELS // 4, LEVELS // 2]], np.uint32)
+    >>> dithered_codes(100.25, thresholds, lab, bits=8).tolist()
+    [[101, 101], [100, 100]]
+    """
+    lower, share = neighbouring_codes(luminance, display, bits)
+    return np.asarray(lower + (thresholds < share))
+
+
+def neighbouring_codes(
+    luminance: ArrayLike, display: Display, bits: int
+) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Return the code below a luminance, and the share of the code above it in a mix of that luminance.
+
+    Parameters
+    ----------
+    luminance : array_like, any shape
+        L, reflected light included [cd/m^2].
+    display : Display
+        The display.
+    bits : int
+        Bits of a code.
+
+    Returns
+    -------
+    lower, share : array, same shape
+        The lower code; the upper one's share, linear in light, in units of 1 / `LEVELS`.
+
+    Raises
+    ------
+    ValueError
+        If the display does not reach the luminance.
+
+    >>> lab = Display("lab", 255.0, 0.0, 1.0, pixels_per_degree=60.0)
+    >>> lower, share = neighbouring_codes([0.0, 100.25, 255.0], lab, bits=8)
+    >>> lower.tolist(), (share / LEVELS).tolist()
+    ([0, 100, 254], [0.0, 0.25, 1.0])
+    """
+    steps = luminance_of_codes(np.arange(1 << bits), display, bits)
+    wanted = np.asarray(luminance, dtype=np.float64)
+    slack = ROUNDING * steps[-1]
+    outside = wanted[~((wanted >= steps[0] - slack) & (wanted <= steps[-1] + slack))]
+    if outside.size:
+        raise ValueError(
+            f"luminance must be between {steps[0]:g} and {steps[-1]:g} cd/m^2 on {display.name!r}, "
+            f"got {outside[0]:g}"
+        )
+    lower = np.clip(np.searchsorted(steps, wanted, side="right") - 1, 0, len(steps) - 2)
+    share = (wanted - steps[lower]) / (steps[lower + 1] - steps[lower])
+    return lower, np.rint(np.clip(share, 0.0, 1.0) * LEVELS).astype(np.uint32)
+
+
+def luminance_of_codes(codes: ArrayLike, display: Display, bits: int) -> NDArray[np.float64]:
+    """Return the luminance L that codes of a display show [cd/m^2].
+
+    >>> luminance_of_codes([0, 1023], Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0), 10).tolist()
+    [0.1, 100.0]
+    """
+    return displayed_luminance(np.asarray(codes) / ((1 << bits) - 1), display)
+
+
+def thresholds_of(
+    dither: Dither, shape: tuple[int, int], frame: int = 0, seed: int = 0
+) -> NDArray[np.uint32]:
+    """Return the threshold of each pixel, below `LEVELS`.
+
+    Parameters
+    ----------
+    dither : Dither
+        The method: noise that is fresh in each pixel and frame (Allard & Faubert 2008), the same 8 x 8 matrix
+        in every frame (Bayer 1973), or one half everywhere, which rounds to the nearest luminance.
+    shape : (int, int)
+        Height and width [pixels].
+    frame, seed : int
+        Number of the frame, and the noise's seed; both in [0, 2^32).
+
+    Returns
+    -------
+    array of uint32, (height, width)
+        Row 0 on top.
+
+    >>> (thresholds_of(Dither.ORDERED, (2, 2)) * 128 // LEVELS).tolist()
+    [[1, 65], [97, 33]]
+    """
+    rows, columns = np.indices(shape, dtype=np.uint32)
+    if dither is Dither.NOISY_BIT:
+        return hashed(columns, rows, frame, seed) >> np.uint32(8)
+    if dither is Dither.ORDERED:
+        matrix = (2 * bayer_matrix() + 1) * (LEVELS // 128)
+        return np.asarray(matrix[rows % 8, columns % 8], dtype=np.uint32)
+    return np.full(shape, LEVELS // 2, dtype=np.uint32)
+
+
+def bayer_matrix() -> NDArray[np.int64]:
+    """Return the 8 x 8 threshold matrix of Bayer (1973): 0 to 63, each once, neighbours far apart.
+
+    >>> bayer_matrix()[:2, :4].tolist()
+    [[0, 32, 8, 40], [48, 16, 56, 24]]
+    """
+    matrix = BAYER_2
+    for _ in range(2):
+        # Four copies side by side, whose equal thresholds differ in the two new last bits.
+        matrix = 4 * np.tile(matrix, (2, 2)) + np.kron(BAYER_2, np.ones_like(matrix))
+    return matrix
+
+
+def hashed(columns: ArrayLike, rows: ArrayLike, frame: int, seed: int) -> NDArray[np.uint32]:
+    """Return the noise of pixels: pcg4d of Jarzynski & Olano (2020, JCGT 9(3)), its last word.
+
+    The same column, row, frame and seed give the same noise on every machine, so what a participant saw can
+    be drawn again from the log.
+
+    Parameters
+    ----------
+    columns, rows : array_like of int, any shape
+        From the left, from the top.
+    frame, seed : int
+        In [0, 2^32).
+    """
+    for name, number in (("frame", frame), ("seed", seed)):
+        if not 0 <= number < 1 << 32:
+            raise ValueError(f"{name} must be in [0, 2^32), got {number}")
+    words = (np.asarray(columns), np.asarray(rows), np.asarray(frame), np.asarray(seed))
+    with np.errstate(over="ignore"):  # arithmetic modulo 2^32 is what is meant
+        x, y, z, w = (word.astype(np.uint32) * MULTIPLIER + INCREMENT for word in words)
+        x, y, z, w = _mixed(x, y, z, w)
+        x, y, z, w = (word ^ (word >> np.uint32(16)) for word in (x, y, z, w))
+        return np.asarray(_mixed(x, y, z, w)[3])
+
+
+def _mixed(
+    x: NDArray[np.uint32], y: NDArray[np.uint32], z: NDArray[np.uint32], w: NDArray[np.uint32]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
+    """Return four words, each stirred by two others."""
+    x = x + y * w
+    y = y + z * x
+    z = z + x * y
+    w = w + y * z
+    return x, y, z, w

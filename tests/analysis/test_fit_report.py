@@ -1,0 +1,131 @@
+"""Claims about the report of a calibration: it holds what an experimenter has to judge the limit by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from analysis.calibration import Calibration, calibrate
+from analysis.calibration_figures import write_figures
+from analysis.calibration_sections import calibration_section, rate_limit_section
+from analysis.figure_style import PAGE, new_figure, png_bytes
+from analysis.fit_report import FitResults, write_fit_report
+from analysis.limit_choices import limit_choices
+from analysis.limit_choices_section import choices_section
+from analysis.loading import load_ramp_data
+from analysis.rate_limit_curve import RateLimitOptions
+from analysis.report import SIMULATED_NOTE
+from analysis.threshold_sections import population_section, thresholds_section
+from data_schema.provenance import Provenance
+from data_schema.ramp import Direction, Procedure, RampDesign
+from data_schema.rate_limit import RateLimitForm
+from experiments.simulate_ramp import RampSimulation, simulate_dataset
+from experiments.simulated_observers import ObserverPopulation
+from method.preset_files import load_display, load_rate_limit
+
+PNG = png_bytes(new_figure(PAGE, height=0.1))
+LINE = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1)
+
+
+def made(folder: Path, design: RampDesign, participants: int = 3) -> Calibration:
+    display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
+    simulate_dataset(
+        RampSimulation(participants, 5, display, design, limit, ObserverPopulation()), folder / "dataset"
+    )
+    return calibrate(load_ramp_data(folder / "dataset"), LINE)
+
+
+@pytest.fixture(scope="module")
+def yes_no(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
+    return made(tmp_path_factory.mktemp("yes_no"), RampDesign(factors=(0.4, 1.0), repetitions=3))
+
+
+@pytest.fixture(scope="module")
+def both_ways(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
+    design = RampDesign(
+        procedure=Procedure.TWO_INTERVAL,
+        screens=("white",),
+        factors=(0.3, 0.6),
+        directions=(Direction.DOWN, Direction.UP),
+        repetitions=3,
+    )
+    return made(tmp_path_factory.mktemp("both_ways"), design)
+
+
+@pytest.fixture(scope="module")
+def page(yes_no: Calibration, tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("page")
+    write_figures(yes_no, folder)
+    results = FitResults(yes_no, limit_choices(yes_no, LINE), None, Provenance(inputs={"dataset": "ab" * 32}))
+    write_fit_report(folder, results)
+    return (folder / "report.html").read_text()
+
+
+def test_the_page_says_that_it_is_simulated_and_where_it_comes_from(page: str) -> None:
+    assert SIMULATED_NOTE in page
+    assert "ab" * 32 in page
+    assert page.count("data:image/png;base64,") == 3  # answers, rate limit, choices: all inside
+
+
+def test_every_threshold_has_a_row_with_its_interval_and_goodness_of_fit(yes_no: Calibration) -> None:
+    (table,) = thresholds_section(yes_no).tables
+    assert len(table.rows) == len(yes_no.thresholds) == 12
+    first = dict(zip(table.columns, table.rows[0], strict=True))
+    threshold = yes_no.thresholds[0].threshold
+    assert first["threshold [cd/m²/s]"] == threshold.threshold
+    assert first["95 % interval"] == f"{threshold.ci_low:.3g} to {threshold.ci_high:.3g}"
+    assert first["p"] == f"{threshold.deviance_p:.2f}"
+
+
+def test_false_alarms_criterion_and_d_prime_of_each_participant_are_shown(yes_no: Calibration) -> None:
+    people = calibration_section(yes_no, PNG).tables[1]
+    for row in people.rows:
+        shown = dict(zip(people.columns, row, strict=True))
+        own = yes_no.criteria[str(shown["participant"])]
+        assert shown["false alarms"] == f"{100 * own.false_alarm_rate:.0f} %"
+        assert shown["criterion"] == f"{own.criterion:.2f}"
+        assert shown["d′ at threshold"] == f"{own.d_prime_at_threshold:.2f}"
+
+
+def test_the_three_estimates_of_each_level_stand_side_by_side(yes_no: Calibration) -> None:
+    section = population_section(yes_no.levels, simulated=True)
+    (table,) = section.tables
+    assert len(table.rows) == 4
+    luminance = [row[2] for row in table.rows]
+    assert luminance == sorted(luminance)  # type: ignore[type-var] # numbers all
+    lowest = min(yes_no.levels, key=lambda level: level.level.luminance)
+    assert lowest.random is not None
+    assert table.rows[0][3] == lowest.random.threshold
+    assert table.rows[0][6] == lowest.pooled
+    assert any("pooled fit lies" in paragraph for paragraph in section.paragraphs)
+
+
+def test_two_intervals_are_told_of_as_such(both_ways: Calibration) -> None:
+    section = calibration_section(both_ways, PNG)
+    assert "in which of two intervals" in section.paragraphs[0]
+    assert "catch" not in section.paragraphs[0]
+    assert "right answers" in section.pictures[0].caption
+    assert "bias" in section.tables[1].columns
+    assert "false alarms" not in section.tables[1].columns
+
+
+def test_other_ramps_are_compared_with_those_that_the_limit_is_for(both_ways: Calibration) -> None:
+    section = rate_limit_section(both_ways, PNG)
+    (effect,) = both_ways.rate_limit.effects
+    assert " ".join(section.paragraphs).count("Rising ramps of 5 s are noticed at") == 1
+    assert not any("noticed at" in note for note in section.notes)  # told once
+    (row,) = section.tables[1].rows
+    assert row[:2] == (effect.condition.words, f"{effect.ratio:.2f}")
+    levels = calibration_section(both_ways, PNG).tables[0]
+    assert {row[0] for row in levels.rows} == {"falling ramps of 5 s", "rising ramps of 5 s"}
+
+
+def test_one_kind_of_ramp_has_no_table_of_effects(yes_no: Calibration) -> None:
+    assert len(rate_limit_section(yes_no, PNG).tables) == 1
+
+
+def test_curves_that_could_not_be_fitted_are_named(yes_no: Calibration) -> None:
+    section = choices_section(limit_choices(yes_no, LINE), None, PNG)
+    assert any(note.startswith("Not fitted, ln_rate_4: ") for note in section.notes)
+    assert section.tables[0].rows[0][0] == "fitted: power law (line in log-log)"

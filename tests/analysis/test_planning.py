@@ -1,0 +1,275 @@
+"""Claims about planning: what a plan promises is what experiments of that size give."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import math
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import special
+
+from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from analysis.plan_command import plan_command, whole_numbers, write_plan
+from analysis.planning import NOT_COMPARABLE, Plan, PlanRequest, PlanRow, in_words, plan_ramps
+from analysis.planning_draws import participants_needed
+from analysis.planning_figure import planning_figure
+from analysis.planning_pool import first_trials, with_trials_per_level
+from analysis.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
+from method.luminance import displayed_luminance
+from method.preset_files import load_display
+from method.psychometric import PsychometricFunction, yes_probability
+
+PARTICIPANT_SD, LEVEL_SD = 0.25, 0.1  # of ln(threshold)
+RELATIVE_THRESHOLD = 0.03  # [1/s]
+# One screen of five factors: enough for the fourth degree, and few fits.
+DESIGN = RampDesign(screens=("white",), relative_rates=(0.012, 0.02, 0.03, 0.045, 0.07))
+
+
+def simulated(
+    design: RampDesign, display: Display, participants: int, seed: int
+) -> tuple[list[RampTrial], dict[tuple[str, float], float]]:
+    """Logistic observers with thresholds about 3 %/s, shown constant stimuli in passes of all rates."""
+    trials, truth = [], {}
+    peak = float(displayed_luminance(1.0, display)) - display.reflected_luminance
+    for k in range(participants):
+        rng, who, index = np.random.default_rng([seed, k]), f"{k + 1:02d}", 0
+        sensitivity = float(np.exp(PARTICIPANT_SD * rng.standard_normal()))
+        for factor in design.factors:
+            luminance = factor * peak
+            own = sensitivity * float(np.exp(LEVEL_SD * rng.standard_normal()))
+            truth[who, luminance] = RELATIVE_THRESHOLD * luminance * own
+            function = PsychometricFunction(truth[who, luminance], 1.6, 0.05, 0.02)
+            rates = [r for _ in range(design.repetitions) for r in rng.permutation(design.relative_rates)]
+            for relative in (*rates, *([0.0] * round(len(rates) * 0.25))):
+                seen = rng.random() < float(yes_probability(relative * luminance, function))
+                trials.append(
+                    RampTrial(
+                        participant_id=who,
+                        session_id="01",
+                        trial_index=index,
+                        screen="white",
+                        factor=factor,
+                        initial_luminance=luminance,
+                        final_luminance=luminance * (1 - 5 * relative),
+                        rate=relative * luminance,
+                        duration=5.0,
+                        is_catch=relative == 0,
+                        response=Response.YES if seen else Response.NO,
+                        response_time=None,
+                        simulated=True,
+                    )
+                )
+                index += 1
+    return trials, truth
+
+
+def request(**changes: object) -> PlanRequest:
+    small = {"participants": (4, 16), "trials": (15, 60), "pool": 24, "draws": 40}
+    return PlanRequest({"made": DESIGN}, load_display("varjo-xr3"), **(small | changes))  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_ramps(request(), simulated)
+
+
+def row_of(plan: Plan, trials: int, participants: int) -> PlanRow:
+    return next(
+        row for row in plan.rows if (row.trials_per_level, row.participants) == (trials, participants)
+    )
+
+
+def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: Plan) -> None:
+    # Four times the participants: half the error. An RMS over 40 draws is known to 1/sqrt(80) = 11 %, so
+    # their ratio to 16 %; three standard errors about 2 are 1.2 to 3.2.
+    for trials in (15, 60):
+        ratio = np.log1p(row_of(plan, trials, 4).error) / np.log1p(row_of(plan, trials, 16).error)
+        assert 1.2 < ratio < 3.2
+
+
+def test_the_band_of_few_participants_is_wider_than_the_root_says(plan: Plan) -> None:
+    """Student's t: 3.18 with four participants, 2.13 with sixteen."""
+    ratio = np.log1p(row_of(plan, 60, 4).half_width) / np.log1p(row_of(plan, 60, 16).half_width)
+    assert ratio == pytest.approx(2 * 3.182 / 2.131, rel=0.25)
+
+
+def test_the_error_is_what_participants_and_levels_scatter_by(plan: Plan) -> None:
+    """With many trials only people are left: σ² = 0.25² + (their own levels, of which five coefficients of
+    a quartic through five levels keep all) 0.1² + the trials' 0.1² or so, by 16 participants."""
+    row = row_of(plan, 60, 16)
+    expected = math.sqrt((PARTICIPANT_SD**2 + LEVEL_SD**2 + row.threshold_error_ln**2) / 16)
+    assert np.log1p(row.error) == pytest.approx(expected, rel=0.35)  # the pool's SD is known to 15 %
+
+
+def test_a_threshold_is_known_better_by_the_root_of_the_number_of_trials(plan: Plan) -> None:
+    # Four times the trials: half the error, a little less since the prior helps where trials are few.
+    ratio = row_of(plan, 15, 4).threshold_error_ln / row_of(plan, 60, 4).threshold_error_ln
+    assert 1.3 < ratio < 2.3
+
+
+def test_the_bands_hold_the_truth_as_often_as_they_say(plan: Plan) -> None:
+    # 80 draws per row, whose levels go together: 95 % is known to 2.4 %, and the pool's own scatter adds.
+    assert all(row.coverage >= 0.85 for row in plan.rows)
+
+
+def test_participants_needed_are_enough_and_one_less_is_not() -> None:
+    for spread, precision in ((0.3, 0.1), (0.5, 0.05), (0.2, 0.4)):
+        n = participants_needed(spread, precision)
+        assert n is not None
+        half = [special.stdtrit(k - 1, 0.975) * spread / k**0.5 for k in (n - 1, n)]
+        assert half[1] <= math.log1p(precision) < half[0]
+    assert participants_needed(10.0, 0.01) is None
+
+
+def test_the_same_seed_gives_the_same_plan_in_any_order_of_the_work() -> None:
+    small = request(participants=(3,), trials=(15,), pool=6, draws=4)
+    assert plan_ramps(small, simulated).rows == plan_ramps(small, simulated).rows
+
+
+def test_a_shorter_session_is_the_beginning_of_a_longer_one() -> None:
+    design = with_trials_per_level(DESIGN, 60)
+    trials = simulated(design, load_display("varjo-xr3"), 1, seed=2)[0]
+    short, long = first_trials(trials, 10), first_trials(trials, 30)
+    counts = Counter(trial.factor for trial in short if not trial.is_catch)
+    assert set(counts.values()) == {10}
+    assert len(counts) == 5
+    assert {trial.trial_index for trial in short} <= {trial.trial_index for trial in long}
+    assert sum(trial.is_catch for trial in short) == round(10 / 60 * sum(t.is_catch for t in trials))
+    assert first_trials(trials, 60) == trials
+
+
+def test_a_session_lasts_as_long_as_its_parts_together() -> None:
+    design = dataclasses.replace(DESIGN, trials_between_breaks=40, practice_trials=5)
+    trials = first_trials(
+        simulated(with_trials_per_level(DESIGN, 15), load_display("varjo-xr3"), 1, 1)[0], 15
+    )
+    # 75 ramps and 20 catch trials (a quarter of 15 ramps is 4 a level) of 1 + 5 + 1 + 1.5 + 0.5 = 9 s, five
+    # of practice, two breaks between 95 trials in parts of 40, and the instructions.
+    assert len(trials) == 95
+    seconds = 100 * 9.0 + 2 * BREAK_TIME + INSTRUCTION_TIME
+    assert session_minutes(trials, design) == pytest.approx(seconds / 60)
+
+
+def test_adaptive_designs_are_lengthened_by_their_trials_per_level() -> None:
+    design = RampDesign(placement=Placement.TARGETED, relative_rates=(0.01, 0.1))
+    assert with_trials_per_level(design, 70).trials_per_level == 70
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"precision": 0.0}, "--precision must lie above 0 and not above 2, got 0"),
+        ({"precision": -0.1}, "--precision must lie above 0"),
+        ({"participants": (1, 5)}, "--participants must be numbers from 2 to 1000, got 1,5"),
+        ({"participants": ()}, "--participants must be numbers from 2 to 1000, got none"),
+        ({"trials": (2,)}, "--trials must be numbers from 4 to 2000, got 2"),
+        ({"seed": -1}, "--seed must be 0 or more"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused_by_its_option(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        request(**changes)
+
+
+@pytest.mark.parametrize(
+    ("design", "words"),
+    [
+        (
+            dataclasses.replace(DESIGN, factors=(0.5, 1.0)),
+            "degree 4 needs 5 or more levels, the design has 2",
+        ),
+        (
+            dataclasses.replace(DESIGN, directions=(Direction.DOWN, Direction.UP)),
+            "one direction and one duration",
+        ),
+        (dataclasses.replace(DESIGN, ramp_durations=(5.0, 10.0)), "one direction and one duration"),
+    ],
+)
+def test_designs_without_a_curve_to_plan_for_are_refused_before_anybody_is_simulated(
+    design: RampDesign, words: str
+) -> None:
+    def nobody(*_: object) -> tuple[list[RampTrial], dict[tuple[str, float], float]]:
+        raise AssertionError("somebody was simulated")
+
+    with pytest.raises(InputError, match=words):
+        plan_ramps(dataclasses.replace(request(), designs={"bad": design}), nobody)
+
+
+@pytest.mark.parametrize("text", ["", "five", "5;10", "5,,10", "5.5"])
+def test_numbers_that_are_none_are_refused_in_one_line(text: str) -> None:
+    with pytest.raises(InputError, match="--trials takes whole numbers"):
+        whole_numbers(text, "--trials")
+
+
+def test_an_unknown_design_is_refused_by_its_name(command, tmp_path: Path) -> None:
+    result = command("plan", "ramp", "--design", "papper", "--out", tmp_path / "out")
+    assert result.code == 2
+    assert result.err.count("\n") == 1
+    assert "papper" in result.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_task_than_the_ramp_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="task 'search' cannot be planned"):
+        plan_command(simulated, lambda name: DESIGN)("search", out=tmp_path / "out")
+
+
+def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tmp_path: Path) -> None:
+    write_plan(tmp_path, plan)
+    with (tmp_path / "plan.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(plan.rows) == 4
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["simulated"] is True
+    assert content["rows"][0]["half_width"] == float(rows[0]["half_width"])
+    assert content["provenance"]["seed"] == 1
+    assert (tmp_path / "plan.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: Plan) -> None:
+    loose = Plan(
+        dataclasses.replace(plan.request, precision=2.0),
+        tuple(dataclasses.replace(row, meets=True) for row in plan.rows),
+    )
+    cheapest = min(plan.rows, key=lambda row: row.total_hours)
+    (words,) = in_words(loose)
+    assert words.startswith(f"{cheapest.participants} participants x {cheapest.trials_per_level} trials")
+    none = Plan(plan.request, tuple(dataclasses.replace(row, meets=False) for row in plan.rows))
+    assert "no number tried gives ΔL(L) to 10 %" in in_words(none)[0]
+
+
+def test_two_tasks_are_not_set_off_against_each_other(plan: Plan) -> None:
+    two = tuple(dataclasses.replace(row, procedure=Procedure.TWO_INTERVAL.value) for row in plan.rows)
+    words = in_words(Plan(plan.request, plan.rows + two))
+    assert len(words) == 3
+    assert words[-1] == NOT_COMPARABLE
+
+
+@pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
+def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: Plan, medium: Medium) -> None:
+    figure = planning_figure(plan, dataclasses.replace(medium, dots_per_inch=40.0))
+    panels = figure.axes[: len(plan.request.participants)]
+    drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}  # type: ignore[union-attr]
+    assert drawn == {round(100 * row.half_width, 9) for row in plan.rows}
+    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)  # type: ignore[index]
+    assert png_bytes(figure)[:4] == b"\x89PNG"
+
+
+def test_the_command_plans_a_preset_with_processes_of_its_own(command, tmp_path: Path) -> None:
+    result = command(
+        "plan", "ramp", "--quick", "--design", "yes_no_targeted", "--trials", "6", "--participants", "2,4",
+        "--precision", "0.5", "--out", tmp_path,
+    )  # fmt: skip
+    assert result.code == 0, result.err
+    assert result.err == ""
+    assert "yes_no_targeted" in result.out
+    assert "simulated participants" in result.out
+    assert len((tmp_path / "plan.csv").read_text().splitlines()) == 3

@@ -1,0 +1,112 @@
+"""Backlights: steps, limits and lag; the file of Linux is set, read and left as it was found."""
+
+import math
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from data_schema.errors import InputError
+from hardware.backlights import SimulatedBacklight, SysfsBacklight
+from hardware.protocols import InstrumentError
+
+
+@pytest.fixture
+def panel(tmp_path: Path) -> Path:
+    """A panel of 255 steps, as Linux shows it, at step 180."""
+    folder = tmp_path / "intel_backlight"
+    folder.mkdir()
+    for name, step in (("max_brightness", 255), ("brightness", 180), ("actual_brightness", 180)):
+        (folder / name).write_text(f"{step}\n")
+    return folder
+
+
+def test_the_nearest_step_is_set_and_told(panel: Path) -> None:
+    with SysfsBacklight("intel_backlight", panel.parent) as backlight:
+        assert backlight.set_factor(0.5) == 128 / 255  # 127.5 goes to the even step
+        assert (panel / "brightness").read_text() == "128\n"
+        assert backlight.set_factor(1 / 255) == backlight.smallest_factor() == backlight.step() == 1 / 255
+
+
+def test_what_the_panel_reports_is_read_and_not_what_was_asked(panel: Path) -> None:
+    with SysfsBacklight("intel_backlight", panel.parent) as backlight:
+        backlight.set_factor(0.5)
+        assert backlight.read_factor() == 180 / 255
+        (panel / "actual_brightness").unlink()
+        assert backlight.read_factor() == 128 / 255
+
+
+def test_the_panel_is_left_as_it_was_found_even_after_an_error(panel: Path) -> None:
+    backlight = SysfsBacklight("intel_backlight", panel.parent)
+    backlight.set_factor(0.2)
+    with pytest.raises(InstrumentError), backlight:
+        backlight.set_factor(1.2)
+    assert (panel / "brightness").read_text() == "180\n"
+
+
+def test_a_backlight_that_is_not_there_is_refused_with_those_that_are(panel: Path) -> None:
+    with pytest.raises(InputError, match="acpi_video0: no such backlight; there is intel_backlight on this"):
+        SysfsBacklight("acpi_video0", panel.parent)
+    with pytest.raises(InputError, match="there is none on this computer"):
+        SysfsBacklight("acpi_video0", panel.parent / "nowhere")
+
+
+def test_one_that_may_not_be_written_names_the_udev_rule(panel: Path, monkeypatch) -> None:
+    def refuse(path: Path, flags: int) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)  # chmod would not stop root
+    with pytest.raises(
+        InputError, match=r'brightness: may not be written.*SUBSYSTEM=="backlight"'
+    ) as refused:
+        SysfsBacklight("intel_backlight", panel.parent)
+    assert "\n" not in str(refused.value)
+
+
+def test_steps_that_are_not_linear_in_light_are_no_factors(panel: Path) -> None:
+    (panel / "scale").write_text("non-linear\n")
+    with pytest.raises(InputError, match="not linear in light"):
+        SysfsBacklight("intel_backlight", panel.parent)
+    (panel / "scale").write_text("linear\n")
+    SysfsBacklight("intel_backlight", panel.parent).close()
+
+
+def test_a_panel_that_fails_meanwhile_is_an_instrument_error(panel: Path) -> None:
+    backlight = SysfsBacklight("intel_backlight", panel.parent)
+    (panel / "actual_brightness").write_text("broken")
+    with pytest.raises(InstrumentError, match="expected a whole number"):
+        backlight.read_factor()
+    (panel / "brightness").unlink()
+    with pytest.raises(InstrumentError, match="cannot be set to 51"):
+        backlight.set_factor(0.2)
+
+
+@pytest.mark.parametrize("factor", [0.0, -0.5, 1.01, float("nan"), 0.0001])
+def test_a_factor_that_the_device_has_not_is_refused_and_not_clipped(panel: Path, factor: float) -> None:
+    simulated = SimulatedBacklight(lambda: 0.0, steps=100)
+    for backlight in (SysfsBacklight("intel_backlight", panel.parent), simulated):
+        with pytest.raises(InstrumentError, match="has factors from"):
+            backlight.set_factor(factor)
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.0, 0.1))
+def test_the_simulated_backlight_follows_with_a_first_order_lag(factor: float, delay: float) -> None:
+    """From 1 to b: b + (1 - b) exp(-t / tau), by hand."""
+    time = [0.0]
+    backlight = SimulatedBacklight(lambda: time[0], steps=100, time_constant=0.02)
+    achieved = backlight.set_factor(factor)
+    assert achieved == pytest.approx(factor, abs=0.5 / 100 + 1e-12)
+    time[0] = delay
+    assert backlight.read_factor() == pytest.approx(achieved + (1 - achieved) * math.exp(-delay / 0.02))
+
+
+def test_a_change_on_the_way_sets_out_from_where_the_light_is() -> None:
+    time = [0.0]
+    backlight = SimulatedBacklight(lambda: time[0], steps=1000, time_constant=0.02)
+    backlight.set_factor(0.5)
+    time[0] = 0.02
+    before = backlight.read_factor()
+    backlight.set_factor(0.9)
+    assert backlight.read_factor() == before

@@ -1,0 +1,282 @@
+"""`evenlight run`: a whole session without a window, what it leaves, and what it refuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import evenlight
+from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from data_schema.ramp import Placement, Procedure, RampDesign, RampTrial
+from data_schema.text_files import write_toml_record
+
+Run = Callable[..., Any]
+PROGRAM = [sys.executable, "-m", "evenlight"]
+ROOT = Path(evenlight.__file__).parent
+SMALL = RampDesign(
+    screens=("white",),
+    factors=(0.5, 1.0),
+    relative_rates=(0.02, 0.06),
+    repetitions=2,
+    practice_trials=2,
+    trials_between_breaks=4,
+    adaptation_duration=0.1,
+    ramp_durations=(0.5,),
+    hold_duration=0.1,
+)  # 8 ramps, 2 catch trials
+ADAPTIVE = RampDesign(
+    procedure=Procedure.TWO_INTERVAL,
+    placement=Placement.TARGETED,
+    factors=(0.4, 1.0),
+    trials_per_level=50,
+    practice_trials=2,
+    trials_between_breaks=0,
+)  # 200 trials at real durations: slow enough to be killed in the midst of it
+# What an interruption may change: when a trial was shown, and how often.
+CHANGES = {"onset_s", "attempt"}
+
+
+@pytest.fixture
+def design(tmp_path: Path) -> Path:
+    return written(SMALL, tmp_path)
+
+
+def written(design: RampDesign, folder: Path) -> Path:
+    path = folder / "small.design.toml"
+    write_toml_record(path, design)
+    return path
+
+
+def arguments(dataset: Path, design: Path, *more: object) -> list[str]:
+    ids = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "data"]
+    return ["run", "ramp", *ids, "--out", str(dataset), "--design", str(design), *map(str, more)]
+
+
+def rows(dataset: Path, name: str = TRIALS, participant: str = "01") -> list[dict[str, Any]]:
+    path = dataset / f"sub-{participant}/ses-01" / name
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def without_times(trials: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{key: value for key, value in trial.items() if key not in CHANGES} for trial in trials]
+
+
+def test_a_whole_session_leaves_a_data_set_that_validates(command: Run, tmp_path: Path, design: Path) -> None:
+    lab = tmp_path / "lab"
+    ended = command(*arguments(lab, design))
+    assert (ended.code, ended.err) == (0, "")
+    assert "complete: 10 of 10 trials" in ended.out
+    assert command("validate", lab).code == 0
+    trials = rows(lab)
+    assert [t["practice"] for t in trials] == [True] * 2 + [False] * 10
+    assert all(t["simulated"] for t in trials)
+    assert [t["trial_index"] for t in trials] == list(range(12))
+    manifest = json.loads((lab / "sub-01/ses-01" / MANIFEST).read_text())
+    assert (manifest["status"], manifest["n_trials"], manifest["simulated"]) == ("complete", 10, True)
+    assert manifest["rig"]["name"]
+    assert len(manifest["pages"]["consent"]) == 64
+
+
+def test_frames_are_logged_for_every_interval(command: Run, tmp_path: Path, design: Path) -> None:
+    """0.1 + 0.5 + 0.1 s at 60 Hz are 42 frames."""
+    command(*arguments(tmp_path / "lab", design))
+    frames = rows(tmp_path / "lab", FRAMES)
+    trials = rows(tmp_path / "lab")
+    assert [f["trial_index"] for f in frames] == [t["trial_index"] for t in trials]
+    for frame, trial in zip(frames, trials, strict=True):
+        assert len(frame["flip_times_s"]) == len(frame["intended_luminance_cd_m2"]) == trial["n_frames"] == 42
+        assert frame["intended_luminance_cd_m2"][0] == pytest.approx(trial["initial_luminance_cd_m2"])
+        assert frame["intended_luminance_cd_m2"][-1] == pytest.approx(trial["final_luminance_cd_m2"])
+
+
+def test_events_tell_the_course_of_the_session(command: Run, tmp_path: Path, design: Path) -> None:
+    """Consent, instructions, two trials for practice with feedback, breaks after 4 and 8 of 10, thanks."""
+    command(*arguments(tmp_path / "lab", design))
+    events = rows(tmp_path / "lab", EVENTS)
+    pages = [e["detail"] for e in events if e["kind"] == "page_shown"]
+    practice = ["instructions_yes_no", "feedback", "feedback", "practice_end"]
+    assert pages == ["consent", *practice, "break", "break", "end"]
+    assert [e["kind"] for e in events][:3] == ["started", "page_shown", "consent_given"]
+    assert events[-1]["kind"] == "completed"
+    assert sum(e["kind"] == "trial_begun" for e in events) == 12
+
+
+def test_a_rehearsal_is_the_same_every_time_and_another_for_everybody(
+    command: Run, tmp_path: Path, design: Path
+) -> None:
+    for name in ("a", "b"):
+        command(*arguments(tmp_path / name, design))
+    assert rows(tmp_path / "a") == rows(tmp_path / "b")
+    other = arguments(tmp_path / "a", design)
+    other[other.index("--participant") + 1] = "02"
+    command(*other)
+    first, second = rows(tmp_path / "a"), rows(tmp_path / "a", participant="02")
+    assert [t["rate_cd_m2_s"] for t in first] != [t["rate_cd_m2_s"] for t in second]
+
+
+def killed(dataset: Path, design: Path, resume: bool, after: int) -> None:
+    """Run a session and kill it with SIGKILL once some more lines are in its log of events."""
+    path = dataset / "sub-01/ses-01" / EVENTS
+    goal = (len(path.read_text().splitlines()) if path.exists() else 0) + after
+    more = ["--resume"] if resume else []
+    process = subprocess.Popen(
+        [*PROGRAM, *arguments(dataset, design, *more)], cwd=ROOT, stdout=subprocess.DEVNULL
+    )
+    end = time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < end:
+        if path.exists() and path.read_bytes().count(b"\n") >= goal:
+            process.send_signal(signal.SIGKILL)
+    process.wait(timeout=60)
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_a_session_killed_again_and_again_gives_the_trials_of_an_unbroken_one(
+    command: Run, tmp_path: Path
+) -> None:
+    """Adaptive placement: every rate depends on all answers before, so a lost one would change the rest."""
+    design = written(ADAPTIVE, tmp_path)
+    assert command(*arguments(tmp_path / "whole", design)).code == 0
+    whole = rows(tmp_path / "whole")
+    assert len(whole) == 202
+    broken = tmp_path / "broken"
+    rng = np.random.default_rng(int.from_bytes(os.urandom(4)))
+    seen: list[dict[str, Any]] = []
+    for attempt in range(4):
+        killed(broken, design, resume=attempt > 0, after=int(rng.integers(5, 35)))
+        lines = (broken / "sub-01/ses-01" / TRIALS).read_text().split("\n")[:-1]
+        recorded = [json.loads(line) for line in lines]
+        assert recorded[: len(seen)] == seen  # no completed trial is lost
+        seen = recorded
+    assert command(*arguments(broken, design, "--resume")).code == 0
+    assert without_times(rows(broken)) == without_times(whole)
+    assert command("validate", broken).code == 0
+    events = rows(broken, EVENTS)
+    assert sum(e["kind"] == "resumed" for e in events) == 4
+    interrupted = [e for e in events if e["kind"] == "trial_interrupted"]
+    again = {t["trial_index"] for t in rows(broken) if t["attempt"] > 1}
+    assert again == {e["trial_index"] for e in interrupted}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"--rig": "nowhere.rig.toml"}, "nowhere.rig.toml: no such rig"),
+        ({"--participant": "Anna-Maria"}, "--participant must be letters and digits only, such as 01, got"),
+        ({"--session": ""}, "--session must be letters and digits only"),
+        ({"--design": "papr"}, "papr"),
+        ({"--seed": "-1"}, "--seed must be 0 or more, got -1"),
+        ({"--language": "xx"}, "there are no pages in the language 'xx', only in de, en"),
+        ({"--pages": "nowhere"}, "nowhere: no such folder"),
+        ({"--screenshots": "here"}, "--screenshots needs a window, which --simulate data does not open"),
+        ({"--resume": None}, "there is no session to resume"),
+        ({"--out": "/proc/lab"}, "cannot write to the folder /proc/lab"),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_leaves_nothing(
+    command: Run, tmp_path: Path, design: Path, changed: dict[str, str | None], message: str
+) -> None:
+    words = arguments(tmp_path / "lab", design)
+    for option, value in changed.items():
+        if option in words:
+            words[words.index(option) + 1] = str(value)
+        else:
+            words += [option, *([value] if value is not None else [])]
+    ended = command(*words)
+    assert ended.code == 2
+    assert message in ended.err
+    assert ended.err.count("\n") == 1
+    assert not (tmp_path / "lab").exists()
+
+
+RIG = 'name = "desk"\ndisplay = "varjo-xr3"\nviewing_distance_m = 0.6\nrefresh_rate_hz = 60.0\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name = ", "not valid TOML"),
+        (RIG.replace("display", "dispaly"), "unknown key 'dispaly'; did you mean 'display'?"),
+        (RIG.replace('display = "varjo-xr3"\n', ""), "the key 'display' of a Rig is missing"),
+        (RIG.replace("varjo-xr3", "bench.toml"), "the display of the rig 'desk' is not to be had"),
+        (RIG.replace("varjo-xr3", ""), "display must name a calibrated display"),
+        (RIG.replace("60.0", "0"), "refresh_rate_hz must be above 0 Hz, got 0"),
+        (RIG + '[keys]\nyes = "n"\n', "the keys yes, no, proceed and pause must differ"),
+        (RIG + 'actuator = "backlight"\n', "so backlight must name one, got 'none'"),
+        (RIG + "bits = 12\n", "bits must be 8 or 10, got 12"),
+    ],
+)
+def test_a_rig_that_cannot_be_used_is_refused_in_one_line(
+    command: Run, tmp_path: Path, design: Path, text: str, message: str
+) -> None:
+    path = tmp_path / "bad.rig.toml"
+    path.write_text(text)
+    words = arguments(tmp_path / "lab", design)
+    words[words.index("--rig") + 1] = str(path)
+    ended = command(*words)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert message in ended.err
+    assert not (tmp_path / "lab").exists()
+
+
+def test_slopes_that_the_display_would_clip_are_refused(command: Run, tmp_path: Path) -> None:
+    """Black is 20 of 100 cd/m^2: a ramp from 100 by 18 %/s for 5 s would end at 10."""
+    (tmp_path / "washed.toml").write_text(
+        'name = "washed"\npeak_luminance_cd_m2 = 100.0\nblack_level_cd_m2 = 20.0\n'
+        "gamma = 2.2\npixels_per_degree = 40.0\n"
+    )
+    (tmp_path / "washed.rig.toml").write_text(RIG.replace("varjo-xr3", "washed.toml"))
+    design = written(RampDesign(screens=("white",), factors=(1.0,), relative_rates=(0.18,)), tmp_path)
+    words = arguments(tmp_path / "lab", design)
+    words[words.index("--rig") + 1] = str(tmp_path / "washed.rig.toml")
+    ended = command(*words)
+    assert ended.code == 2
+    assert "100" in ended.err
+    assert "20" in ended.err
+    assert not (tmp_path / "lab").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ([], "this session is there already and data are never overwritten"),
+        (["--resume"], "this session is complete; give another --session"),
+    ],
+)
+def test_a_complete_session_is_neither_overwritten_nor_resumed(
+    command: Run, tmp_path: Path, design: Path, more: list[str], message: str
+) -> None:
+    lab = tmp_path / "lab"
+    command(*arguments(lab, design))
+    before = {p: p.read_bytes() for p in lab.rglob("*") if p.is_file()}
+    ended = command(*arguments(lab, design, *more))
+    assert ended.code == 2
+    assert message in ended.err
+    assert {p: p.read_bytes() for p in lab.rglob("*") if p.is_file()} == before
+
+
+def test_a_session_is_resumed_only_as_it_began(command: Run, tmp_path: Path) -> None:
+    design = written(ADAPTIVE, tmp_path)
+    killed(tmp_path / "lab", design, resume=False, after=20)
+    other = tmp_path / "other.toml"
+    write_toml_record(other, SMALL)
+    ended = command(*arguments(tmp_path / "lab", other, "--resume"))
+    assert (ended.code, "--design is not as it was when this session began" in ended.err) == (2, True)
+    ended = command(*arguments(tmp_path / "lab", design, "--resume", "--seed", 5))
+    assert (ended.code, "--seed is not as it was" in ended.err) == (2, True)
+
+
+def test_the_columns_of_the_export_are_described(command: Run, tmp_path: Path, design: Path) -> None:
+    command(*arguments(tmp_path / "lab", design))
+    sidecar = tmp_path / "lab/sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.json"
+    content = json.loads(sidecar.read_text())
+    assert len([c for c in content.values() if isinstance(c, dict)]) == len(RampTrial.__slots__)
+    assert content["rate_cd_m2_s"]["Units"] == "cd/m^2/s"
+    assert set(content["direction"]["Levels"]) == {"down", "up"}

@@ -1,0 +1,153 @@
+"""A whole session through the real window on a virtual screen: unbroken, and killed and resumed."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+import evenlight
+from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from data_schema.ramp import Placement, Procedure, RampDesign
+from data_schema.text_files import write_toml_record
+
+ROOT = Path(evenlight.__file__).parent
+SHORT: dict[str, Any] = {
+    "screens": ("white",),
+    "factors": (0.3, 0.9),
+    "adaptation_duration": 0.05,
+    "ramp_durations": (0.25,),
+    "hold_duration": 0.05,
+    "interval_gap": 0.05,
+    "pause_duration": 0.05,
+    "practice_trials": 1,
+    "trials_between_breaks": 6,
+}
+DESIGNS = {
+    "yes_no constant": RampDesign(relative_rates=(0.1, 0.4), repetitions=3, **SHORT),  # 12 ramps, 3 catches
+    "two_interval targeted": RampDesign(
+        procedure=Procedure.TWO_INTERVAL,
+        placement=Placement.TARGETED,
+        relative_rates=(0.05, 1.0),
+        trials_per_level=7,
+        **SHORT,
+    ),
+}
+KILLS = 2
+CHANGES = {"onset_s", "attempt"}  # what an interruption may change: when, and how often, a trial was shown
+
+
+class Laboratory:
+    """A rehearsal of one design on a virtual screen, in processes of its own."""
+
+    def __init__(self, folder: Path, design: RampDesign, display: str) -> None:
+        self.folder, self._design = folder, folder / "short.design.toml"
+        write_toml_record(self._design, design)
+        self._environment = os.environ | {"DISPLAY": display}
+
+    def start(self, name: str, *more: object) -> subprocess.Popen[str]:
+        words = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "visual"]
+        words += ["--out", str(self.folder / name), "--design", str(self._design)]
+        return subprocess.Popen(
+            [sys.executable, "-m", "evenlight", "run", "ramp", *words, *map(str, more)],
+            cwd=ROOT,
+            env=self._environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+
+    def run(self, name: str, *more: object) -> str:
+        process = self.start(name, *more)
+        out, err = process.communicate(timeout=200)
+        assert (process.returncode, err) == (0, "")
+        return out
+
+    def kill_in_the_midst(self, name: str, *more: object) -> None:
+        """Let some trials begin, then end the process with SIGKILL at any moment of the next one."""
+        begun = self.count(name)
+        process = self.start(name, *more)
+        goal, end = begun + random.randint(2, 4), time.monotonic() + 100
+        while self.count(name) < goal and process.poll() is None and time.monotonic() < end:
+            time.sleep(0.005)
+        time.sleep(random.uniform(0.0, 0.15))
+        process.send_signal(signal.SIGKILL)
+        process.communicate(timeout=60)
+        assert process.returncode == -signal.SIGKILL
+
+    def count(self, name: str) -> int:
+        """How many trials were begun."""
+        path = self.folder / name / "sub-01/ses-01" / EVENTS
+        return path.read_text().count('"trial_begun"') if path.exists() else 0
+
+    def rows(self, name: str, file: str = TRIALS) -> list[dict[str, Any]]:
+        text = (self.folder / name / "sub-01/ses-01" / file).read_text()
+        return [json.loads(line) for line in text.split("\n")[:-1]]
+
+
+@pytest.mark.parametrize("name", list(DESIGNS))
+def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
+    tmp_path: Path, name: str, virtual_screen: Callable[..., str], command: Callable[..., Any]
+) -> None:
+    """Rows are compared whole: rates, answers, response times, and what was read back from the window."""
+    lab = Laboratory(tmp_path, DESIGNS[name], virtual_screen())
+    shots = tmp_path / "screens"
+    assert "complete" in lab.run("whole", "--screenshots", shots)
+    seen: list[dict[str, Any]] = []
+    for time_number in range(KILLS):
+        lab.kill_in_the_midst("broken", *(["--resume"] if time_number else []))
+        recorded = lab.rows("broken")
+        assert recorded[: len(seen)] == seen  # no completed trial is lost
+        seen = recorded
+    lab.run("broken", "--resume")
+    whole, broken = lab.rows("whole"), lab.rows("broken")
+    assert without(broken) == without(whole)
+    assert len(whole) == 1 + lab_trials(DESIGNS[name])
+    _check_light(whole, lab.rows("whole", FRAMES))
+    _check_screens(shots)
+    for dataset in ("whole", "broken"):
+        assert command("validate", tmp_path / dataset).code == 0
+    interrupted = {e["trial_index"] for e in lab.rows("broken", EVENTS) if e["kind"] == "trial_interrupted"}
+    assert interrupted == {row["trial_index"] for row in broken if row["attempt"] > 1}
+    manifest = json.loads((tmp_path / "whole/sub-01/ses-01" / MANIFEST).read_text())
+    assert manifest["simulated"]
+    assert manifest["apparatus"]["psychopy"]
+
+
+def without(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{key: value for key, value in row.items() if key not in CHANGES} for row in rows]
+
+
+def lab_trials(design: RampDesign) -> int:
+    """Main trials, counted by hand: 12 ramps and a fifth of all as catches; or 7 at 2 levels."""
+    return 15 if design.procedure is Procedure.YES_NO else 14
+
+
+def _check_light(trials: list[dict[str, Any]], frames: list[dict[str, Any]]) -> None:
+    """Every trial says what was read back, and it was what was meant; the display has 104 cd/m^2."""
+    for trial in trials:
+        assert trial["largest_luminance_error_cd_m2"] < 0.02
+        initial, final = trial["initial_luminance_cd_m2"], trial["final_luminance_cd_m2"]
+        ramp = [f for f in frames if f["trial_index"] == trial["trial_index"]][
+            (trial["ramp_interval"] or 1) - 1
+        ]
+        assert ramp["probe_luminance_cd_m2"][0] == pytest.approx(initial, abs=0.02)
+        assert ramp["probe_luminance_cd_m2"][-1] == pytest.approx(final, abs=0.02)
+        assert len(ramp["probe_frames"]) >= 5
+
+
+def _check_screens(folder: Path) -> None:
+    """There is a picture of each kind of screen, and pages have ink on them."""
+    names = {path.name.split("-")[0].split(".")[0] for path in folder.glob("*.png")}
+    assert {"page", "question", "ramp"} <= names
+    for path in folder.glob("page*.png"):
+        low, high = Image.open(path).convert("L").getextrema()
+        assert high - low > 50, path
