@@ -153,16 +153,8 @@ def _remarks(session: RampSession, folder: Path) -> list[str]:
             f"{folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
             "trials; they are used"
         )
-    left_out = [
-        words
-        for count, words in (
-            (session.n_practice, f"{session.n_practice} of practice"),
-            (session.n_flagged, f"{session.n_flagged} flagged (dropped frames)"),
-        )
-        if count
-    ]
-    if left_out:
-        remarks.append(f"{folder}: trials left out: {', '.join(left_out)}")
+    if session.n_flagged:
+        remarks.append(f"{folder}: trials left out: {session.n_flagged} flagged (dropped frames)")
     return remarks
 
 

@@ -26,20 +26,24 @@ without a default must be there; an unknown key is refused. Numbers are finite: 
 _DATA_SET = """\
 ## Layout of a data set
 
-BIDS-like. Written by `evenlight run` and `evenlight simulate`.
+BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run` and `evenlight simulate`.
 
 | file | what it holds |
 |---|---|
-| `dataset_description.json` | name of the data set, version of BIDS, provenance |
+| `dataset_description.json`, `README` | what the data set is, version of BIDS, provenance |
 | `participants.tsv`, `participants.json` | one row per participant (`sub-01`), and what the columns mean |
 | `sub-XX/ses-YY/manifest.json` | the [session manifest](#session-manifest), written before the first trial |
 | `sub-XX/ses-YY/trials.jsonl` | one trial per line ([ramp trial](#ramp-trial)), written as it is answered |
-| `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the same trials as a table; `n/a` where there is no value |
-| `simulated_truth.json` | only of simulated participants: what is true of them |
+| `sub-XX/ses-YY/frames.jsonl` | frames, a line per interval ([frame log](#frame-log)); of `run` only |
+| `sub-XX/ses-YY/events.jsonl` | what happened, as lines ([session event](#session-event)); of `run` only |
+| `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` where there is no value |
+| `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants |
 
 Between the files: `participant_id` and `session_id` of manifest and trials are those of the folders; each
-`trial_index` is there once; a session of status `complete` has `n_trials` trials; the table in `beh/` holds
-the same trials; `participants.tsv` lists every `sub-*` folder and no other.
+`trial_index` is there once; a session of status `complete` has `n_trials` usable trials (neither practice nor
+flagged), but for those that stayed flagged; the table in `beh/` holds the same trials; `participants.tsv`
+lists every `sub-*` folder, and may list participants who have no session yet. `.bidsignore` names the files
+that are not part of BIDS.
 """
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from experiments.stage import ShownInterval
 
 DECIMALS = 9  # of a time [s]: what a clock's reading says, without the rounding of a difference of two
+LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves
 PROBES = 12  # frames of an interval that are read back
 
 
@@ -63,11 +64,11 @@ class RampRecording:
             Mean luminance read back from the window [cd/m^2].
         """
         if probed is not None:
-            self._probes.append((len(self._flips), probed))
+            self._probes.append((len(self._flips), round(probed, LUMINANCE_DECIMALS)))
         if factor is not None:
             self._factors.append(factor)
         self._flips.append(flip)
-        self._intended.append(intended)
+        self._intended.append(round(intended, LUMINANCE_DECIMALS))
 
     def result(self) -> ShownInterval:
         """Return what was shown."""

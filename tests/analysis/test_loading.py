@@ -222,7 +222,7 @@ def test_practice_and_flagged_trials_are_left_out_and_counted(tmp_path: Path) ->
     data = load_ramp_data(tmp_path)
     assert [t.trial_index for t in data.trials] == [1, 3, 4]
     assert (data.sessions[0].n_practice, data.sessions[0].n_flagged) == (1, 1)
-    assert data.warnings == (f"{folder}: trials left out: 1 of practice, 1 flagged (dropped frames)",)
+    assert data.warnings == (f"{folder}: trials left out: 1 flagged (dropped frames)",)
 
 
 def test_a_session_of_practice_alone_has_no_trial(tmp_path: Path) -> None:
