@@ -11,7 +11,7 @@ from analysis.conditions import condition_of, conditions_of
 from analysis.figure_style import short
 from analysis.rate_limit_figure import level_means
 from analysis.rate_limit_fit import UNUSABLE
-from analysis.report import Cell, Picture, Section, Table
+from analysis.report import Cell, Picture, Section, Table, probability
 from data_schema.ramp import Procedure
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from data_schema.threshold import Threshold
@@ -129,7 +129,7 @@ def _participant_table(calibration: Calibration) -> Table:
                 ratio,
                 *bias,
                 _drift(any_own),
-                None if fit_p is None else _probability(fit_p),
+                None if fit_p is None else probability(fit_p),
                 _flags(own),
             )
         )
@@ -154,12 +154,7 @@ def _drift(threshold: Threshold) -> str | None:
     """Return a participant's drift in words."""
     if threshold.drift_ratio is None or threshold.drift_p is None:
         return None
-    return f"× {threshold.drift_ratio:.2f} (p {_probability(threshold.drift_p)})"
-
-
-def _probability(p: float) -> str:
-    """Return a probability with two digits, or that it is small."""
-    return "< 0.01" if p < 0.01 else f"{p:.2f}"
+    return f"× {threshold.drift_ratio:.2f} (p {probability(threshold.drift_p)})"
 
 
 def _percent(share: float | None) -> str | None:

@@ -105,6 +105,15 @@ class Report:
     sections: tuple[Section, ...] = field(default=())
 
 
+def probability(p: float) -> str:
+    """Return a probability for a cell: with two digits, or that it is small.
+
+    >>> probability(0.456), probability(0.001)
+    ('0.46', '< 0.01')
+    """
+    return "< 0.01" if p < 0.01 else f"{p:.2f}"
+
+
 def write_report(path: Path, report: Report) -> None:
     """Write a report as an HTML file that needs no other file, no network and no script.
 

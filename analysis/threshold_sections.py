@@ -9,7 +9,7 @@ import numpy as np
 from analysis.calibration import Calibration
 from analysis.conditions import condition_of, conditions_of
 from analysis.level_estimates import LevelEstimates, difference_in_words
-from analysis.report import Cell, Section, Table
+from analysis.report import Cell, Section, Table, probability
 
 
 def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Section:
@@ -90,7 +90,7 @@ def thresholds_section(calibration: Calibration) -> Section:
             t.threshold_d_prime_1,
             t.n_trials,
             None if t.deviance is None else f"{t.deviance:.1f}",
-            None if t.deviance_p is None else f"{t.deviance_p:.2f}",
+            None if t.deviance_p is None else probability(t.deviance_p),
             t.flag.value.replace("_", " ") or "–",
         )
         rows.append((*row[:1], condition_of(t).words, *row[1:]) if several else row)
