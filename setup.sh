@@ -84,6 +84,6 @@ if [ "${1:-}" = lab ]; then
         echo "evenlight: without $missing no window may open here; as root: apt-get install $missing" >&2
 fi
 echo "installing Evenlight into .venv (some minutes the first time)"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[$extras]"
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt --editable ".[$extras]"
 touch .venv/.ready
 [ "$extras" = dev ] || touch .venv/.lab-ready

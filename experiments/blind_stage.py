@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
 from data_schema.rig import Rig
-from experiments.ramp_recording import DECIMALS, RampRecording
+from experiments.ramp_recording import DECIMALS, LUMINANCE_DECIMALS, RampRecording
 from experiments.stage import KEY_DECIMALS, PausePressed, RampInterval, ShownInterval
 from hardware.clocks import RefreshClock
 from hardware.protocols import KeyPress
@@ -84,7 +84,7 @@ class BlindStage(AbstractContextManager["BlindStage"]):
                 interval.adaptation,
                 interval.duration,
             )
-            recording.note(self._advance(), float(intended))
+            recording.note(self._advance(), round(float(intended), LUMINANCE_DECIMALS))
             self._presses()
         return recording.result()
 

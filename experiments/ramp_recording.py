@@ -7,7 +7,7 @@ import numpy as np
 from experiments.stage import ShownInterval
 
 DECIMALS = 9  # of a time [s]: what a clock's reading says, without the rounding of a difference of two
-LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves
+LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves; frames are drawn from what is logged
 PROBES = 12  # frames of an interval that are read back
 
 
@@ -68,7 +68,7 @@ class RampRecording:
         if factor is not None:
             self._factors.append(factor)
         self._flips.append(flip)
-        self._intended.append(round(intended, LUMINANCE_DECIMALS))
+        self._intended.append(intended)
 
     def result(self) -> ShownInterval:
         """Return what was shown."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_schema.display import Display
 from data_schema.rig import Actuator, Rig
 from experiments.brightness import Brightness
-from experiments.ramp_recording import DECIMALS, RampRecording, probe_places
+from experiments.ramp_recording import DECIMALS, LUMINANCE_DECIMALS, RampRecording, probe_places
 from experiments.screenshots import Screenshots
 from experiments.stage import KEY_DECIMALS, PausePressed, RampInterval, ShownInterval
 from hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
@@ -176,15 +176,14 @@ class WindowStage(AbstractContextManager["WindowStage"]):
 
     def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
         """Show the frame of an interval that is due at a time since its first [s]."""
-        intended = float(
-            ramp_luminance(
-                time,
-                interval.initial_luminance,
-                interval.final_luminance,
-                interval.adaptation,
-                interval.duration,
-            )
+        luminance = ramp_luminance(
+            time,
+            interval.initial_luminance,
+            interval.final_luminance,
+            interval.adaptation,
+            interval.duration,
         )
+        intended = round(float(luminance), LUMINANCE_DECIMALS)
         field = self._ramp_field(interval, intended, labelled=time < interval.adaptation)
         self._renderer.draw(self._window.framebuffer(), field, len(recording), interval.noise_seed)
         self._shown = field
