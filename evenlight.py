@@ -144,20 +144,25 @@ class _Terminated(BaseException):
 
 @contextmanager
 def _termination_raised() -> Iterator[None]:
-    """Turn the signal that ends a process (SIGTERM) into an exception, so that what was begun is cleared."""
+    """Turn the signals that end a process (SIGTERM; SIGHUP, of a terminal that was closed) into an exception.
 
-    def once(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # clearing away is not to be interrupted
+    So what was begun is cleared.
+    """
+
+    def once(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_IGN)  # clearing away is not to be interrupted
         raise _Terminated
 
     if threading.current_thread() is not threading.main_thread():  # Python lets no other set handlers
         yield
         return
-    before = signal.signal(signal.SIGTERM, once)
+    ends = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {end: signal.signal(end, once) for end in ends}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for end, handler in before.items():
+            signal.signal(end, handler or signal.SIG_DFL)
 
 
 def _usage(error: Any) -> str:

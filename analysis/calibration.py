@@ -15,7 +15,13 @@ from analysis.pooled_fit import PooledFit, fit_pooled
 from analysis.ramp_counts import catch_counts
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
-from analysis.signal_detection import Criterion, IntervalBias, criterion_of, interval_biases
+from analysis.signal_detection import (
+    Criterion,
+    IntervalBias,
+    criterion_of,
+    false_alarm_warnings,
+    interval_biases,
+)
 from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from data_schema.errors import InputError
 from data_schema.provenance import Provenance
@@ -108,6 +114,7 @@ class Calibration:
         return (
             self.data.warnings
             + catches
+            + false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds))
             + _single_levels(self.thresholds)
             + _unsteady(self.participants)
             + _small_samples(self.thresholds)
@@ -189,10 +196,11 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
     write_rows(folder / "thresholds.csv", Threshold, [fit.threshold for fit in calibration.thresholds])
     participants = len(calibration.data.participant_ids)
     kind = "simulated participants" if calibration.data.simulated else "participants"
+    fitted = calibration.rate_limit.limit
     limit = dataclasses.replace(
-        calibration.rate_limit.limit,
+        fitted,
         simulated=calibration.data.simulated,
-        source=f"ramp calibration with {participants} {kind}",
+        source=f"ramp calibration with {participants} {kind}: {fitted.task_in_words}",
         provenance=provenance,
     )
     write_json_record(folder / "rate_limit.json", limit)

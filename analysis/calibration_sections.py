@@ -141,8 +141,8 @@ def _participant_table(calibration: Calibration) -> Table:
     )
     columns = ("bias",) if two else ("false alarms", "criterion", "d′ at threshold")
     return Table(
-        "Participants. Who has a threshold of 1.2 × the limit needs a change 20 % faster to notice it than "
-        f"the population's curve says. {task} Drift: threshold at the end of the session over that at its "
+        "Participants. Who has a threshold of 1.2 × the limit needs a change 20 % faster than the "
+        f"population's curve says. {task} Drift: threshold at the end of the session over that at its "
         "beginning, with the probability of as clear a drift by chance. Fit p: share of simulated answers of "
         "the fitted functions that lie as far from them, all levels together.",
         ("participant", "thresholds used", "threshold / limit", *columns, "drift", "fit p", "flags"),
@@ -198,7 +198,7 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
         text.append("No threshold was used of " + ", ".join(excluded) + ".")
     told = {f"{_sentence(effect.in_words)}." for effect in fit.effects}
     caption = (
-        "Rate of luminance change that is noticed in 75 % of the trials. Small dots: participants' "
+        f"Rate of luminance change that is {fit.limit.at_limit_in_words}. Small dots: participants' "
         "thresholds; large dots: means of a level with 95 % interval; line and area: the fitted limit and "
         "its 95 % band; dashed: held outside the measured range"
     )

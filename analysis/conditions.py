@@ -72,7 +72,7 @@ class ConditionEffect:
     def in_words(self) -> str:
         """What was found, as a sentence."""
         words = (
-            f"{self.condition.words} are noticed at {self.ratio:.2f} x the rate of {self.reference.words} "
+            f"{self.condition.words} have {self.ratio:.2f} x the threshold rate of {self.reference.words} "
             f"({self.ci_low:.2f} to {self.ci_high:.2f})"
         )
         if self.condition.ramp_duration != self.reference.ramp_duration:

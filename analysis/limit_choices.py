@@ -138,8 +138,15 @@ def _for_the_same_ramps(options: RateLimitOptions, fitted: RateLimitFit) -> Rate
 
 def _with_origin(choice: LimitChoice, calibration: Calibration, who: str) -> LimitChoice:
     """Return a choice whose record says where it comes from, and whether that was simulated."""
-    source = f"{choice.words}; ramp calibration with {who}"
-    limit = dataclasses.replace(choice.limit, simulated=calibration.data.simulated, source=source)
+    fitted = calibration.rate_limit.limit
+    limit = dataclasses.replace(
+        choice.limit,
+        simulated=calibration.data.simulated,
+        source=f"{choice.words}; ramp calibration with {who}: {fitted.task_in_words}",
+        procedure=fitted.procedure,
+        direction=fitted.direction,
+        ramp_duration=fitted.ramp_duration,
+    )
     return dataclasses.replace(choice, limit=limit)
 
 

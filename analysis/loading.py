@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
+from data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folder, session_folders
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.mapping import record_from_mapping
@@ -15,6 +15,9 @@ from data_schema.provenance import sha256_of_bytes, sha256_of_file
 from data_schema.ramp import RampTrial
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import read_json, read_text
+from method.luminance import dimmed_luminance, displayed_luminance
+
+ROUNDING = 1e-6  # relative, of a luminance that was computed and written
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +32,15 @@ class RampSession:
         Those that count: without practice, and without flagged ones.
     n_practice, n_flagged : int
         Trials that were left out.
+    n_repeated : int
+        Trials that count, and had been shown before and interrupted.
     """
 
     manifest: SessionManifest
     trials: tuple[RampTrial, ...]
     n_practice: int = 0
     n_flagged: int = 0
+    n_repeated: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,14 +102,19 @@ def load_ramp_data(dataset: Path) -> RampData:
         warnings += remarks
         files += [folder / MANIFEST, folder / TRIALS]
     if not any(session.trials for session in sessions):
-        found = "no session" if not sessions else f"{len(sessions)} without any trial"
+        flagged = sum(session.n_flagged for session in sessions)
+        none = f"whose {flagged} trials are all flagged (dropped frames)" if flagged else "without any trial"
+        found = f"{len(sessions)} {none}" if sessions else "no session"
         raise InputError(
             f"{dataset}: expected ramp sessions (sub-*/ses-*/{MANIFEST} and {TRIALS}), found {found}"
         )
+    display = _one_display(sessions, dataset)
+    for session in sessions:
+        _check_levels(session, dataset)
     digests = (f"{path.relative_to(dataset).as_posix()} {sha256_of_file(path)}\n" for path in files)
     return RampData(
         sessions=tuple(sessions),
-        display=_one_display(sessions, dataset),
+        display=display,
         simulated=_all_or_none_simulated(sessions, dataset),
         sha256=sha256_of_bytes("".join(digests).encode()),
         warnings=tuple(warnings),
@@ -139,6 +150,7 @@ def _read_session(folder: Path) -> tuple[RampSession, list[str]]:
         manifest,
         tuple(trial for trial in trials if trial.usable),
         n_practice=sum(trial.practice for trial in trials),
+        n_repeated=sum(trial.usable and trial.attempt > 1 for trial in trials),
         n_flagged=sum(not trial.practice and not trial.usable for trial in trials),
     )
     return session, warnings + _remarks(session, folder)
@@ -152,6 +164,10 @@ def _remarks(session: RampSession, folder: Path) -> list[str]:
         remarks.append(
             f"{folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
             "trials; they are used"
+        )
+    if session.n_repeated:
+        remarks.append(
+            f"{folder}: {session.n_repeated} trials had been shown before and interrupted; they are used"
         )
     if session.n_flagged:
         remarks.append(f"{folder}: trials left out: {session.n_flagged} flagged (dropped frames)")
@@ -174,6 +190,27 @@ def _check_trial(trial: RampTrial, manifest: SessionManifest, seen: set[int], pa
             raise InputError(f"{where}: {name} is {got!r}, but {right!r} in the session's {MANIFEST}")
     if trial.trial_index in seen:
         raise InputError(f"{where} is there twice; each trial_index may appear once in a session")
+
+
+def _check_levels(session: RampSession, dataset: Path) -> None:
+    """Refuse trials that the session's design and display cannot have shown."""
+    manifest, design = session.manifest, session.manifest.design
+    folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
+    pixel_values = {"white": design.white_pixel_value, "gray": design.gray_pixel_value}
+    for trial in session.trials:
+        where = f"{folder / TRIALS}: trial {trial.trial_index}"
+        if trial.factor not in design.factors or trial.screen not in design.screens:
+            raise InputError(
+                f"{where}: the session's design has no {trial.screen} screen at factor {trial.factor:g}"
+            )
+        full = displayed_luminance(pixel_values[trial.screen], manifest.display)
+        emitted = full - manifest.display.reflected_luminance
+        right = float(dimmed_luminance(emitted, trial.factor, manifest.display))
+        if abs(trial.initial_luminance - right) > ROUNDING * right:
+            raise InputError(
+                f"{where}: initial_luminance_cd_m2 is {trial.initial_luminance:g}, but {trial.screen} at "
+                f"factor {trial.factor:g} has {right:g} cd/m^2 on the session's display"
+            )
 
 
 def _read_trials(path: Path) -> tuple[list[RampTrial], list[str]]:

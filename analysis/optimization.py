@@ -115,6 +115,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
         budget_unit=request.budget_unit,
         solver=work.solver.value,
         provenance=_provenance(work, curves),
+        rate_limit_procedure=request.rate_limit.procedure,
     )
     track = track_of(problem, request, solution.factors, header)
     summary = summarize(problem, request, answer, track, effort)

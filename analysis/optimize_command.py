@@ -124,6 +124,7 @@ def _tell(summary: OptimizationSummary, out: Path) -> None:
     certified = (
         f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
     )
+    asked = "" if summary.rate_limit_procedure is None else f" ({summary.rate_limit_procedure.value})"
     typer.echo(
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
         f"{summary.mean_power / summary.full_power:.1%} of full power, "
@@ -131,6 +132,6 @@ def _tell(summary: OptimizationSummary, out: Path) -> None:
         f"contrast loss differs by {summary.objective:.4g} between two frames, "
         f"{summary.objective_baseline:.4g} at constant dimming ({less:.1%} less; "
         f"{certified})\n"
-        f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}\n"
+        f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}{asked}\n"
         f"results in {out}"
     )

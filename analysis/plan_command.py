@@ -32,7 +32,7 @@ SHOWN = (  # columns of the printed table: heading, how a row fills it
     ("80 % within", "{0.half_width_assured:.1%}"),
     ("true error", "{0.error:.1%}"),
     ("bias", "{0.bias:+.1%}"),
-    ("people needed", "{0.participants_needed}"),
+    ("people needed", "{0.participants_needed_in_words}"),
 )
 
 
@@ -61,7 +61,11 @@ def plan_command(simulate: SimulateRamps, load_design: Callable[[str], RampDesig
         display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
         seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
         quick: Annotated[
-            bool, typer.Option("--quick", help="A rough answer, in a quarter of the time.")
+            bool,
+            typer.Option(
+                "--quick",
+                help="Rough, in a third of the time: people needed are off by a quarter, typically.",
+            ),
         ] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no table.")] = False,
     ) -> None:

@@ -22,6 +22,7 @@ from analysis.planning_draws import (
     draw_experiments,
     participant_sd,
     participants_needed,
+    resampling_spread,
     true_levels,
     whole_pool_error,
 )
@@ -36,6 +37,7 @@ NOT_COMPARABLE = (
     "yes/no and two intervals measure different thresholds: the first moves with the readiness to say yes, "
     "so that fewer hours do not make it the better task"
 )
+INTERVAL = 1.96  # standard deviations: 95 %
 ASSURED = 0.8  # share of experiments whose band is to be narrow enough, for the second figure
 
 
@@ -106,7 +108,18 @@ class PlanRow:
     coverage: float = quantity("1", "share of the bands that hold the truth, whatever their participants")
     meets: bool = described("true if the typical half-width is within the wanted one")
     participants_needed: int | None = quantity("1", "for the wanted half-width; null beyond 1000")
+    participants_needed_low: int | None = quantity("1", "lower end of its 95 % interval")
+    participants_needed_high: int | None = quantity("1", "upper end of its 95 % interval; null beyond 1000")
     hours_needed: float | None = quantity("1", "of all of them", key="hours_needed")
+
+    @property
+    def participants_needed_in_words(self) -> str:
+        """How many participants are needed, with the interval that the pool leaves: "33 (26 to 40)"."""
+        low, high = self.participants_needed_low, self.participants_needed_high
+        if low is None:
+            return f"above {MOST_PARTICIPANTS}"
+        middle = self.participants_needed or f"above {MOST_PARTICIPANTS}"
+        return f"{middle} ({low} to {high or f'above {MOST_PARTICIPANTS}'})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +218,11 @@ def _rows(sessions: _Sessions) -> list[PlanRow]:
     spread = float(np.sqrt(np.mean([drawn.standard_error**2 for drawn in found.values()])))
     covered = [np.abs(deviations[n]) <= drawn.half_widths for n, drawn in found.items()]
     minutes = float(np.mean([member.minutes[trials] for member in pool]))
-    needed = participants_needed(spread, request.precision)
+    resampled = found.get(len(pool)) or draw_experiments(drawing, thresholds, truth, len(pool))
+    factor = float(np.exp(INTERVAL * resampling_spread(resampled)))
+    low, needed, high = (
+        participants_needed(spread * by, request.precision) for by in (1 / factor, 1.0, factor)
+    )
     spread_of_people = participant_sd([member.truth for member in pool])
     single = np.log([t.threshold / m.truth[t.luminance] for m in pool for t in m.thresholds[trials]])
     return [
@@ -227,6 +244,8 @@ def _rows(sessions: _Sessions) -> list[PlanRow]:
             coverage=float(np.mean(covered)),
             meets=_share(np.mean(drawn.half_widths)) <= request.precision,
             participants_needed=needed,
+            participants_needed_low=low,
+            participants_needed_high=high,
             hours_needed=needed and needed * minutes / 60,
         )
         for n, drawn in found.items()
@@ -259,7 +278,8 @@ def _best_in_words(plan: Plan, procedure: Procedure) -> str:
         return f"{procedure.value}: nothing tried comes near {wanted:g} %"
     row = min(able, key=lambda row: row.hours_needed or 0.0)
     return (
-        f"{procedure.value}: no number tried gives ΔL(L) to {wanted:g} %; {row.participants_needed} "
+        f"{procedure.value}: no number tried gives ΔL(L) to {wanted:g} %; "
+        f"{row.participants_needed_in_words} "
         f"participants x {row.trials_per_level} trials per level would ({row.design}, {row.minutes:.0f} min "
         "each)"
     )

@@ -71,10 +71,15 @@ class Experiments:
     participants: int
 
     @property
-    def standard_error(self) -> float:
-        """The band's standard error, as for one participant: half-width · sqrt(N) / t, RMS [ln]."""
+    def standard_errors(self) -> Array:
+        """Of each draw's band, as for one participant: half-width · sqrt(N) / t, RMS [ln], (draws,)."""
         quantile = float(special.stdtrit(self.participants - 1, 0.975))
-        return float(np.sqrt(np.mean(self.half_widths**2) * self.participants)) / quantile
+        return np.asarray(np.sqrt(np.mean(self.half_widths**2, axis=1) * self.participants) / quantile)
+
+    @property
+    def standard_error(self) -> float:
+        """The RMS of the standard errors [ln]."""
+        return float(np.sqrt(np.mean(self.standard_errors**2)))
 
 
 def true_levels(truths: Sequence[Mapping[float, float]]) -> TrueLevels:
@@ -151,6 +156,20 @@ def _half_width(limit: RateLimit, luminance: Array) -> Array:
         for edge in (limit.band_lower, limit.band_upper)
     )
     return np.asarray((upper - lower) / 2, dtype=np.float64)
+
+
+def resampling_spread(resampled: Experiments) -> float:
+    """Return how well a pool tells the standard error of its bands: the SD of its logarithm.
+
+    Who happened to be in the pool decides how much its people differ. Draws of as many participants as there
+    are in the pool, with replacement, show what other pools would have given (the bootstrap).
+
+    Parameters
+    ----------
+    resampled : Experiments
+        With as many participants as the pool has.
+    """
+    return float(np.std(np.log(resampled.standard_errors), ddof=1))
 
 
 def participants_needed(standard_error: float, precision: float) -> int | None:

@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from analysis.rate_limit_curve import luminances_needed
-from analysis.session_length import session_minutes
 from analysis.thresholds import fit_thresholds_of
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.ramp import Placement, RampDesign, RampTrial
+from data_schema.session_length import session_minutes
 from data_schema.threshold import Threshold
 
 CHUNK = 4  # participants that are simulated and fitted at once: the unit of work and of progress
@@ -140,7 +140,7 @@ def pool_of(work: Work, simulate: SimulateRamps) -> list[PoolMember]:
                     n: tuple(fit.threshold for fit in fit_thresholds_of(part, judge=False))
                     for n, part in first.items()
                 },
-                {n: session_minutes(part, work.design) for n, part in first.items()},
+                {n: session_minutes(work.design, len(part)) for n, part in first.items()},
                 {luminance: rate for (person, luminance), rate in truth.items() if person == who},
             )
         )

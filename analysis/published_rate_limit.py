@@ -11,6 +11,7 @@ from pathlib import Path
 from analysis.rate_limit_fit import RateLimitFit, fit_points
 from data_schema.display import Display
 from data_schema.mapping import mapping_from_record, record_from_mapping
+from data_schema.ramp import Direction, Procedure
 from data_schema.rate_limit import RateLimit
 from data_schema.text_files import write_json_record
 
@@ -24,9 +25,9 @@ PUBLISHED_COEFFICIENTS = (-7.32344335e-08, 2.23659401e-05, -2.59136234e-03, 1.42
 
 SIGNIFICANT_DIGITS = 12  # below them, linear-algebra libraries differ
 SOURCE = (
-    "Surace, Condor, Didyk: eight detection thresholds (75 %) for ramps of 5 s on the Varjo XR-3 "
-    "(Section 3.4), 10 participants; ordinary least squares on ln(rate), pointwise band from the 3 residual "
-    "degrees of freedom"
+    "Surace, Condor, Didyk: eight detection thresholds (75 %, yes/no, falling ramps of 5 s) on the Varjo "
+    "XR-3 (Section 3.4), 10 participants; ordinary least squares on ln(rate), pointwise band from the 3 "
+    "residual degrees of freedom"
 )
 
 
@@ -52,7 +53,13 @@ def published_fit(display: Display) -> RateLimitFit:
 
 def published_rate_limit(display: Display) -> RateLimit:
     """Return the preset `surace2025`, its numbers rounded to what every computer agrees on."""
-    limit = dataclasses.replace(published_fit(display).limit, source=SOURCE)
+    limit = dataclasses.replace(
+        published_fit(display).limit,
+        source=SOURCE,
+        procedure=Procedure.YES_NO,  # the text says two-alternative forced choice and describes yes/no
+        direction=Direction.DOWN,
+        ramp_duration=PUBLISHED_RAMP_DURATION,
+    )
     plain = {key: _rounded(value) for key, value in mapping_from_record(limit).items()}
     return record_from_mapping(RateLimit, plain, "the published rate limit")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -185,7 +186,7 @@ def fit_thresholds(
     df = int(np.unique(found.luminance).size) - size
     chosen = options.direction is not None or options.ramp_duration is not None
     return RateLimitFit(
-        limit=limit,
+        limit=_of_the_task(limit, used, found.reference),
         residual_df=df,
         residual_sd=model.residual_sd,
         participant_sd=model.group_sd if several else None,
@@ -236,6 +237,18 @@ def _record(
         )
     except ValueError as error:  # the record's limits: no display or eye has such rates
         raise InputError(f"the thresholds give no usable rate limit: {error}") from error
+
+
+def _of_the_task(limit: RateLimit, used: Sequence[Threshold], reference: Condition | None) -> RateLimit:
+    """Return a limit that says which task and which ramps it is for."""
+    if reference is None:
+        return limit
+    return dataclasses.replace(
+        limit,
+        procedure=used[0].procedure,
+        direction=reference.direction,
+        ramp_duration=reference.ramp_duration,
+    )
 
 
 def _require_one_task(thresholds: Sequence[Threshold]) -> None:

@@ -95,9 +95,11 @@ def _summary_table(summary: OptimizationSummary) -> Table:
         BudgetUnit.WATT: "W, mean power",
     }[summary.budget_unit]
     solver = f"time for the solver ({summary.solver}, {summary.iterations} iterations)"
+    procedure = summary.rate_limit_procedure
+    asked = "" if procedure is None else f" ({procedure.value.replace('_', ' ')})"
     return Table(
         f"{summary.video} on {summary.display}, with the power model {summary.power_model} and the rate "
-        f"limit {summary.rate_limit}.",
+        f"limit {summary.rate_limit}{asked}.",
         ("quantity", "track", "constant dimming", "unit"),
         (
             ("budget asked", summary.budget, summary.budget, unit),

@@ -8,15 +8,19 @@ the intervals (docs/decisions/yes-no-task.md).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from scipy import special
+import numpy as np
+from scipy import special, stats
 
 from data_schema.ramp import Procedure, RampTrial, Response
+from data_schema.threshold import Threshold
 from method.psychometric import THRESHOLD_PROBABILITY, PsychometricFunction, rate_at
 
 COMPARED_D_PRIME = 1.0
+MANY_FALSE_ALARMS = 0.3  # d' of 75 % "yes" is 1.2 there, half of what it is at 5 %
+DIFFERENT_LEVELS = 0.01  # probability of as different levels by chance, below which it is told
 Z_THRESHOLD = float(special.ndtri(THRESHOLD_PROBABILITY))
 TWO_INTERVAL_D_PRIME = math.sqrt(2) * Z_THRESHOLD  # 0.954: 75 % right
 
@@ -125,3 +129,41 @@ def rate_of_d_prime(
 def _z(count: int, total: int) -> float:
     """Return z of a share, kept off infinity by the log-linear correction."""
     return float(special.ndtri((count + 0.5) / (total + 1)))
+
+
+def false_alarm_warnings(
+    criteria: Mapping[str, Criterion], thresholds: Iterable[Threshold]
+) -> tuple[str, ...]:
+    """Return what is amiss with the answers to catch trials: too many "yes", or not the same at all levels.
+
+    Parameters
+    ----------
+    criteria : mapping of str to Criterion
+        Of each participant with catch trials.
+    thresholds : iterable of Threshold
+        Of all participants and levels.
+    """
+    many = [f"{who} ({c.false_alarm_rate:.0%})" for who, c in criteria.items()
+            if c.false_alarm_rate > MANY_FALSE_ALARMS]  # fmt: skip
+    warnings = []
+    if many:
+        warnings.append(
+            f"participants {', '.join(many)} say yes to many catch trials: their thresholds hang on the "
+            "guess rate; compare threshold_d_prime_1, or ask for two intervals"
+        )
+    counts: dict[float, list[float]] = {}
+    for t in thresholds:
+        if t.level_false_alarm_rate is not None:
+            yes = t.level_false_alarm_rate * t.level_n_catch
+            at_level = counts.setdefault(t.luminance, [0.0, 0.0])
+            at_level[0] += yes
+            at_level[1] += t.level_n_catch - yes
+    table = np.array(list(counts.values()))
+    if len(table) > 1 and (table.sum(axis=0) > 0).all():
+        p = float(stats.chi2_contingency(table).pvalue)
+        if p < DIFFERENT_LEVELS:
+            warnings.append(
+                f"false alarms differ between the luminances (p = {p:.2g}): the fits take each participant's "
+                "for the same at all of them; see level_false_alarm_rate in thresholds.csv"
+            )
+    return tuple(warnings)

@@ -8,8 +8,9 @@ import numpy as np
 
 from analysis.calibration import Calibration
 from analysis.conditions import condition_of, conditions_of
-from analysis.level_estimates import LevelEstimates, difference_in_words
+from analysis.level_estimates import LevelEstimates, difference_in_words, mean_ratios
 from analysis.report import Cell, Section, Table, probability
+from data_schema.ramp import Procedure
 
 
 def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Section:
@@ -53,8 +54,7 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
     )
     text = (
         "There are three ways from many participants to one threshold. Pooled answers look as if one person "
-        "had given them. People differ, so that the pooled function is flatter than anybody's own, and its "
-        "75 % point lies above the median participant's. The mean of individual fits has no such bias, but "
+        f"had given them. {_what_pooling_does(levels)} The mean of individual fits does without that, but "
         "counts a threshold known badly as much as one known well, and leaves out who answered all alike. "
         "The first estimate gives each participant a threshold of their own and averages over where it may "
         "lie.",
@@ -62,6 +62,20 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
     words = difference_in_words(levels)
     found = (words[0].upper() + words[1:] + ".",) if words else ()
     return Section("The population's threshold", text + found, (table,), (), (), simulated)
+
+
+def _what_pooling_does(levels: Sequence[LevelEstimates]) -> str:
+    """Return what flattening does to a 75 % point: nothing in the middle of the rise, else it moves it up."""
+    flatter = "People differ, so that the pooled function is flatter than anybody's own"
+    if any(estimates.level.procedure is Procedure.TWO_INTERVAL for estimates in levels):
+        return f"{flatter}; its 75 % point, of two intervals the middle of its rise, hardly moves for it."
+    pooled = mean_ratios(levels)[0]
+    if pooled is not None and pooled < 1:
+        return (
+            f"{flatter}, which alone would move its 75 % point above the median participant's; here it lies "
+            "below."
+        )
+    return f"{flatter}, which moves its 75 % point above the median participant's."
 
 
 def _order_of_ramps(estimates: LevelEstimates) -> tuple[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -91,8 +92,12 @@ def fit_thresholds_of(
         (who, task): _person(who, task, ramps, found, catches, times)
         for who, task in dict.fromkeys((who, level.procedure) for who, level in ramps)
     }
+    records = {
+        key: _record(key, fit, goodness, people[key[0], key[1].procedure])
+        for key, (fit, goodness) in found.items()
+    }
     return [
-        ThresholdFit(_record(key, fit, goodness, people[key[0], key[1].procedure]), fit, goodness)
+        ThresholdFit(_with_own_catches(records[key], groups[key]), fit, goodness)
         for key, (fit, goodness) in found.items()
     ]
 
@@ -175,6 +180,13 @@ def flag_of(counts: RampCounts, threshold: float, fit_p: float | None = None) ->
         return ThresholdFlag.SEPARATED
     poor = fit_p is not None and fit_p < POOR_FIT_P
     return ThresholdFlag.POOR_FIT if poor else ThresholdFlag.NONE
+
+
+def _with_own_catches(threshold: Threshold, group: Sequence[RampTrial]) -> Threshold:
+    """Return a threshold with the catch trials of its level, which `false_alarm_rate` takes together."""
+    catches = [trial.success for trial in group if trial.is_catch]
+    rate = sum(catches) / len(catches) if catches else None
+    return dataclasses.replace(threshold, level_n_catch=len(catches), level_false_alarm_rate=rate)
 
 
 def _record(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from data_schema.dataset_checks import personal_columns
 from data_schema.dataset_layout import BEHAVIOUR_FOLDER, DESCRIPTION, PARTICIPANTS
 from data_schema.errors import InputError
 from data_schema.files import results_folder, write_whole
@@ -26,6 +27,7 @@ def export_bids(dataset: Path, folder: Path) -> int:
         If there is no table of trials, or the folder holds something.
     """
     tables = exported_tables(dataset)
+    refuse_personal_data(dataset)
     refuse_used_folder(folder)
     names = [DESCRIPTION, "README", PARTICIPANTS, str(Path(PARTICIPANTS).with_suffix(".json"))]
     files = [dataset / name for name in names if (dataset / name).is_file()]
@@ -44,6 +46,15 @@ def exported_tables(dataset: Path) -> list[Path]:
             "an interrupted session gets its table when it is resumed or complete"
         )
     return tables
+
+
+def refuse_personal_data(dataset: Path) -> None:
+    """Refuse a list of participants that would tell who somebody is."""
+    path = dataset / PARTICIPANTS
+    if path.exists():
+        header = read_text(path, "the list of participants").split("\n")[0].split("\t")
+        for column in personal_columns(header):
+            raise InputError(f"{path}: the column {column!r} looks like personal data; take it out first")
 
 
 def refuse_used_folder(folder: Path) -> None:

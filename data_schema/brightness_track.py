@@ -11,7 +11,10 @@ from data_schema.files import write_whole
 from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance
 from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
+from data_schema.ramp import Procedure
 from data_schema.text_files import csv_rows, csv_text, number_in, read_json_record, write_json
+
+ASKED = "what the participants were asked whom the rate limit rests on"
 
 
 class BudgetUnit(enum.Enum):
@@ -42,6 +45,8 @@ class TrackHeader:
         Which solver made it.
     provenance : Provenance
         Software, seed and inputs.
+    rate_limit_procedure : Procedure or None
+        What the participants were asked whom the rate limit rests on; None if that is not known.
     """
 
     video: str = described("name of the video")
@@ -53,6 +58,7 @@ class TrackHeader:
     budget_unit: BudgetUnit = described("what the budget counts")
     solver: str = described("which solver made it")
     provenance: Provenance = described("how the file was made")
+    rate_limit_procedure: Procedure | None = described(ASKED, default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -183,6 +189,8 @@ class OptimizationSummary:
         Seed of the random numbers; None where none were drawn.
     versions : dict of str to str
         Of Evenlight, and of the packages that the numbers depend on.
+    rate_limit_procedure : Procedure or None
+        What the participants were asked whom the rate limit rests on; None if that is not known.
     """
 
     video: str = described("name of the video")
@@ -221,6 +229,7 @@ class OptimizationSummary:
     seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
     versions: dict[str, str] = described("versions of the software")
     provenance: Provenance = described("how the file was made")
+    rate_limit_procedure: Procedure | None = described(ASKED, default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -9,6 +9,7 @@ from typing import Any
 
 from data_schema.dataset_layout import (
     DESCRIPTION,
+    FRAMES,
     MANIFEST,
     PARTICIPANTS,
     TRIALS,
@@ -19,12 +20,14 @@ from data_schema.file_checks import CheckedFile, check_file
 from data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
 from data_schema.provenance import Provenance
 from data_schema.ramp import TrialFlag
-from data_schema.record_kinds import SESSION_MANIFEST, TRIALS_OF_TASK
+from data_schema.record_kinds import FRAME_LOG, SESSION_MANIFEST, TRIALS_OF_TASK
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
 
 SUBJECT = re.compile("sub-[0-9A-Za-z]+")
 SESSION = re.compile("ses-[0-9A-Za-z]+")
+PERSONAL = re.compile("name|birth|dob|mail|phone|address|initials", re.IGNORECASE)
+ROUNDING = 1e-6  # relative, of a luminance
 
 
 def is_dataset(folder: Path) -> bool:
@@ -79,6 +82,8 @@ def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
     trials = _check_trials(folder, manifest)
     yield checked
     yield trials
+    if (folder / FRAMES).is_file():
+        yield _check_frames(folder, trials)
     if isinstance(manifest, SessionManifest):
         yield from _check_export(dataset, manifest, trials)
 
@@ -113,6 +118,22 @@ def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile
     return checked
 
 
+def _check_frames(folder: Path, trials: CheckedFile) -> CheckedFile:
+    """Return the frame logs of a session: every trial that counts its frames has one for each interval."""
+    checked = check_file(folder / FRAMES, FRAME_LOG)
+    logged = {(log.trial_index, log.attempt, log.interval) for _, log in checked.records}
+    for line, trial in trials.records:
+        if trial.n_frames is None:
+            continue
+        for interval in (1, 2) if trial.ramp_interval else (1,):
+            if (trial.trial_index, trial.attempt, interval) not in logged:
+                checked.blame(
+                    f"no frames of trial {trial.trial_index}, attempt {trial.attempt}, interval {interval}, "
+                    f"which line {line} of {TRIALS} has"
+                )
+    return checked
+
+
 def _find_repeated(checked: CheckedFile) -> None:
     """Note trials that are there twice."""
     first: dict[int, int] = {}
@@ -129,6 +150,14 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
             got, right = getattr(trial, key), getattr(manifest, key)
             if got != right:
                 checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
+        brightest = manifest.display.peak_luminance + manifest.display.reflected_luminance
+        highest = max(trial.initial_luminance, trial.final_luminance)
+        if highest > brightest * (1 + ROUNDING):
+            checked.blame(
+                f"luminance: expected at most {brightest:g} cd/m^2, which the session's display reaches, "
+                f"got {highest:g}",
+                line,
+            )
     count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
     flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
     if manifest.status is SessionStatus.COMPLETE and not planned - flagged <= count <= planned:
@@ -254,6 +283,8 @@ def _participant_rows(checked: CheckedFile) -> Iterator[tuple[int, dict[str, str
     """Yield the rows of the list of participants; BIDS leaves all columns but the first to its writer."""
     lines = read_text(checked.path, "the list of participants").split("\n")
     header = lines[0].split("\t")
+    for column in personal_columns(header):
+        checked.blame(f"column {column!r}: expected no personal data; take the column out", 1)
     if header[0] != "participant_id":
         raise InputError(
             f"{checked.path}, line 1: expected the first column participant_id, got {shown(header[0])}"
@@ -265,6 +296,15 @@ def _participant_rows(checked: CheckedFile) -> Iterator[tuple[int, dict[str, str
         if len(cells) != len(header):
             checked.blame(f"expected {len(header)} cells, got {len(cells)}", number)
         yield number, dict(zip(header, cells, strict=False))
+
+
+def personal_columns(header: Iterable[str]) -> list[str]:
+    """Return the columns of a table that by their names hold what tells who somebody is.
+
+    >>> personal_columns(["participant_id", "full_name", "age_band", "birthday"])
+    ['full_name', 'birthday']
+    """
+    return [column for column in header if PERSONAL.search(column)]
 
 
 def _compare_names(checked: CheckedFile, listed: dict[str, int], folders: Iterable[str]) -> None:

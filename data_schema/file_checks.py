@@ -124,7 +124,8 @@ def _check_json_lines(checked: CheckedFile, kind: RecordKind) -> None:
         except InputError as error:
             torn = not line.endswith("\n")
             checked.problems.append(
-                f"{where}: the last line is torn, its trial was not complete; delete the line"
+                f"{where}: the last line is torn, it was not complete; --resume cuts it off and keeps it in "
+                "the log of events"
                 if torn
                 else str(error)
             )

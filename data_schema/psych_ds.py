@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from data_schema.bids import exported_tables, refuse_used_folder
+from data_schema.bids import exported_tables, refuse_personal_data, refuse_used_folder
 from data_schema.dataset_layout import DESCRIPTION, PARTICIPANTS
 from data_schema.files import results_folder, write_whole
 from data_schema.text_files import csv_text, read_json, read_text, write_json
@@ -37,6 +37,7 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
         If there is no table to export, or the folder holds something.
     """
     tables = exported_tables(dataset)
+    refuse_personal_data(dataset)
     refuse_used_folder(folder)
     description = read_json(dataset / DESCRIPTION, "the description of a data set")
     variables: dict[str, dict[str, Any]] = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from data_schema.quantities import check_limits, described, quantity
 
-ROUNDING = 1e-9  # relative, of a luminance that was computed
+ROUNDING = 1e-6  # relative, of a luminance that was computed and written
 
 
 class Procedure(enum.Enum):
@@ -84,9 +84,9 @@ class RampDesign:
     adaptation_duration, hold_duration : float
         Constant luminance before and after the ramp [s].
     interval_gap : float
-        Between the two intervals of a trial [s].
+        Before each of the two intervals of a trial and after them, at luminances drawn at random [s].
     pause_duration : float
-        From an answer to the next trial [s].
+        From an answer to the next trial, at that trial's initial luminance [s].
     practice_trials : int
         Before the session; left out of the analysis.
     trials_between_breaks : int
@@ -141,8 +141,12 @@ class RampDesign:
     )
     adaptation_duration: float = quantity("s", "constant luminance before the ramp", minimum=0.0, default=1.0)
     hold_duration: float = quantity("s", "constant luminance after the ramp", minimum=0.0, default=1.0)
-    interval_gap: float = quantity("s", "between two intervals of a trial", minimum=0.0, default=0.5)
-    pause_duration: float = quantity("s", "from an answer to the next trial", minimum=0.0, default=0.5)
+    interval_gap: float = quantity(
+        "s", "before each of two intervals and after them, at random luminances", minimum=0.1, default=0.5
+    )
+    pause_duration: float = quantity(
+        "s", "from an answer to the next trial, at its initial luminance", minimum=0.0, default=1.0
+    )
     practice_trials: int = quantity("1", "before the session; left out of the analysis", minimum=0, default=6)
     trials_between_breaks: int = quantity("1", "0 for no breaks", minimum=0, default=60)
     max_dropped_frames: int = quantity("1", "a trial with more is flagged", minimum=0, default=3)
@@ -154,6 +158,11 @@ class RampDesign:
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise ValueError(f"{name} must name at least one, and none twice, got {len(values)} of them")
+        if len(self.screens) > 1 and self.white_pixel_value <= self.gray_pixel_value:
+            raise ValueError(
+                f"white_pixel_value must be above gray_pixel_value, got {self.white_pixel_value:g} and "
+                f"{self.gray_pixel_value:g}"
+            )
         for duration in self.ramp_durations if Direction.DOWN in self.directions else ():
             fastest = max(self.rates_of(duration))
             if fastest * duration >= 1:
@@ -285,12 +294,12 @@ class RampTrial:
                 f"response must be {answers[0].value!r} or {answers[1].value!r} to {self.procedure.value}, "
                 f"got {self.response.value!r}"
             )
-        change = self.final_luminance - self.initial_luminance
-        slack = ROUNDING * self.initial_luminance
-        if (change > slack) if self.direction is Direction.DOWN else (change < -slack):
+        way = 1 if self.direction is Direction.UP else -1
+        end = self.initial_luminance + way * self.rate * self.duration
+        if abs(end - self.final_luminance) > ROUNDING * max(self.initial_luminance, end):
             raise ValueError(
-                f"a ramp {self.direction.value} from {self.initial_luminance:g} cd/m^2 cannot end at "
-                f"{self.final_luminance:g} cd/m^2"
+                f"a ramp {self.direction.value} from {self.initial_luminance:g} cd/m^2 at {self.rate:g} "
+                f"cd/m^2/s for {self.duration:g} s ends at {end:g}, not at {self.final_luminance:g} cd/m^2"
             )
 
     @property

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
+from data_schema.ramp import Direction, Procedure
 
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
@@ -28,10 +29,12 @@ class RateLimitForm(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class RateLimit:
-    """The rate of luminance change ΔL that is noticed in 75 % of the trials, as a function of luminance L.
+    """The rate of luminance change ΔL that is detected in 75 % of the trials, as a function of luminance L.
 
-    It is the paper's definition: what the median participant, watching a plain screen for it, notices. Half
-    of the participants notice slower changes as often.
+    It is the paper's definition, for the median participant, who watches a plain screen for it; half of the
+    participants detect slower changes as often. What "detected" means is the task's: in yes/no, as in the
+    paper, the change is noticed in 75 % of the trials; of two intervals the right one is told in 75 %
+    (d′ = 0.95), which slower changes allow. Limits of the two tasks do not compare.
 
     With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
     Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:
@@ -62,6 +65,12 @@ class RateLimit:
         Whether the participants were simulated.
     source : str
         Where it comes from.
+    procedure : Procedure or None
+        What the participants were asked; None if that is not known.
+    direction : Direction or None
+        Which way the luminance of the ramps went; None if that is not known.
+    ramp_duration : float or None
+        How long the ramps took [s]; None if that is not known.
     """
 
     name: str = described("name of the rate limit")
@@ -86,6 +95,9 @@ class RateLimit:
     simulated: bool = described("true if the participants were simulated", default=False)
     source: str = described("where it comes from", default="")
     provenance: Provenance | None = described("how the file was made", default=None)
+    procedure: Procedure | None = described("what the participants were asked", default=None)
+    direction: Direction | None = described("which way the luminance of the ramps went", default=None)
+    ramp_duration: float | None = quantity("s", "how long the ramps took", above=0.0, default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -98,6 +110,27 @@ class RateLimit:
             raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")
         self._check_band()
         self._check_size()
+
+    @property
+    def at_limit_in_words(self) -> str:
+        """What happens to a change at the limit, as its task has it, for a sentence."""
+        found = {Procedure.YES_NO: "noticed", Procedure.TWO_INTERVAL: "told right"}
+        return f"{found[self.procedure] if self.procedure else 'detected'} in 75 % of the trials"
+
+    @property
+    def task_in_words(self) -> str:
+        """What was asked and shown; empty if that is not known.
+
+        >>> asked = {"procedure": Procedure.YES_NO, "direction": Direction.DOWN, "ramp_duration": 5.0}
+        >>> RateLimit("r", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0), **asked).task_in_words
+        'yes/no, falling ramps of 5 s'
+        """
+        asked = {Procedure.YES_NO: "yes/no", Procedure.TWO_INTERVAL: "two intervals"}
+        words = [asked[self.procedure]] if self.procedure else []
+        if self.direction and self.ramp_duration:
+            way = "falling" if self.direction is Direction.DOWN else "rising"
+            words.append(f"{way} ramps of {self.ramp_duration:g} s")
+        return ", ".join(words)
 
     def _check_band(self) -> None:
         """Refuse a band that cannot be looked up: unordered, upside down, or not as wide as the range."""

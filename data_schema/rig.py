@@ -7,7 +7,12 @@ from dataclasses import dataclass, field
 
 from data_schema.quantities import check_limits, described, quantity
 
-KEY = "^[a-z0-9_]+$"  # names of keys as PsychoPy has them: y, n, left, right, space, escape, num_1
+# Names of keys as PsychoPy has them; a name that no key has would never be answered with.
+KEY = (
+    "^([a-z0-9]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
+    "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
+)
+SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
 class Dither(enum.Enum):
@@ -95,7 +100,7 @@ class Rig:
     name: str = described("name of the rig")
     display: str = described("calibrated display: a preset, or a toml file beside the rig's")
     viewing_distance: float = quantity("m", "from eye to display", above=0.0, maximum=100.0)
-    refresh_rate: float = quantity("Hz", "of the display", above=0.0, maximum=1000.0)
+    refresh_rate: float = quantity("Hz", "of the display", minimum=SLOWEST_DISPLAY, maximum=1000.0)
     screen: int = quantity("1", "which screen of the computer, from 0", minimum=0, default=0)
     full_screen: bool = described("true if the window fills the screen", default=True)
     window_size: tuple[int, int] = quantity(

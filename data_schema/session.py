@@ -18,6 +18,7 @@ class SessionStatus(enum.Enum):
     RUNNING = "running"
     COMPLETE = "complete"
     ABORTED = "aborted"
+    DECLINED = "declined"  # without consent: no trial was shown, and none will be
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,7 @@ class EventKind(enum.Enum):
     TRIAL_BEGUN = "trial_begun"
     TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
     TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
+    CHANGED = "changed"  # apparatus, software or pages are others than the manifest says
     LINE_TORN = "line_torn"  # what a crash left of a line; its text is kept here
     PAUSED = "paused"
     CONTINUED = "continued"

@@ -26,6 +26,8 @@ class ThresholdFlag(enum.Enum):
 class Threshold:
     """The rate of luminance change that one participant detects in 75 % of the trials at one level.
 
+    In yes/no they notice it in 75 %, of two intervals they tell the right one in 75 % (`procedure`).
+
     Attributes
     ----------
     participant_id : str
@@ -72,6 +74,10 @@ class Threshold:
     drift_ratio, drift_p : float or None
         Of the participant: threshold at the end of the trials over that at their beginning, and how
         probable as clear a drift is by chance.
+    level_n_catch : int
+        Catch trials at this level; `n_catch` are the participant's.
+    level_false_alarm_rate : float or None
+        "Yes" in them; None without any.
     """
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
@@ -106,6 +112,10 @@ class Threshold:
     )
     drift_p: float | None = quantity(
         "1", "probability of as clear a drift by chance", minimum=0.0, maximum=1.0, default=None
+    )
+    level_n_catch: int = quantity("1", "catch trials at this level", minimum=0, default=0)
+    level_false_alarm_rate: float | None = quantity(
+        "1", "share of yes in the catch trials at this level", minimum=0.0, maximum=1.0, default=None
     )
 
     def __post_init__(self) -> None:

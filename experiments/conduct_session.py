@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from data_schema.errors import InputError
+from data_schema.provenance import provenance_now
 from data_schema.rig import Keys
 from data_schema.session import EventKind, SessionStatus
 from experiments.pages import Pages
@@ -17,6 +19,26 @@ from experiments.stage import PausePressed, Stage
 from experiments.task import Participant, Task, TrialPlace
 
 LONGEST_REASON = 200  # letters of an error's message, in the log of events
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a session is, for the experimenter.
+
+    Attributes
+    ----------
+    done, planned : int
+        Usable trials.
+    flagged : int
+        Trials left out of the analysis.
+    practised : str
+        Result of the practice, in words; empty before.
+    """
+
+    done: int
+    planned: int
+    flagged: int
+    practised: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +71,7 @@ class _Stopped(Exception):  # noqa: N818 - it is no error: somebody asked for it
 
 
 def conduct_session(
-    store: SessionStore, cast: Cast, report: Callable[[int, int], None] = lambda done, total: None
+    store: SessionStore, cast: Cast, report: Callable[[Progress], None] = lambda progress: None
 ) -> SessionStatus:
     """Conduct a session, new or resumed, and return how far it got.
 
@@ -60,12 +82,13 @@ def conduct_session(
     cast : Cast
         Who and what takes part.
     report : callable, optional
-        Called with the usable trials done and their total.
+        Called after each trial.
     """
     session = _Session(store, cast, report)
     store.use_clock(cast.stage.now)
     if not store.manifest.apparatus:
         store.describe(cast.stage.apparatus())
+    _note_changes(store, cast)
     try:
         status = session.run()
     except _Stopped:
@@ -74,17 +97,38 @@ def conduct_session(
     except BaseException as error:
         # Whatever ends the program, the log says so if it still can be written; what ended it is told anyway.
         with suppress(InputError):
-            store.note(EventKind.STOPPED, f"{type(error).__name__}: {error}"[:LONGEST_REASON])
+            store.note(EventKind.STOPPED, f"{type(error).__name__.strip('_')}: {error}"[:LONGEST_REASON])
             store.finish(SessionStatus.ABORTED)
         raise
     store.finish(status)
     return status
 
 
+def _note_changes(store: SessionStore, cast: Cast) -> None:
+    """Note what is not as the manifest of a resumed session says: devices, software, pages."""
+    manifest = store.manifest
+    keys = manifest.rig.keys if manifest.rig else cast.keys
+    now = {
+        "keys": repr(cast.keys),
+        **{f"apparatus: {key}": value for key, value in cast.stage.apparatus().items()},
+        **{f"page {name}": digest for name, digest in cast.pages.digests.items()},
+        "software_revision": provenance_now().software_revision,
+    }
+    then = {
+        "keys": repr(keys),
+        **{f"apparatus: {key}": value for key, value in manifest.apparatus.items()},
+        **{f"page {name}": digest for name, digest in manifest.pages.items()},
+        "software_revision": manifest.provenance.software_revision,
+    }
+    changed = {key: value for key, value in now.items() if then.get(key) != value}
+    if changed and store.happened(EventKind.RESUMED):
+        store.note(EventKind.CHANGED, json.dumps(changed))
+
+
 class _Session:
     """The course of one session."""
 
-    def __init__(self, store: SessionStore, cast: Cast, report: Callable[[int, int], None]) -> None:
+    def __init__(self, store: SessionStore, cast: Cast, report: Callable[[Progress], None]) -> None:
         self.store, self.cast, self._report = store, cast, report
         self._practised = sum(trial.practice for trial in store.trials)
         for trial in store.trials:
@@ -98,18 +142,18 @@ class _Session:
         if not resumed:
             self.store.note(EventKind.STARTED)
             if not self._consent():
-                return SessionStatus.ABORTED
+                return SessionStatus.DECLINED
         begun = any(not trial.practice for trial in self.store.trials)
         if resumed:
             self._page("resume")
         if not begun:
             self._practise()
-        self._report(self._usable(), self.cast.task.n_trials)
+        self._report(self._progress())
         while (planned := self.cast.task.next_trial()) is not None:
             self._rest()
             trial = self._trial(planned)
             self.cast.task.take(trial)
-            self._report(self._usable(), self.cast.task.n_trials)
+            self._report(self._progress())
         self._page("end")
         self.store.note(EventKind.COMPLETED)
         return SessionStatus.COMPLETE
@@ -126,6 +170,7 @@ class _Session:
         self._page(self.cast.task.instructions)
         for planned in self.cast.task.practice()[self._practised :]:
             trial = self._trial(planned)
+            self._report(self._progress())
             self._page_of_text("feedback", self.cast.task.feedback(trial, self.cast.pages))
         self._page("practice_end")
 
@@ -211,9 +256,21 @@ class _Session:
             self.cast.keys,
             minutes=max(1, round(task.minutes)),
             trials=task.n_trials,
-            done=self._usable(),
+            done=min(self._answered(), task.n_trials),
             trials_between_breaks=task.trials_between_breaks or task.n_trials,
         )
+
+    def _progress(self) -> Progress:
+        """Return how far the session is."""
+        practice = [trial for trial in self.store.trials if trial.practice]
+        right = sum(self.cast.task.is_right(trial) for trial in practice)
+        flagged = sum(self.cast.task.is_flagged(t) for t in self.store.trials if not t.practice)
+        words = f"practice {right} of {len(practice)} right" if practice else ""
+        return Progress(self._usable(), self.cast.task.n_trials, flagged, words)
+
+    def _answered(self) -> int:
+        """Return how many trials of the session were answered, flagged ones too."""
+        return sum(not trial.practice for trial in self.store.trials)
 
     def _usable(self) -> int:
         """Return how many usable trials are done."""

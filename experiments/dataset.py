@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import re
 import typing
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -99,6 +100,7 @@ def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Prove
         name = f"sub-{participant_id}"
         if name in listed:
             return listed.index(name)
+        _refuse_likely_slip(name, listed, dataset)
         waiting = [other for other in listed if not (dataset / other).is_dir()]
         if waiting:
             raise InputError(
@@ -108,6 +110,22 @@ def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Prove
         values = {"participant_id": name, "simulated": _cell(simulated)}
         _write_participant_table(dataset, header, [*rows, [values.get(column, MISSING) for column in header]])
         return len(rows)
+
+
+def _refuse_likely_slip(name: str, listed: list[str], dataset: Path) -> None:
+    """Refuse a new participant who differs from one on the list in zeros or capitals only."""
+    twin = next((other for other in listed if _without_zeros(other) == _without_zeros(name)), None)
+    if twin is not None:
+        raise InputError(
+            f"participant {name.removeprefix('sub-')!r} is new in {dataset}, and "
+            f"{twin.removeprefix('sub-')!r} is there: give that, or one that differs in more than zeros or "
+            "capitals"
+        )
+
+
+def _without_zeros(name: str) -> str:
+    """Return a participant without leading zeros and capitals."""
+    return name.removeprefix("sub-").lower().lstrip("0")
 
 
 def make_folder(folder: Path) -> None:
@@ -135,10 +153,21 @@ def _participant_table(dataset: Path) -> tuple[list[str], list[list[str]]]:
     """Return the columns and rows of the list of participants; a new one where there is none."""
     path = dataset / PARTICIPANTS
     if not path.exists():
+        there = [folder.name for folder in sorted(dataset.glob("sub-*"))]
+        if there:
+            raise InputError(
+                f"{path}: no such file, though there is {there[0]}; restore the list, it holds the order of "
+                "the participants"
+            )
         return ["participant_id", "simulated"], []
     lines = [line.split("\t") for line in read_text(path, "the list of participants").splitlines() if line]
     if not lines or lines[0][0] != "participant_id":
         raise InputError(f"{path}, line 1: expected the first column participant_id")
+    for number, row in enumerate(lines[1:], start=2):
+        if not re.fullmatch("sub-[0-9A-Za-z]+", row[0]):
+            raise InputError(
+                f"{path}, line {number}: expected a participant such as sub-{number - 1:02d}, got {row[0]!r}"
+            )
     return lines[0], lines[1:]
 
 

@@ -24,6 +24,7 @@ class Purpose(enum.IntEnum):
     NOISE = 8
     ANSWERING_TIMES = 9
     PERSON = 10
+    GAPS = 11
 
 
 def generator_for(seed: int, order_index: int, purpose: Purpose, *key: int) -> np.random.Generator:

@@ -8,17 +8,18 @@ import numpy as np
 
 from data_schema.display import Display
 from data_schema.ramp import FrameLog, Procedure, RampDesign, RampTrial, Response, TrialFlag
-from data_schema.rig import Actuator, Keys
+from data_schema.rig import Rig
+from data_schema.session_length import session_minutes
 from experiments.design import PlannedRamp, ramp_levels
 from experiments.keyed_chance import Purpose, generator_for
 from experiments.pages import Pages
 from experiments.ramp_schedule import RampSchedule
 from experiments.stage import RampInterval, ShownInterval, Stage
 from experiments.task import Conducted, Participant, TrialPlace
+from stimuli.ramp import reachable_luminances
 
-ANSWER_TIME = 1.5  # [s] that a practised person takes, for the estimate of a session's length
-BREAK_TIME = 60.0  # [s] likewise
 LARGEST_SEED = 2**31
+LARGEST_STEP = 1.5  # either way, between an interval and a gap: far more than the change at any threshold
 
 
 class RampTask:
@@ -34,10 +35,15 @@ class RampTask:
         Of order, placement and dithering noise.
     order_index : int
         Row of the counterbalanced order of blocks.
-    keys : Keys
-        What is pressed.
-    actuator : Actuator
-        What makes the brightness.
+    rig : Rig
+        What is pressed, and what makes the brightness.
+    smallest_factor : float, optional
+        Of the rig's backlight.
+
+    Raises
+    ------
+    InputError
+        If the rig would cut off a ramp of the design.
     """
 
     def __init__(
@@ -46,13 +52,17 @@ class RampTask:
         display: Display,
         seed: int,
         order_index: int,
-        keys: Keys,
-        actuator: Actuator = Actuator.PIXELS,
+        rig: Rig,
+        *,
+        smallest_factor: float = 0.0,
     ) -> None:
         self.design = design
-        self._keys = keys
+        self._keys, self._rig, self._display = rig.keys, rig, display
+        self._smallest_factor = smallest_factor
         self._session = (seed, order_index)
-        self._schedule = RampSchedule(design, display, seed, order_index, actuator)
+        self._schedule = RampSchedule(
+            design, display, seed, order_index, rig.actuator, smallest_factor=smallest_factor
+        )
         levels = [level.luminance for level in ramp_levels(design, display)]
         self.neutral_luminance = float(np.exp(np.mean(np.log(levels))))
 
@@ -88,6 +98,10 @@ class RampTask:
         """Take an answered trial."""
         self._schedule.take(trial)
 
+    def is_right(self, trial: RampTrial) -> bool:
+        """Return whether a change was told, or none where there was none."""
+        return trial.success != trial.is_catch
+
     def is_flagged(self, trial: RampTrial) -> bool:
         """Return whether a trial is left out of the analysis."""
         return trial.flag is not TrialFlag.NONE
@@ -98,8 +112,7 @@ class RampTask:
             truth = "truth_first" if trial.ramp_interval == 1 else "truth_second"
         else:
             truth = "truth_no_change" if trial.is_catch else "truth_change"
-        right = trial.success != trial.is_catch
-        name = "feedback_right" if right else "feedback_wrong"
+        name = "feedback_right" if self.is_right(trial) else "feedback_wrong"
         return pages.text(name, self._keys, truth=pages.text(truth, self._keys))
 
     def conduct(
@@ -108,20 +121,44 @@ class RampTask:
         """Show a ramp, in one of two intervals if the design has two, and ask about it."""
         chance = generator_for(*self._session, Purpose.NOISE, place.trial_index)
         noise_seed = int(chance.integers(LARGEST_SEED))
-        stage.wait(self.design.pause_duration, self.neutral_luminance)
+        # The level of the trial, not a neutral one: a jump right before a ramp would be adapted to during it.
+        stage.wait(self.design.pause_duration, planned.level.luminance)
         intervals = self._intervals(planned, noise_seed)
+        gaps = self._gaps(planned, place, intervals) if len(intervals) > 1 else []
         shown = []
         for number, interval in enumerate(intervals):
-            if number:
-                stage.wait(self.design.interval_gap, self.neutral_luminance)
+            for luminance in gaps[number] if gaps else ():
+                stage.wait(self.design.interval_gap / 2, luminance)
             shown.append(stage.show_ramp(interval))
-        participant.see_trial(planned, place.trial_index)
         answers = self._answers()
         question = pages.text(f"question_{self.design.procedure.value}", self._keys)
-        press = stage.ask(question, list(answers), intervals[-1].final_luminance)
+        ground = gaps[-1][0] if gaps else intervals[-1].final_luminance
+        stage.wait(self.design.interval_gap if gaps else 0.0, ground)
+        participant.see_trial(planned, place.trial_index)
+        press = stage.ask(question, list(answers), ground)
         trial = self._row(planned, place, shown, noise_seed, answers[press.name], press.time)
         frames = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
         return Conducted(trial, frames)
+
+    def _gaps(
+        self, planned: PlannedRamp, place: TrialPlace, intervals: list[RampInterval]
+    ) -> list[tuple[float, float]]:
+        """Return the two luminances before, between and after two intervals [cd/m^2].
+
+        How far the luminance steps where an interval ends, and where one begins, is drawn at random and does
+        not depend on whether the interval changed (docs/decisions/two-interval-task.md).
+        """
+        level = planned.level
+        reached = reachable_luminances(
+            level.pixel_value, self._display, self._rig.actuator, self._smallest_factor
+        )
+        ends = (level.luminance, planned.final_luminance)
+        darkest = max(reached[0] / min(ends), 1 / LARGEST_STEP)
+        brightest = min(reached[1] / max(ends), LARGEST_STEP)
+        chance = generator_for(*self._session, Purpose.GAPS, place.trial_index)
+        steps = np.exp(chance.uniform(np.log(darkest), np.log(brightest), (3, 2))).tolist()
+        before = [level.luminance, *(interval.final_luminance for interval in intervals)]
+        return [(last * out, level.luminance * into) for last, (out, into) in zip(before, steps, strict=True)]
 
     def _answers(self) -> dict[str, Response]:
         """Return what each key means."""
@@ -196,20 +233,6 @@ class RampTask:
             largest_luminance_error=max(log.largest_error for log in logs) if probes else None,
             flag=TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
         )
-
-
-def session_minutes(design: RampDesign, n_trials: int) -> float:
-    """Return how long a session of a design takes, about [min].
-
-    >>> design = RampDesign(practice_trials=0, trials_between_breaks=0)
-    >>> session_minutes(design, 60)  # 1 + 5 + 1 s of ramp, 1.5 s to answer, 0.5 s of pause: 9 s
-    9.0
-    """
-    interval = design.adaptation_duration + float(np.mean(design.ramp_durations)) + design.hold_duration
-    shown = 2 * interval + design.interval_gap if design.procedure is Procedure.TWO_INTERVAL else interval
-    trials = n_trials + design.practice_trials
-    breaks = (n_trials - 1) // design.trials_between_breaks if design.trials_between_breaks else 0
-    return (trials * (shown + ANSWER_TIME + design.pause_duration) + breaks * BREAK_TIME) / 60
 
 
 def _frame_log(place: TrialPlace, interval: int, shown: ShownInterval) -> FrameLog:

@@ -13,10 +13,12 @@ import typer
 from data_schema.errors import InputError
 
 if TYPE_CHECKING:
+    from experiments.conduct_session import Progress as SessionProgress
     from experiments.run_session import SessionOutcome, SessionRequest
 
 TASKS = ("ramp",)
-ID = re.compile("[0-9A-Za-z]+")
+ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
 
 class Simulation(enum.Enum):
@@ -61,7 +63,9 @@ def run(
         raise InputError(f"task {task!r} cannot be run; there is {', '.join(map(repr, TASKS))}")
     for option, value in (("--participant", participant), ("--session", session)):
         if not ID.fullmatch(value):
-            raise InputError(f"{option} must be letters and digits only, such as 01, got {value!r}")
+            raise InputError(
+                f"{option} must be letters and digits, a digit among them, such as 01, got {value!r}"
+            )
     if seed is not None and seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
     if simulate is not Simulation.VISUAL and real_time:
@@ -109,19 +113,47 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    done = 0
     with Progress(
         *columns, console=console, transient=True, disable=quiet or not console.is_terminal
     ) as bars:
         words = f"participant {request.participant_id}, session {request.session_id}"
         bar = bars.add_task(words, total=None)
-        return run_ramp_session(request, lambda done, total: bars.update(bar, completed=done, total=total))
+
+        def show(progress: SessionProgress) -> None:
+            nonlocal done
+            done = progress.done
+            flagged = f"{progress.flagged} flagged for dropped frames" if progress.flagged else ""
+            said = ", ".join(part for part in (words, progress.practised, flagged) if part)
+            bars.update(bar, completed=progress.done, total=progress.planned, description=said)
+
+        try:
+            return run_ramp_session(request, show)
+        except BaseException as error:
+            if isinstance(error, Exception | SystemExit):
+                raise
+            # Interrupted or told to end: elsewhere nothing is left then, here everything is.
+            print(
+                f"evenlight: interrupted after {done} trials; all of them are safe, go on with --resume",
+                file=sys.stderr,
+            )
+            sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
 def _close(outcome: SessionOutcome) -> None:
     """Say how a session ended."""
+    from data_schema.session import SessionStatus
+
     flagged = f", {outcome.flagged} flagged for dropped frames" if outcome.flagged else ""
     words = f"{outcome.done} of {outcome.planned} trials{flagged} in {outcome.folder}"
-    if outcome.done < outcome.planned:
+    if outcome.status is SessionStatus.DECLINED:
+        print("evenlight: the participant declined; no trial was shown", file=sys.stderr)
+    elif outcome.status is not SessionStatus.COMPLETE:
         print(f"evenlight: stopped after {words}; go on with --resume", file=sys.stderr)
+    elif outcome.done < outcome.planned:
+        print(
+            f"evenlight: complete with {words}; see why frames are dropped before the next session",
+            file=sys.stderr,
+        )
     else:
         typer.echo(f"complete: {words}")

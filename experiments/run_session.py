@@ -15,10 +15,10 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_record
 from data_schema.ramp import RampDesign
-from data_schema.rig import Rig
+from data_schema.rig import Keys, Rig
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import read_json_record
-from experiments.conduct_session import Cast, conduct_session
+from experiments.conduct_session import Cast, Progress, conduct_session
 from experiments.dataset import enrol
 from experiments.design import ramp_levels
 from experiments.keyed_chance import Purpose, generator_for
@@ -27,13 +27,13 @@ from experiments.participants import Person, PressKey, SimulatedParticipant
 from experiments.ramp_task import RampTask
 from experiments.session_store import SessionStore, begin_session, resume_session
 from experiments.simulated_observers import SimulatedObserver, draw_observer
-from experiments.staging import Staging, open_stage
+from experiments.staging import Staging, open_stage, smallest_factor
 from experiments.task import Participant
 from method.preset_files import load_rate_limit
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1
-POPULATION = "surace2025"  # whose rate limit is the median threshold of simulated observers
+POPULATION = "surace2025"  # whose rate limit is the yes/no threshold of the median simulated observer
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class SessionOutcome:
 
 
 def run_ramp_session(
-    request: SessionRequest, report: Callable[[int, int], None] = lambda done, total: None
+    request: SessionRequest, report: Callable[[Progress], None] = lambda progress: None
 ) -> SessionOutcome:
     """Run a ramp session, new or resumed, and return how it ended.
 
@@ -111,7 +111,7 @@ def run_ramp_session(
         display, design, seed or kind of participant; if a ramp cannot be shown on the display.
     """
     manifest = _resumed_manifest(request) if request.resume else _new_manifest(request)
-    task = _task_of(manifest, request)
+    task = _task_of(manifest, request, smallest_factor(request.staging, request.rig))
     with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
         stage.prepare(*request.pages.longest(request.rig.keys))
         store = _opened(request, manifest)
@@ -121,7 +121,7 @@ def run_ramp_session(
             cast = Cast(task, stage, participant, request.pages, request.rig.keys)
             status = conduct_session(store, cast, report)
             done = sum(trial.usable for trial in store.trials)
-            flagged = sum(task.is_flagged(trial) for trial in store.trials)
+            flagged = sum(task.is_flagged(trial) for trial in store.trials if not trial.practice)
             return SessionOutcome(status, done, task.n_trials, flagged, store.folder)
 
 
@@ -150,6 +150,11 @@ def _new_manifest(request: SessionRequest) -> SessionManifest:
     )
 
 
+def _essence(rig: Rig) -> Rig:
+    """Return a rig without what may be another when a session is resumed: language and keys."""
+    return dataclasses.replace(rig, language="en", keys=Keys())
+
+
 def _session_seed(request: SessionRequest) -> int:
     """Return the seed of a session: of each participant and visit its own, with the same --seed too.
 
@@ -173,6 +178,7 @@ def _resumed_manifest(request: SessionRequest) -> SessionManifest:
         ("--simulate", manifest.simulated, request.staging.simulated),
         ("--rig (its display)", manifest.display.fingerprint, request.display.fingerprint),
         ("--design", manifest.design, request.design or manifest.design),
+        ("--rig", manifest.rig and _essence(manifest.rig), _essence(request.rig)),
         ("--seed", seed, seed if request.seed is None else _session_seed(request)),
     )
     for option, began, asked in differing:
@@ -184,15 +190,15 @@ def _resumed_manifest(request: SessionRequest) -> SessionManifest:
     return manifest
 
 
-def _task_of(manifest: SessionManifest, request: SessionRequest) -> RampTask:
-    """Return the experiment of a session."""
+def _task_of(manifest: SessionManifest, request: SessionRequest, smallest: float = 0.0) -> RampTask:
+    """Return the experiment of a session; the backlight's smallest factor decides what may be shown."""
     return RampTask(
         manifest.design,
         manifest.display,
         manifest.provenance.seed or 0,
         manifest.order_index,
-        request.rig.keys,
-        request.rig.actuator,
+        request.rig,
+        smallest_factor=smallest,
     )
 
 
@@ -202,7 +208,9 @@ def _opened(request: SessionRequest, manifest: SessionManifest) -> SessionStore:
     if request.resume:
         return resume_session(request.dataset, request.participant_id, request.session_id, utc)
     place = enrol(request.dataset, request.participant_id, manifest.simulated, manifest.provenance)
-    manifest = dataclasses.replace(manifest, order_index=place)
+    # Another order of blocks in the next session of the same participant, too.
+    earlier = len(list((request.dataset / f"sub-{request.participant_id}").glob("ses-*")))
+    manifest = dataclasses.replace(manifest, order_index=place + earlier)
     manifest = dataclasses.replace(manifest, n_trials=_task_of(manifest, request).n_trials)
     return begin_session(request.dataset, manifest, utc)
 

@@ -174,6 +174,8 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
         manifest = read_json_record(SessionManifest, folder / MANIFEST)
         if manifest.status is SessionStatus.COMPLETE:
             raise InputError(f"{folder}: this session is complete; give another --session")
+        if manifest.status is SessionStatus.DECLINED:
+            raise InputError(f"{folder}: the participant declined to take part; nothing is resumed")
         torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, EVENTS)}
         trials = _read_lines(TRIALS_OF_TASK[manifest.task].record, folder / TRIALS)
         events = _read_lines(SessionEvent, folder / EVENTS)

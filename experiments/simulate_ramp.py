@@ -30,7 +30,7 @@ from experiments.simulated_observers import (
 from method.preset_files import load_rate_limit
 
 SESSION = "01"
-PUBLISHED = "surace2025"  # whose rate limit is the median threshold of simulated participants
+PUBLISHED = "surace2025"  # whose rate limit is the median person's yes/no threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class RampSimulation:
     design : RampDesign
         Which ramps.
     limit : RateLimit
-        The population's median threshold.
+        The median person's yes/no threshold.
     population : ObserverPopulation
         How participants differ.
     """
@@ -98,7 +98,7 @@ def simulated_trials(
     seed: int,
     population: ObserverPopulation | None = None,
 ) -> list[RampTrial]:
-    """Return the trials of simulated participants, in memory; their median is the published limit."""
+    """Return the trials of simulated participants, in memory, of the published population."""
     return simulated_trials_and_thresholds(design, display, participants, seed, population)[0]
 
 
@@ -226,6 +226,7 @@ def _truth(participant: str, observer: SimulatedObserver, simulation: RampSimula
     return {
         "participant_id": participant,
         "sensitivity": observer.sensitivity,
+        "caution": observer.caution,
         "width": observer.width,
         "guess_rate": observer.guess_rate,
         "lapse_rate": observer.lapse_rate,

@@ -1,9 +1,11 @@
 """Simulated participants of the ramp experiment: known thresholds, human-like scatter.
 
-The population's median threshold is the paper's published rate limit. How participants scatter about it was
-not published; the figures below are choices within what brightness-change studies report
-(docs/decisions/yes-no-task.md, docs/decisions/ramp-durations-and-directions.md), and every record made from
-them says that it is simulated.
+Two traits make a yes/no threshold (Green & Swets 1966): how well somebody sees, and how much they must have
+seen to say "yes". They are independent here. The threshold of two intervals, which the criterion leaves
+alone, scatters by the first; that of yes/no by both. The median person's yes/no threshold is the paper's
+published rate limit. How participants scatter about it was not published; the figures below are choices
+within what brightness-change studies report (docs/decisions/yes-no-task.md,
+docs/decisions/ramp-durations-and-directions.md), and every record made from them says that it is simulated.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from data_schema.ramp import Direction, Procedure, Response
 from data_schema.rate_limit import RateLimit
@@ -33,8 +36,9 @@ class ObserverPopulation:
     Attributes
     ----------
     participant_sd : float
-        Standard deviation of ln(threshold) between participants: 0.25 makes two of three lie within a factor
-        of 1.28 of the median (choice; the paper's ten participants are published pooled only).
+        Standard deviation of ln(threshold) between participants' eyes, which is that of two intervals: 0.2
+        makes two of three lie within a factor of 1.22 of the median (choice; the paper's ten participants are
+        published pooled only). In yes/no the criterion adds its own: 0.35 in all, levels included.
     level_sd : float
         Standard deviation of a participant's ln(threshold) from level to level, beyond their own factor
         (choice: about the scatter of the published points around their curve, 0.12).
@@ -51,7 +55,7 @@ class ObserverPopulation:
         little better than increments (choice of the amount).
     """
 
-    participant_sd: float = 0.25
+    participant_sd: float = 0.2
     level_sd: float = 0.1
     width_median: float = 1.6
     width_spread: float = 0.3
@@ -59,6 +63,16 @@ class ObserverPopulation:
     lapse: tuple[float, float] = (1.5, 60.0)
     amount_share: float = 0.5
     up_ratio: float = 1.1
+
+    @property
+    def median_two_interval_ratio(self) -> float:
+        """The two-interval threshold of who is the median in every trait, as a multiple of their yes/no one.
+
+        >>> round(ObserverPopulation(width_median=1e-9).median_two_interval_ratio, 6)  # a step has one place
+        1.0
+        """
+        guess_rate, lapse_rate = (float(special.betaincinv(*beta, 0.5)) for beta in (self.guess, self.lapse))
+        return two_interval_ratio(self.width_median, guess_rate, lapse_rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +82,10 @@ class SimulatedObserver:
     Attributes
     ----------
     limit : RateLimit
-        The population's median threshold over luminance: of yes/no, for the luminance falling over 5 s.
+        The median person's threshold over luminance: of yes/no, for the luminance falling over 5 s.
     sensitivity : float
-        The participant's threshold as a multiple of the population's.
+        The participant's two-interval threshold as a multiple of the median person's: above 1 for who sees
+        less well.
     level_factors : dict of float to float
         Further multiple at each luminance level [cd/m^2]; 1 where none is given.
     width : float
@@ -82,6 +97,9 @@ class SimulatedObserver:
         duration^-amount_share.
     up_ratio : float
         Threshold of rising luminance as a multiple of that of falling luminance.
+    caution : float
+        How much more 75 % "yes" takes of the participant than of a median person with the same eye: their
+        yes/no threshold as a multiple of their two-interval one, over the median person's.
     """
 
     limit: RateLimit
@@ -92,12 +110,13 @@ class SimulatedObserver:
     lapse_rate: float
     amount_share: float = 0.5
     up_ratio: float = 1.1
+    caution: float = 1.0
 
     def threshold_at(
         self, luminance: float, direction: Direction = Direction.DOWN, duration: float = REFERENCE_DURATION
     ) -> float:
         """Return the rate [cd/m^2/s] of 75 % "yes" at an initial luminance [cd/m^2], over a duration [s]."""
-        own = self.sensitivity * self.level_factors.get(luminance, 1.0)
+        own = self.sensitivity * self.caution * self.level_factors.get(luminance, 1.0)
         own *= math.pow(duration / REFERENCE_DURATION, -self.amount_share)
         own *= self.up_ratio if direction is Direction.UP else 1.0
         return own * float(rate_limit_at(self.limit, luminance))
@@ -153,6 +172,17 @@ def answer_generator(seed: int, order_index: int, trial_index: int) -> np.random
     return generator_for(seed, order_index, Purpose.ANSWERS, trial_index)
 
 
+def two_interval_ratio(width: float, guess_rate: float, lapse_rate: float) -> float:
+    """Return a person's two-interval threshold as a multiple of their yes/no one; it is the same at any rate.
+
+    Parameters
+    ----------
+    width, guess_rate, lapse_rate : float
+        In yes/no.
+    """
+    return two_interval_function(PsychometricFunction(1.0, width, guess_rate, lapse_rate)).threshold
+
+
 def draw_observer(
     limit: RateLimit,
     luminances: tuple[float, ...],
@@ -164,7 +194,7 @@ def draw_observer(
     Parameters
     ----------
     limit : RateLimit
-        The population's median threshold over luminance.
+        The median person's yes/no threshold over luminance.
     luminances : tuple of float
         Initial luminances of the session's levels [cd/m^2].
     rng : numpy.random.Generator
@@ -174,13 +204,18 @@ def draw_observer(
     """
     people = population or ObserverPopulation()
     scatter = np.exp(people.level_sd * rng.standard_normal(len(luminances)))
+    sensitivity = float(np.exp(people.participant_sd * rng.standard_normal()))
+    width = float(people.width_median * np.exp(people.width_spread * rng.standard_normal()))
+    guess_rate = min(float(rng.beta(*people.guess)), MAX_GUESS_RATE)
+    lapse_rate = min(float(rng.beta(*people.lapse)), MAX_LAPSE_RATE)
     return SimulatedObserver(
         limit=limit,
-        sensitivity=float(np.exp(people.participant_sd * rng.standard_normal())),
+        sensitivity=sensitivity,
         level_factors=dict(zip(luminances, scatter.tolist(), strict=True)),
-        width=float(people.width_median * np.exp(people.width_spread * rng.standard_normal())),
-        guess_rate=min(float(rng.beta(*people.guess)), MAX_GUESS_RATE),
-        lapse_rate=min(float(rng.beta(*people.lapse)), MAX_LAPSE_RATE),
+        width=width,
+        guess_rate=guess_rate,
+        lapse_rate=lapse_rate,
         amount_share=people.amount_share,
         up_ratio=people.up_ratio,
+        caution=people.median_two_interval_ratio / two_interval_ratio(width, guess_rate, lapse_rate),
     )

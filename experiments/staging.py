@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data_schema.display import Display
-from data_schema.rig import Rig
+from data_schema.rig import Actuator, Rig
 from experiments.blind_stage import BlindStage
 from experiments.participants import PressKey
 from experiments.session_store import utc_now
 from experiments.stage import Stage
 from experiments.window_stage import WindowStage
 from hardware.clocks import RefreshClock
-from hardware.rig import open_backlight, open_keyboard, open_window
+from hardware.rig import backlights_smallest_factor, open_backlight, open_keyboard, open_window
 from hardware.simulated_keyboard import SimulatedKeyboard
 
 
@@ -47,6 +47,18 @@ class Staging:
         return "" if self.simulated else utc_now()
 
 
+def smallest_factor(staging: Staging, rig: Rig) -> float:
+    """Return the lowest brightness factor that a session may ask for; 0 where pixels make the brightness.
+
+    A rehearsal without a window opens no device of the computer, which may be another than the rig's: there
+    any factor will do, unless the backlight is a simulated one.
+    """
+    elsewhere = staging.simulation == "data" and rig.backlight != "simulated"
+    if elsewhere or rig.actuator is Actuator.PIXELS:
+        return 0.0
+    return backlights_smallest_factor(rig)
+
+
 @contextmanager
 def open_stage(
     staging: Staging, rig: Rig, display: Display, page_luminance: float
@@ -76,7 +88,7 @@ def open_stage(
     try:
         simulated = SimulatedKeyboard(window.now) if staging.simulated else None
         keys = simulated or open_keyboard()
-        backlight = open_backlight(rig, window)
+        backlight = open_backlight(rig, window.now)
         stage = WindowStage(window, keys, rig, display, page_luminance, backlight, staging.screenshots)
     except BaseException:
         window.close()

@@ -95,5 +95,8 @@ class Task(Protocol):
     def feedback(self, trial: Any, pages: Pages) -> str:
         """Return what a participant is told about a trial of practice."""
 
+    def is_right(self, trial: Any) -> bool:
+        """Return whether a trial was answered rightly."""
+
     def is_flagged(self, trial: Any) -> bool:
         """Return whether a trial is left out of the analysis."""

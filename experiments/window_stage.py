@@ -27,6 +27,7 @@ from stimuli.ramp import frame_count, ramp_luminance, require_reachable
 # [pixels] of the middle that is read back; the noise leaves the mean of so many within 0.01 cd/m^2 at 100.
 PROBE_SIZE = (256, 256)
 LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a ramp
+LABEL_GONE_BEFORE = 0.3  # [s]
 LABEL_SIZE = 1.0  # of an interval's number, in multiples of a page's text
 
 
@@ -70,6 +71,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._window, self._keyboard, self._backlight = window, keyboard, backlight
         self._rig, self._display, self._page_luminance = rig, display, page_luminance
         self._renderer = FieldRenderer(window.context(), display, window.bits(), rig.dither)
+        self._luminance_of_code = luminance_of_codes(np.arange(2 ** window.bits()), display, window.bits())
         self._brightness = Brightness(display, rig.actuator, backlight, window.now)
         self._screenshots = Screenshots(screenshots)
         self._pixel_value = 1.0  # of the last uniform screen
@@ -184,7 +186,9 @@ class WindowStage(AbstractContextManager["WindowStage"]):
             interval.duration,
         )
         intended = round(float(luminance), LUMINANCE_DECIMALS)
-        field = self._ramp_field(interval, intended, labelled=time < interval.adaptation)
+        # The number is gone well before the ramp: its going must not be taken for the beginning of a change.
+        labelled = time < max(interval.adaptation - LABEL_GONE_BEFORE, interval.adaptation / 2)
+        field = self._ramp_field(interval, intended, labelled)
         self._renderer.draw(self._window.framebuffer(), field, len(recording), interval.noise_seed)
         self._shown = field
         drawn = self._ground_drawn(field) if probe else None
@@ -199,7 +203,9 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         codes = self._window.read_codes(PROBE_SIZE)
         if field.coverage is not None:
             codes = codes[middle(field.coverage, PROBE_SIZE) == 0]
-        return float(luminance_of_codes(codes, self._display, self._window.bits()).mean())
+        # Codes are counted, not turned into luminances one by one: this happens while the flip is waited for.
+        counts = np.bincount(codes.ravel(), minlength=self._luminance_of_code.size)
+        return float(counts @ self._luminance_of_code / counts.sum())
 
     def _ramp_field(self, interval: RampInterval, luminance: float, labelled: bool) -> Field:
         """Return the field of a frame of an interval, with the interval's number if it is to have one."""

@@ -24,8 +24,10 @@ class PsychoPyKeyboard(AbstractContextManager["PsychoPyKeyboard"]):
 
     def pressed(self) -> list[KeyPress]:
         """Return the keys pressed since the last call, in order; return at once."""
-        # A press counts when the key goes down. PsychoPy gives it once more when the key is let go.
-        keys = self._keyboard.getKeys(waitRelease=False, clear=True)
+        # A press counts when the key goes down. PsychoPy gives it once more when the key is let go; a key let
+        # go before it was asked for, within a long frame, is among those only.
+        held = self._keyboard.getKeys(waitRelease=False, clear=True)
+        keys = [*held, *self._keyboard.getKeys(waitRelease=True, clear=True)]
         times = {(key.name, float(key.rt)) for key in keys}
         presses = [KeyPress(name, time) for name, time in times if time > self._taken_until]
         self._taken_until = max([self._taken_until, *(press.time for press in presses)])

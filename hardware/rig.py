@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
 from pathlib import Path
 
 from data_schema.errors import InputError
@@ -90,15 +91,34 @@ def open_keyboard() -> ResponseDevice:
     return PsychoPyKeyboard()
 
 
-def open_backlight(rig: Rig, window: Window) -> Backlight | None:
-    """Return the rig's backlight on the window's clock, or None if it names none."""
+def open_backlight(rig: Rig, clock: Callable[[], float]) -> Backlight | None:
+    """Return the rig's backlight on a clock [s], or None if it names none."""
     if rig.backlight == "none":
         return None
     from hardware import backlights
 
     if rig.backlight == "simulated":
-        return backlights.SimulatedBacklight(window.now)
+        return backlights.SimulatedBacklight(clock)
     return backlights.SysfsBacklight(rig.backlight.removeprefix("sysfs:"))
+
+
+def backlights_smallest_factor(rig: Rig) -> float:
+    """Return the lowest brightness factor of the rig's backlight, 0 if it names none.
+
+    The device is opened for it, and left as it was found.
+
+    >>> import dataclasses
+    >>> rig = dataclasses.replace(load_rig("simulated")[0], backlight="simulated")
+    >>> round(1 / backlights_smallest_factor(rig))  # 12 bits
+    4095
+    """
+    backlight = open_backlight(rig, lambda: 0.0)
+    if backlight is None:
+        return 0.0
+    try:
+        return backlight.smallest_factor()
+    finally:
+        backlight.close()
 
 
 def require_refresh_rate(rig: Rig, measured: float) -> None:

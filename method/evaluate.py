@@ -137,6 +137,7 @@ def summarize(
         pixels_per_degree=curves.display.pixels_per_degree,
         contrast_model=answer.contrast_model,
         simulated=request.rate_limit.simulated,
+        rate_limit_procedure=request.rate_limit.procedure,
         frames_without_contrast=int(np.count_nonzero(curves.visible_contrast == 0)),
         solver=header.solver,
         iterations=answer.iterations,

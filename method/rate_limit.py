@@ -15,7 +15,9 @@ from method.choices import LimitCurve
 def rate_limit_at(
     limit: RateLimit, luminance: ArrayLike, curve: LimitCurve = LimitCurve.FITTED
 ) -> NDArray[np.float64]:
-    """Return ΔL, the rate of luminance change noticed in 75 % of the trials, at a luminance L.
+    """Return ΔL, the rate of luminance change detected in 75 % of the trials, at a luminance L.
+
+    "Detected" is noticed in yes/no, told right of two intervals: `limit.procedure` says which.
 
     Outside the measured luminances the polynomial means nothing. Below them the relative rate ΔL/L is held
     (thresholds are near-Weber), above them the rate is (see docs/decisions/rate-limit-outside-its-range.md).

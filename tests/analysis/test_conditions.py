@@ -98,7 +98,7 @@ def test_the_reference_can_be_chosen_and_is_said() -> None:
     five = fit_thresholds(rows, DISPLAY, RateLimitOptions(RateLimitForm.LOG_LOG, 1, ramp_duration=5.0))
     assert five.reference == FIVE  # lower than the rising ramps of 5 s
     words = next(effect.in_words for effect in five.effects if effect.condition == TEN)
-    assert words.startswith("falling ramps of 10 s are noticed at 0.50 x the rate of falling ramps of 5 s (")
+    assert words.startswith("falling ramps of 10 s have 0.50 x the threshold rate of falling ramps of 5 s (")
     assert words.endswith("1.00 would be a limit on the rate, 0.50 one on the amount of change")
 
 

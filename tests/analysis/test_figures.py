@@ -43,7 +43,7 @@ from analysis.track_figure import drawn_rates, track_figure
 from analysis.track_story import TrackStory, outcome_in_words
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from data_schema.provenance import Provenance
-from data_schema.ramp import RampTrial, Response
+from data_schema.ramp import Procedure, RampTrial, Response
 from data_schema.threshold import Threshold, ThresholdFlag
 from method.contrast_loss import contrast_loss
 from method.luminance import emitted_luminance
@@ -463,6 +463,15 @@ def test_simulated_participants_are_called_so_and_others_are_not() -> None:
         named = dataclasses.replace(limit, simulated=simulated)
         words = " ".join(words for words, _ in boxes_of(rate_limit_figure(named, made, medium=SMALL)))
         assert ("2 simulated participants" in words) == simulated
+
+
+@pytest.mark.parametrize(
+    ("procedure", "words"),
+    [(Procedure.YES_NO, "noticed in 75 %"), (Procedure.TWO_INTERVAL, "told right in 75 %")],
+)
+def test_the_title_says_what_happens_at_the_limit(procedure: Procedure, words: str) -> None:
+    limit = dataclasses.replace(load_rate_limit("surace2025"), procedure=procedure)
+    assert words in " ".join(text for text, _ in boxes_of(rate_limit_figure(limit, medium=SMALL)))
 
 
 @MEDIA

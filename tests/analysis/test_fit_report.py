@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
-from analysis.calibration import Calibration, calibrate
+from analysis.calibration import Calibration, calibrate, write_calibration
 from analysis.calibration_figures import write_figures
 from analysis.calibration_sections import calibration_section, rate_limit_section
 from analysis.figure_style import PAGE, new_figure, png_bytes
@@ -19,7 +20,8 @@ from analysis.report import SIMULATED_NOTE
 from analysis.threshold_sections import population_section, thresholds_section
 from data_schema.provenance import Provenance
 from data_schema.ramp import Direction, Procedure, RampDesign
-from data_schema.rate_limit import RateLimitForm
+from data_schema.rate_limit import RateLimit, RateLimitForm
+from data_schema.text_files import read_json_record
 from experiments.simulate_ramp import RampSimulation, simulate_dataset
 from experiments.simulated_observers import ObserverPopulation
 from method.preset_files import load_display, load_rate_limit
@@ -110,11 +112,46 @@ def test_two_intervals_are_told_of_as_such(both_ways: Calibration) -> None:
     assert "false alarms" not in section.tables[1].columns
 
 
+def test_a_limit_says_which_task_and_which_ramps_it_is_for(
+    yes_no: Calibration, both_ways: Calibration, tmp_path: Path
+) -> None:
+    write_calibration(yes_no, tmp_path, Provenance())
+    limit = read_json_record(RateLimit, tmp_path / "rate_limit.json")
+    assert (limit.procedure, limit.direction, limit.ramp_duration) == (Procedure.YES_NO, Direction.DOWN, 5.0)
+    assert limit.source == "ramp calibration with 3 simulated participants: yes/no, falling ramps of 5 s"
+    reference = both_ways.rate_limit.reference
+    assert reference is not None
+    for choice in limit_choices(both_ways, LINE).choices:
+        assert choice.limit.procedure is Procedure.TWO_INTERVAL
+        assert choice.limit.direction is reference.direction
+        assert choice.limit.source.endswith(f": two intervals, {reference.words}")
+
+
+def test_a_limit_of_two_intervals_is_told_right_and_not_noticed(
+    yes_no: Calibration, both_ways: Calibration
+) -> None:
+    for calibration, word, other in ((yes_no, "noticed", "told right"), (both_ways, "told right", "noticed")):
+        caption = rate_limit_section(calibration, PNG).pictures[0].caption
+        assert f"is {word} in 75 % of the trials" in caption
+        assert other not in caption
+
+
+def test_what_pooling_does_is_told_as_it_was_found(yes_no: Calibration, both_ways: Calibration) -> None:
+    """75 % is half way up from 50 %, the point of a symmetric function that flattening leaves alone."""
+    words = population_section(both_ways.levels, simulated=True).paragraphs[0]
+    assert "hardly moves for it" in words
+    lowered = tuple(dataclasses.replace(level, pooled=1e-3) for level in yes_no.levels)
+    raised = tuple(dataclasses.replace(level, pooled=1e3) for level in yes_no.levels)
+    assert "here it lies below" in population_section(lowered, simulated=True).paragraphs[0]
+    assert "here it lies below" not in population_section(raised, simulated=True).paragraphs[0]
+    assert "which moves its 75 % point above" in population_section(raised, simulated=True).paragraphs[0]
+
+
 def test_other_ramps_are_compared_with_those_that_the_limit_is_for(both_ways: Calibration) -> None:
     section = rate_limit_section(both_ways, PNG)
     (effect,) = both_ways.rate_limit.effects
-    assert " ".join(section.paragraphs).count("Rising ramps of 5 s are noticed at") == 1
-    assert not any("noticed at" in note for note in section.notes)  # told once
+    assert " ".join(section.paragraphs).count("Rising ramps of 5 s have ") == 1
+    assert not any("the threshold rate of" in note for note in section.notes)  # told once
     (row,) = section.tables[1].rows
     assert row[:2] == (effect.condition.words, f"{effect.ratio:.2f}")
     levels = calibration_section(both_ways, PNG).tables[0]

@@ -16,13 +16,13 @@ from scipy import special
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from analysis.plan_command import plan_command, whole_numbers, write_plan
 from analysis.planning import NOT_COMPARABLE, Plan, PlanRequest, PlanRow, in_words, plan_ramps
-from analysis.planning_draws import participants_needed
+from analysis.planning_draws import Experiments, participants_needed, resampling_spread
 from analysis.planning_figure import planning_figure
 from analysis.planning_pool import first_trials, with_trials_per_level
-from analysis.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
+from data_schema.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
 from method.luminance import displayed_luminance
 from method.preset_files import load_display
 from method.psychometric import PsychometricFunction, yes_probability
@@ -151,11 +151,11 @@ def test_a_session_lasts_as_long_as_its_parts_together() -> None:
     trials = first_trials(
         simulated(with_trials_per_level(DESIGN, 15), load_display("varjo-xr3"), 1, 1)[0], 15
     )
-    # 75 ramps and 20 catch trials (a quarter of 15 ramps is 4 a level) of 1 + 5 + 1 + 1.5 + 0.5 = 9 s, five
+    # 75 ramps and 20 catch trials (a quarter of 15 ramps is 4 a level) of 1 + 5 + 1 + 1.5 + 1 = 9.5 s, five
     # of practice, two breaks between 95 trials in parts of 40, and the instructions.
     assert len(trials) == 95
-    seconds = 100 * 9.0 + 2 * BREAK_TIME + INSTRUCTION_TIME
-    assert session_minutes(trials, design) == pytest.approx(seconds / 60)
+    seconds = 100 * 9.5 + 2 * BREAK_TIME + INSTRUCTION_TIME
+    assert session_minutes(design, len(trials)) == pytest.approx(seconds / 60)
 
 
 def test_adaptive_designs_are_lengthened_by_their_trials_per_level() -> None:
@@ -201,6 +201,39 @@ def test_designs_without_a_curve_to_plan_for_are_refused_before_anybody_is_simul
 
     with pytest.raises(InputError, match=words):
         plan_ramps(dataclasses.replace(request(), designs={"bad": design}), nobody)
+
+
+def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: Plan) -> None:
+    """ln of the standard error scatters by 1/sqrt(2 · 23) = 15 % between pools of 24 people, of whom it is
+    the standard deviation; less as far as their trials make it, and known from 40 draws to 11 % of itself."""
+    for row in plan.rows:
+        low, high = row.participants_needed_low, row.participants_needed_high
+        assert low is not None
+        assert high is not None
+        assert row.participants_needed is not None
+        assert low < row.participants_needed < high
+        # The number goes with the square of the standard error: ln(high / low) = 4 · 1.96 SD.
+        assert 0.05 < math.log(high / low) / (4 * 1.96) < 0.25
+
+
+def test_a_pool_of_equals_leaves_no_doubt_and_one_of_unequals_does() -> None:
+    half_widths = np.full((8, 5), 0.1)
+    assert resampling_spread(Experiments(half_widths, half_widths, 10)) == pytest.approx(0.0, abs=1e-12)
+    # Draws whose bands are e times as wide as the others', half and half: SD of {0, 1} is sqrt(8/7) / 2.
+    half_widths[:4] *= np.e
+    spread = resampling_spread(Experiments(half_widths, half_widths, 10))
+    assert spread == pytest.approx(math.sqrt(8 / 7) / 2)
+
+
+def test_people_needed_are_told_with_their_interval(plan: Plan) -> None:
+    row = dataclasses.replace(
+        plan.rows[0], participants_needed=33, participants_needed_low=26, participants_needed_high=40
+    )
+    assert row.participants_needed_in_words == "33 (26 to 40)"
+    far = dataclasses.replace(row, participants_needed=None, participants_needed_high=None)
+    assert far.participants_needed_in_words == "above 1000 (26 to above 1000)"
+    beyond = dataclasses.replace(far, participants_needed_low=None)
+    assert beyond.participants_needed_in_words == "above 1000"
 
 
 @pytest.mark.parametrize("text", ["", "five", "5;10", "5,,10", "5.5"])

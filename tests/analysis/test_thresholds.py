@@ -8,7 +8,7 @@ from scipy import special
 
 from analysis.posterior_grid import RampCounts
 from analysis.ramp_counts import catch_counts, ramp_counts
-from analysis.signal_detection import criterion_of
+from analysis.signal_detection import criterion_of, false_alarm_warnings
 from analysis.thresholds import fit_thresholds_of, flag_of
 from data_schema.ramp import RampTrial, Response
 from data_schema.threshold import ThresholdFlag
@@ -119,3 +119,32 @@ def test_d_prime_at_the_raw_75_percent_point_follows_the_false_alarm_rate() -> N
 def test_the_log_linear_correction_keeps_the_criterion_finite() -> None:
     assert criterion_of(0, 9).criterion == pytest.approx(-special.ndtri(0.05))  # 0.5 / 10
     assert criterion_of(9, 9).criterion == pytest.approx(-special.ndtri(0.95))
+
+
+def caught(participant: str, bright: tuple[int, int], dark: tuple[int, int]) -> list[RampTrial]:
+    """Ramps at two luminances, and answers "yes" to so many of so many catch trials at each."""
+    return answers(participant, RISING | {0.0: bright}) + answers(participant, RISING | {0.0: dark}, 50.0)
+
+
+def warned(trials: list[RampTrial]) -> str:
+    fits = [fit.threshold for fit in fit_thresholds_of(trials, judge=False)]
+    criteria = {who: criterion_of(*counts) for who, counts in catch_counts(trials).items()}
+    return " ".join(false_alarm_warnings(criteria, fits))
+
+
+def test_catch_trials_are_told_for_the_participant_and_for_the_level() -> None:
+    bright, dark = (fit.threshold for fit in fit_thresholds_of(caught("01", (1, 10), (4, 10)), judge=False))
+    assert (bright.false_alarm_rate, bright.n_catch) == (0.25, 20)
+    assert (bright.level_false_alarm_rate, bright.level_n_catch) == (0.1, 10)
+    assert (dark.level_false_alarm_rate, dark.level_n_catch) == (0.4, 10)
+
+
+def test_false_alarms_that_hang_on_the_luminance_are_told() -> None:
+    """2 of 40 against 20 of 40: by chance once in 100 000 times. 5 against 6 are no difference."""
+    assert "false alarms differ between the luminances" in warned(caught("01", (2, 40), (20, 40)))
+    assert "differ" not in warned(caught("01", (5, 40), (6, 40)))
+
+
+def test_who_says_yes_to_a_third_of_the_catch_trials_is_named() -> None:
+    assert "participants 07 (35%) say yes to many catch trials" in warned(caught("07", (7, 20), (7, 20)))
+    assert warned(caught("07", (2, 20), (2, 20))) == ""

@@ -101,6 +101,7 @@ def ends_above_black(values: Values) -> Values:
     values["screens"] = values["screens"] or ("white",)
     values["directions"] = values["directions"] or (Direction.DOWN,)
     longest = 1.0 if values["same_amounts"] else max(values["ramp_durations"]) / values["ramp_durations"][0]
+    values["white_pixel_value"], values["gray_pixel_value"] = 1.0, values["gray_pixel_value"] / 2
     first = 0.5 / max(values["relative_rates"]) / longest
     scale = first / values["ramp_durations"][0]
     return values | {"ramp_durations": tuple(dict.fromkeys(d * scale for d in values["ramp_durations"]))}
@@ -110,16 +111,17 @@ def one_of_two_tasks(values: Values) -> Values:
     """A ramp in one of two intervals, or a question with yes and no, with a ramp that goes its way."""
     two = values["procedure"] is Procedure.TWO_INTERVAL
     rate = (values["rate"] or 1.0) if two else values["rate"]
-    start, end = values["initial_luminance"], values["final_luminance"]
-    low, high = min(start, end), max(start, end, 1e-3)
     falls = values["direction"] is Direction.DOWN
+    start = values["initial_luminance"]
+    # At most half of the luminance either way, whatever was drawn as the rate.
+    rate = min(rate, 0.5 * start / values["duration"]) if rate else 0.0
+    change = rate * values["duration"]
     return values | {
         "rate": rate,
         "is_catch": rate == 0,
         "ramp_interval": (values["ramp_interval"] or 1) if two else None,
         "response": Response.FIRST if two else Response.YES,
-        "initial_luminance": high if falls else max(low, 1e-6),
-        "final_luminance": low if falls else max(high, 1e-6),
+        "final_luminance": start - change if falls else start + change,
     }
 
 
@@ -137,7 +139,7 @@ def a_trial_of_frames(values: Values) -> Values:
 
 
 def keys_that_differ(values: Values) -> Values:
-    return {name: f"{name}_{number}" for number, name in enumerate(values)}
+    return {name: f"f{number}" for number, name in enumerate(values, start=1)}
 
 
 def usable_rig(values: Values) -> Values:

@@ -203,11 +203,11 @@ def test_a_catch_trial_is_one_without_change(rate: float, is_catch: bool) -> Non
 def test_a_participant_has_a_name_of_letters_and_digits(name: str) -> None:
     """BIDS: labels hold letters and digits only, for the hyphen and the underscore divide them."""
     with pytest.raises(ValueError, match=r"participant_id must match \^\[0-9A-Za-z\]\+\$"):
-        RampTrial(name, "01", 0, "white", 0.5, 50.0, 40.0, 1.0, 5.0, False, Response.NO, None, True)
+        RampTrial(name, "01", 0, "white", 0.5, 50.0, 45.0, 1.0, 5.0, False, Response.NO, None, True)
 
 
 def test_what_was_not_measured_is_none_and_has_no_limit() -> None:
-    trial = RampTrial("01", "01", 0, "white", 0.5, 50.0, 40.0, 1.0, 5.0, False, Response.NO, None, True)
+    trial = RampTrial("01", "01", 0, "white", 0.5, 50.0, 45.0, 1.0, 5.0, False, Response.NO, None, True)
     assert trial.response_time is None
 
 

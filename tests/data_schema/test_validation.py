@@ -46,7 +46,7 @@ def trial(index: int, **changes: Any) -> dict[str, Any]:
     """A line of trials; the first is a catch trial."""
     rate = 0.0 if index == 0 else 2.0
     record = RampTrial(
-        "01", "01", index, "white", 0.5, 50.0, 40.0, rate, 5.0, rate == 0, Response.NO, None, True
+        "01", "01", index, "white", 0.5, 50.0, 50.0 - 5 * rate, rate, 5.0, rate == 0, Response.NO, None, True
     )
     return mapping_from_record(record) | changes
 
@@ -126,7 +126,7 @@ def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
         (MANIFEST, '"participant_id": "01"', '"participant_id": "07"', "expected '01', as in the folder's"),
         (MANIFEST, VERSION, '"schema_version": 9', "schema version 9, this Evenlight reads up"),
         (MANIFEST, '"black_level_cd_m2": 0.2', '"black_level_cd_m2": 200', "need black_level < peak_lum"),
-        (TABLE, "\t50.0\t", "\t51.0\t", "line 2: initial_luminance: not as in line 1 of trials.jsonl"),
+        (TABLE, "\t0.5\t", "\t0.6\t", "line 2: factor: not as in line 1 of trials.jsonl"),
         (TABLE, "\tno\t", "\tmaybe\t", "line 2: response: expected one of 'yes', 'no', 'first', 'second'"),
         (TABLE, "\tn/a\t", "\t", f"line 2: expected {CELLS} cells, got {CELLS - 1}; the table is torn"),
         (TABLE, "screen\t", "sreen\t", "unknown column 'sreen'; did you mean 'screen'?"),
@@ -289,6 +289,7 @@ def results(folder: Path, **changes: Any) -> Path:
         "seed": None,
         "versions": {},
         "provenance": origin,
+        "rate_limit_procedure": None,
     }
     write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
     curves = LossCurves(

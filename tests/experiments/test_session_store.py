@@ -199,6 +199,30 @@ def test_who_is_not_on_a_roster_is_refused(tmp_path: Path) -> None:
     assert enrolled(tmp_path, "01") == [0]
 
 
+@pytest.mark.parametrize("who", ["1", "001"])
+def test_a_participant_who_differs_in_zeros_alone_is_a_likely_slip(tmp_path: Path, who: str) -> None:
+    enrolled(tmp_path, "01")
+    (tmp_path / "sub-01").mkdir()
+    with pytest.raises(InputError, match=f"participant '{who}' is new in .*, and '01' is there"):
+        enrolled(tmp_path, who)
+
+
+def test_a_lost_list_is_not_begun_anew(tmp_path: Path) -> None:
+    enrolled(tmp_path, "01")
+    (tmp_path / "sub-01").mkdir()
+    (tmp_path / "participants.tsv").unlink()
+    with pytest.raises(InputError, match=r"participants\.tsv: no such file, though there is sub-01; restore"):
+        enrolled(tmp_path, "02")
+
+
+def test_a_line_of_the_list_that_names_nobody_is_told_by_its_number(tmp_path: Path) -> None:
+    enrolled(tmp_path, "01")
+    with (tmp_path / "participants.tsv").open("a") as stream:
+        stream.write("02\ttrue\n")
+    with pytest.raises(InputError, match="line 3: expected a participant such as sub-02, got '02'"):
+        enrolled(tmp_path, "02")
+
+
 def test_recorded_and_simulated_sessions_are_not_mixed(tmp_path: Path) -> None:
     enrolled(tmp_path, "01")
     with pytest.raises(InputError, match="holds simulated sessions, this one is recorded"):

@@ -140,11 +140,12 @@ def test_frames_are_read_back_from_the_first_to_the_last() -> None:
     assert 0 < np.abs(np.array(shown.probe_luminance) - intended).max() <= 0.36
 
 
-def test_the_intervals_number_shows_during_adaptation_alone() -> None:
+def test_the_intervals_number_is_gone_before_the_ramp_begins() -> None:
+    """1 s of adaptation at 50 Hz, without the last 0.3 s: 35 frames."""
     stage, _ = staged(Window())
     stage.show_ramp(dataclasses.replace(FALL, label="2"))
     labelled = [field.coverage is not None for field, _, _ in Renderer.drawn]
-    assert labelled == [True] * 50 + [False] * 300
+    assert labelled == [True] * 35 + [False] * 315
     coverage = Renderer.drawn[0][0].coverage
     assert coverage is not None
     rows, columns = np.nonzero(coverage)

@@ -81,18 +81,15 @@ def test_a_refresh_rate_more_than_2_percent_off_is_refused() -> None:
             require_refresh_rate(rig, measured)
 
 
-class Clock:
-    """What a backlight needs of a window."""
-
-    def now(self) -> float:
-        return 0.0
+def clock() -> float:
+    return 0.0
 
 
 def test_a_rig_without_backlight_opens_none_and_one_with_opens_the_one_it_names(tmp_path: Path) -> None:
     rig, _ = load_rig(written(tmp_path, RIG))
-    assert open_backlight(rig, Clock()) is None
+    assert open_backlight(rig, clock) is None
     rig, _ = load_rig(written(tmp_path, RIG + 'backlight = "simulated"\n'))
-    assert isinstance(open_backlight(rig, Clock()), SimulatedBacklight)
+    assert isinstance(open_backlight(rig, clock), SimulatedBacklight)
     rig, _ = load_rig(written(tmp_path, RIG + 'backlight = "sysfs:no_panel_of_this_name"\n'))
     with pytest.raises(InputError, match="no_panel_of_this_name: no such backlight"):
-        open_backlight(rig, Clock())
+        open_backlight(rig, clock)

@@ -1,5 +1,6 @@
 """`evenlight run`: a whole session without a window, what it leaves, and what it refuses."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -169,8 +170,12 @@ def test_a_session_killed_again_and_again_gives_the_trials_of_an_unbroken_one(
     ("changed", "message"),
     [
         ({"--rig": "nowhere.rig.toml"}, "nowhere.rig.toml: no such rig"),
-        ({"--participant": "Anna-Maria"}, "--participant must be letters and digits only, such as 01, got"),
-        ({"--session": ""}, "--session must be letters and digits only"),
+        (
+            {"--participant": "Anna-Maria"},
+            "--participant must be letters and digits, a digit among them, such as 01, got 'Anna-Maria'",
+        ),
+        ({"--participant": "Anna"}, "a digit among them, such as 01, got 'Anna'"),
+        ({"--session": ""}, "--session must be letters and digits"),
         ({"--design": "papr"}, "papr"),
         ({"--seed": "-1"}, "--seed must be 0 or more, got -1"),
         ({"--language": "xx"}, "there are no pages in the language 'xx', only in de, en"),
@@ -207,9 +212,10 @@ RIG = 'name = "desk"\ndisplay = "varjo-xr3"\nviewing_distance_m = 0.6\nrefresh_r
         (RIG.replace('display = "varjo-xr3"\n', ""), "the key 'display' of a Rig is missing"),
         (RIG.replace("varjo-xr3", "bench.toml"), "the display of the rig 'desk' is not to be had"),
         (RIG.replace("varjo-xr3", ""), "display must name a calibrated display"),
-        (RIG.replace("60.0", "0"), "refresh_rate_hz must be above 0 Hz, got 0"),
+        (RIG.replace("60.0", "0"), "refresh_rate_hz must be at least 20 Hz, got 0"),
         (RIG + '[keys]\nyes = "n"\n', "the keys yes, no, proceed and pause must differ"),
         (RIG + 'actuator = "backlight"\n', "so backlight must name one, got 'none'"),
+        (RIG + '[keys]\nyes = "yyy"\n', "yes must match"),
         (RIG + "bits = 12\n", "bits must be 8 or 10, got 12"),
     ],
 )
@@ -243,6 +249,45 @@ def test_slopes_that_the_display_would_clip_are_refused(command: Run, tmp_path: 
     assert not (tmp_path / "lab").exists()
 
 
+@pytest.mark.parametrize("rehearsal", ["data", "visual"])
+def test_ramps_below_the_backlights_lowest_factor_are_refused_before_a_window_opens(
+    command: Run, tmp_path: Path, rehearsal: str
+) -> None:
+    """99.5 % less than b = 0.04 is b = 0.0002; 12 bits have 1/4095 = 0.00024. From 0.06 on it is 0.0003."""
+    (tmp_path / "dimmer.rig.toml").write_text(RIG + 'actuator = "backlight"\nbacklight = "simulated"\n')
+    steep = RampDesign(
+        screens=("white",), factors=(0.04,), relative_rates=(0.199,), repetitions=1, practice_trials=0
+    )
+    words = arguments(tmp_path / "lab", written(steep, tmp_path))
+    words[words.index("--rig") + 1] = str(tmp_path / "dimmer.rig.toml")
+    words[words.index("--simulate") + 1] = rehearsal
+    ended = command(*words)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    # 104.4 cd/m^2 at full brightness, divided by 4095
+    assert "beyond 0.02549 cd/m^2, the darkest that 'varjo-xr3' reaches by its backlight" in ended.err
+    assert not (tmp_path / "lab").exists()
+    written(dataclasses.replace(steep, factors=(0.06,)), tmp_path)
+    words[words.index("--simulate") + 1] = "data"
+    assert command(*words).code == 0
+
+
+def test_a_rehearsal_without_a_window_needs_no_backlight_of_the_rigs_computer(
+    command: Run, tmp_path: Path, design: Path
+) -> None:
+    text = RIG + 'actuator = "backlight"\nbacklight = "sysfs:no_panel_of_this_name"\n'
+    (tmp_path / "panel.rig.toml").write_text(text)
+    words = arguments(tmp_path / "lab", design)
+    words[words.index("--rig") + 1] = str(tmp_path / "panel.rig.toml")
+    assert command(*words).code == 0
+    words = arguments(tmp_path / "other", design)
+    words[words.index("--rig") + 1] = str(tmp_path / "panel.rig.toml")
+    words[words.index("--simulate") + 1] = "visual"
+    ended = command(*words)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert "no_panel_of_this_name: no such backlight" in ended.err
+    assert not (tmp_path / "other").exists()
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [
@@ -271,6 +316,86 @@ def test_a_session_is_resumed_only_as_it_began(command: Run, tmp_path: Path) -> 
     assert (ended.code, "--design is not as it was when this session began" in ended.err) == (2, True)
     ended = command(*arguments(tmp_path / "lab", design, "--resume", "--seed", 5))
     assert (ended.code, "--seed is not as it was" in ended.err) == (2, True)
+
+
+def test_another_rig_is_refused_but_another_language_and_keys_are_noted(command: Run, tmp_path: Path) -> None:
+    design = written(ADAPTIVE, tmp_path)
+    killed(tmp_path / "lab", design, resume=False, after=20)
+    other = tmp_path / "other.rig.toml"
+    other.write_text(RIG.replace("60.0", "144.0"))
+    words = arguments(tmp_path / "lab", design, "--resume")
+    words[words.index("--rig") + 1] = str(other)
+    ended = command(*words)
+    assert (ended.code, "--rig is not as it was" in ended.err) == (2, True)
+    assert command(*arguments(tmp_path / "lab", design, "--resume", "--language", "de")).code == 0
+    changed = [e for e in rows(tmp_path / "lab", EVENTS) if e["kind"] == "changed"]
+    assert len(changed) == 1
+    assert "page consent" in json.loads(changed[0]["detail"])
+
+
+def test_a_session_that_is_interrupted_says_that_it_can_be_resumed(tmp_path: Path) -> None:
+    design = written(ADAPTIVE, tmp_path)
+    path = tmp_path / "lab/sub-01/ses-01" / TRIALS
+    process = subprocess.Popen(
+        [*PROGRAM, *arguments(tmp_path / "lab", design)], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+    end = time.monotonic() + 60
+    while not (path.exists() and path.read_bytes().count(b"\n") > 5) and time.monotonic() < end:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    err = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert err.count("\n") == 1
+    assert "all of them are safe, go on with --resume" in err
+    assert rows(tmp_path / "lab", EVENTS)[-1]["kind"] == "stopped"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('"factor": 0.5', '"factor": 0.7'), "the session's design has no white screen at factor 0.7"),
+        (('"rate_cd_m2_s": ', '"rate_cd_m2_s": 9'), "cd/m^2/s for 0.5 s ends at"),
+        (('"duration_s": 0.5', '"duration_s": -1'), "duration_s must be above 0 s, got -1"),
+    ],
+)
+def test_rows_out_of_range_are_refused_by_the_fit(
+    command: Run, tmp_path: Path, design: Path, change: tuple[str, str], message: str
+) -> None:
+    command(*arguments(tmp_path / "lab", design))
+    path = tmp_path / "lab/sub-01/ses-01" / TRIALS
+    lines = path.read_text().splitlines(keepends=True)
+    ramps = ('"practice": false', '"is_catch": false', change[0])
+    place = next(k for k, line in enumerate(lines) if all(part in line for part in ramps))
+    lines[place] = lines[place].replace(*change)
+    path.write_text("".join(lines))
+    ended = command("fit", tmp_path / "lab", "--out", tmp_path / "fit")
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert message in ended.err
+    assert not (tmp_path / "fit").exists()
+
+
+def test_frames_that_are_lost_are_found(command: Run, tmp_path: Path, design: Path) -> None:
+    command(*arguments(tmp_path / "lab", design))
+    (tmp_path / "lab/sub-01/ses-01" / FRAMES).write_text("")
+    ended = command("validate", tmp_path / "lab")
+    assert ended.code == 1
+    assert "no frames of trial 0, attempt 1, interval 1" in ended.out
+
+
+def test_sessions_of_one_participant_have_another_order_of_blocks(command: Run, tmp_path: Path) -> None:
+    both = RampDesign(
+        factors=(0.5,), relative_rates=(0.02, 0.06), repetitions=1, practice_trials=0, ramp_durations=(0.5,)
+    )
+    design = written(both, tmp_path)
+    first = arguments(tmp_path / "lab", design)
+    second = [word if word != "01" or first[k - 1] != "--session" else "02" for k, word in enumerate(first)]
+    for words in (first, second):
+        assert command(*words).code == 0
+    screens = []
+    for session in ("01", "02"):
+        path = tmp_path / f"lab/sub-01/ses-{session}" / TRIALS
+        screens.append(json.loads(path.read_text().splitlines()[0])["screen"])
+    assert sorted(screens) == ["gray", "white"]
 
 
 def test_the_columns_of_the_export_are_described(command: Run, tmp_path: Path, design: Path) -> None:

@@ -26,7 +26,7 @@ SHORT: dict[str, Any] = {
     "adaptation_duration": 0.05,
     "ramp_durations": (0.25,),
     "hold_duration": 0.05,
-    "interval_gap": 0.05,
+    "interval_gap": 0.1,
     "pause_duration": 0.05,
     "practice_trials": 1,
     "trials_between_breaks": 6,
@@ -41,7 +41,18 @@ DESIGNS = {
         **SHORT,
     ),
 }
-KILLS = 2
+KILLS = {"yes_no constant": 2, "two_interval targeted": 3}
+SCREENS = {  # by their first lines
+    "page-welcome",  # consent
+    "page-your-task",
+    "page-that-was-the-practice",
+    "page-time-for-a-break",
+    "page-thank-you",
+}
+OWN_SCREENS = {
+    "yes_no constant": {"ramp", "question-did-the-brightness-change"},
+    "two_interval targeted": {"ramp", "ramp-1", "ramp-2", "question-in-which-of-the-two-did"},
+}
 CHANGES = {"onset_s", "attempt"}  # what an interruption may change: when, and how often, a trial was shown
 
 
@@ -49,6 +60,9 @@ class Laboratory:
     """A rehearsal of one design on a virtual screen, in processes of its own."""
 
     def __init__(self, folder: Path, design: RampDesign, display: str) -> None:
+        seed = int(os.environ.get("KILL_SEED") or random.randrange(2**32))
+        print(f"moments of the kills: KILL_SEED={seed}")  # shown if the test fails; set it to see them again
+        self._chance = random.Random(seed)
         self.folder, self._design = folder, folder / "short.design.toml"
         write_toml_record(self._design, design)
         self._environment = os.environ | {"DISPLAY": display}
@@ -75,10 +89,10 @@ class Laboratory:
         """Let some trials begin, then end the process with SIGKILL at any moment of the next one."""
         begun = self.count(name)
         process = self.start(name, *more)
-        goal, end = begun + random.randint(2, 4), time.monotonic() + 100
+        goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 100
         while self.count(name) < goal and process.poll() is None and time.monotonic() < end:
             time.sleep(0.005)
-        time.sleep(random.uniform(0.0, 0.15))
+        time.sleep(self._chance.uniform(0.0, 0.15))
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=60)
         assert process.returncode == -signal.SIGKILL
@@ -102,7 +116,7 @@ def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
     shots = tmp_path / "screens"
     assert "complete" in lab.run("whole", "--screenshots", shots)
     seen: list[dict[str, Any]] = []
-    for time_number in range(KILLS):
+    for time_number in range(KILLS[name]):
         lab.kill_in_the_midst("broken", *(["--resume"] if time_number else []))
         recorded = lab.rows("broken")
         assert recorded[: len(seen)] == seen  # no completed trial is lost
@@ -112,7 +126,7 @@ def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
     assert without(broken) == without(whole)
     assert len(whole) == 1 + lab_trials(DESIGNS[name])
     _check_light(whole, lab.rows("whole", FRAMES))
-    _check_screens(shots)
+    _check_screens(shots, SCREENS | OWN_SCREENS[name])
     for dataset in ("whole", "broken"):
         assert command("validate", tmp_path / dataset).code == 0
     interrupted = {e["trial_index"] for e in lab.rows("broken", EVENTS) if e["kind"] == "trial_interrupted"}
@@ -144,10 +158,9 @@ def _check_light(trials: list[dict[str, Any]], frames: list[dict[str, Any]]) -> 
         assert len(ramp["probe_frames"]) >= 5
 
 
-def _check_screens(folder: Path) -> None:
-    """There is a picture of each kind of screen, and pages have ink on them."""
-    names = {path.name.split("-")[0].split(".")[0] for path in folder.glob("*.png")}
-    assert {"page", "question", "ramp"} <= names
-    for path in folder.glob("page*.png"):
+def _check_screens(folder: Path, wanted: set[str]) -> None:
+    """There is a picture of each screen, and those with text have ink on them."""
+    assert wanted <= {path.stem for path in folder.glob("*.png")}
+    for path in [*folder.glob("page*.png"), *folder.glob("question*.png")]:
         low, high = Image.open(path).convert("L").getextrema()
         assert high - low > 50, path

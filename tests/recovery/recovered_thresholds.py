@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 
 from analysis.psychometric_fit import PsychometricFit, fit_psychometric
 from analysis.ramp_counts import catch_counts, ramp_counts
-from analysis.session_length import trial_seconds
-from data_schema.ramp import Placement, Procedure, RampDesign, RampTrial
-from experiments.simulate_ramp import simulated_trials_and_thresholds
-from method.preset_files import load_display
+from data_schema.ramp import Placement, Procedure, RampDesign
+from data_schema.session_length import trial_seconds
+from experiments.design import ramp_levels
+from experiments.simulate_ramp import RampSimulation, answered_session, participant_id, participant_of
+from experiments.simulated_observers import ObserverPopulation, SimulatedObserver
+from method.preset_files import load_display, load_rate_limit
 
 YES_NO_RATES = RampDesign().relative_rates  # of the paper mode
 TWO_INTERVAL_RATES = tuple(np.geomspace(0.004, 0.08, 8).round(5).tolist())  # where that task's thresholds are
@@ -47,7 +50,7 @@ class Mode:
     def minutes(self, ramps: int) -> float:
         """Return how long a session of ten levels with so many ramps at each takes, without breaks."""
         trials = ramps / (1 - CATCH_SHARE) if self.procedure is Procedure.YES_NO else ramps
-        return LEVELS * trials * trial_seconds(5.0, self.design(ramps)) / 60
+        return LEVELS * trials * trial_seconds(self.design(ramps)) / 60
 
 
 MODES = {
@@ -100,19 +103,28 @@ class Recovery:
         return float(np.sqrt(np.mean(self.errors**2)))
 
 
-def recover(mode: Mode, ramps: int, participants: int, seed: int) -> Recovery:
-    """Return what the fit finds of the thresholds of simulated participants."""
-    display = load_display("varjo-xr3")
-    trials, truth = simulated_trials_and_thresholds(mode.design(ramps), display, participants, seed)
-    ramps_of: dict[tuple[str, float], list[RampTrial]] = {}
-    for trial in trials:
-        if not trial.is_catch:
-            ramps_of.setdefault((trial.participant_id, trial.initial_luminance), []).append(trial)
-    catches = catch_counts(trials)
-    found = [
-        _error(fit_psychometric(ramp_counts(ramps_of[key], *catches.get(key[0], (0, 0)))), threshold)
-        for key, threshold in truth.items()
-    ]
+def recover(
+    mode: Mode,
+    ramps: int,
+    participants: int,
+    seed: int,
+    change: Callable[[SimulatedObserver], SimulatedObserver] = lambda observer: observer,
+) -> Recovery:
+    """Return what the fit finds of the thresholds of simulated participants, each changed as told."""
+    design, display = mode.design(ramps), load_display("varjo-xr3")
+    simulation = RampSimulation(
+        participants, seed, display, design, load_rate_limit("surace2025"), ObserverPopulation()
+    )
+    found = []
+    for order_index in range(participants):
+        observer = change(participant_of(simulation, order_index))
+        who = participant_id(order_index, participants)
+        trials = answered_session(simulation, order_index, who, observer)
+        for level in ramp_levels(design, display):
+            own = [t for t in trials if not t.is_catch and t.initial_luminance == level.luminance]
+            counts = ramp_counts(own, *catch_counts(trials).get(who, (0, 0)))
+            truth = observer.function_at(level.luminance, mode.procedure).threshold
+            found.append(_error(fit_psychometric(counts), truth))
     errors, covered, stated = zip(*found, strict=True)
     return Recovery(np.array(errors), np.array(covered), np.array(stated))
 

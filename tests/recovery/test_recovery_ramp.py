@@ -9,13 +9,14 @@ from analysis.posterior_grid import RampCounts
 from analysis.psychometric_fit import PsychometricFit, fit_psychometric
 from analysis.rate_limit_curve import RateLimitOptions, basis_for
 from data_schema.ramp import RampDesign
-from experiments.simulated_observers import ObserverPopulation
+from experiments.simulated_observers import draw_observer
+from method.preset_files import load_rate_limit
 from method.psychometric import PsychometricFunction, yes_probability
 
 DESIGN = RampDesign()
-RATES = 100 * np.array(DESIGN.relative_rates)  # a level of 100 cd/m²
+LUMINANCE = 100.0  # of the one level [cd/m²]
+RATES = LUMINANCE * np.array(DESIGN.relative_rates)
 N_CATCH = 120  # of a participant: 20 % of 600 trials
-MEDIAN = 3.1  # published thresholds at 100 cd/m² are about 3 %/s
 FITS = 400
 Recovered = list[tuple[PsychometricFunction, PsychometricFit]]
 
@@ -24,16 +25,10 @@ Recovered = list[tuple[PsychometricFunction, PsychometricFit]]
 def recovered() -> Recovered:
     """The population of `evenlight simulate`, one level each."""
     rng = np.random.default_rng(20_250)
-    people = ObserverPopulation()
+    limit = load_rate_limit("surace2025")
     pairs = []
     for _ in range(FITS):
-        spread = np.hypot(people.participant_sd, people.level_sd)
-        truth = PsychometricFunction(
-            threshold=MEDIAN * np.exp(spread * rng.standard_normal()),
-            width=people.width_median * np.exp(people.width_spread * rng.standard_normal()),
-            guess_rate=min(rng.beta(*people.guess), 0.5),
-            lapse_rate=min(rng.beta(*people.lapse), 0.2),
-        )
+        truth = draw_observer(limit, (LUMINANCE,), rng).function_at(LUMINANCE)
         n = np.full(RATES.size, DESIGN.repetitions)
         yes = rng.binomial(n, yes_probability(RATES, truth))
         catch = int(rng.binomial(N_CATCH, truth.guess_rate))

@@ -1,0 +1,108 @@
+"""Runs a session as with a participant, presses the keys of the computer's keyboard, and prints which.
+
+The presses enter where PsychoPy's keyboard takes those of its driver, at the time of the driver's clock. A
+virtual screen waits for no refresh, so that its refresh rate is measured and not minded.
+
+Usage: person_at_the_keys.py DATASET
+"""
+
+import json
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import hardware.rig
+from data_schema.ramp import RampDesign
+from experiments import run_session
+from experiments.pages import load_pages
+from experiments.staging import Staging
+from hardware.rig import load_rig
+from method.preset_files import load_display
+
+DESIGN = RampDesign(
+    screens=("white",),
+    factors=(0.5,),
+    relative_rates=(0.1, 0.4),
+    repetitions=2,
+    catch_share=0.0,
+    ramp_durations=(0.4,),
+    adaptation_duration=0.1,
+    hold_duration=0.1,
+    pause_duration=0.1,
+    practice_trials=1,
+    trials_between_breaks=2,
+)  # a trial for practice, and four; a break in the middle
+ANSWERS = (("y", 0.3), ("y", 0.6), ("n", 0.3), ("n", 0.9), ("y", 0.4))  # key, and seconds until it is pressed
+PAUSE_AFTER = 4  # trials answered; then the pause key is pressed
+INTO_THE_RAMP = 0.3  # [s] from the answer before: 0.1 s of pause are over, and 0.6 s of ramp are not
+READING_TIME = 0.3  # [s]
+
+
+class Sitter:
+    """Somebody who presses each page's key, and for each trial the next of some answers."""
+
+    pressed: ClassVar[list[tuple[int, str, float]]] = []
+
+    def __init__(self) -> None:
+        self._timer = threading.Timer(0, print)
+        self._paused = False
+
+    def see_page(self, keys: Sequence[str]) -> None:
+        """Press the page's first key, again and again until it is seen that the page is gone."""
+        self._timer.cancel()
+        self._later(READING_TIME, keys[0], again=True)
+
+    def see_trial(self, planned: object, trial_index: int) -> None:
+        """Press a key without meaning, then that of the answer, and once the pause key in the next ramp."""
+        self._timer.cancel()
+        key, delay = ANSWERS[trial_index]
+        self.pressed.append((trial_index, key, delay))
+        self._later(delay / 2, "q")
+        self._later(delay, key)
+        if trial_index + 1 == PAUSE_AFTER and not self._paused:
+            self._paused = True
+            self._later(delay + INTO_THE_RAMP, "escape")
+
+    def _later(self, seconds: float, key: str, again: bool = False) -> None:
+        """Press a key after a time; a page's key is pressed again as long."""
+
+        def act() -> None:
+            press(key)
+            if again:
+                self._later(seconds, key, again)
+
+        timer = threading.Timer(seconds, act)
+        timer.daemon = True
+        if again:
+            self._timer = timer
+        timer.start()
+
+
+def press(name: str) -> None:
+    """Press a key and let it go within one frame, as the driver would report it."""
+    from psychopy import logging
+    from psychopy.hardware import keyboard
+
+    device = keyboard.KeyboardDevice._instance
+    code = next(code for code, known in keyboard.keyNames.items() if known == name)
+    now = logging.defaultClock.getLastResetTime() + logging.defaultClock.getTime()
+    for down, time in ((True, now), (False, now + 0.08)):
+        device.receiveMessage(device.parseMessage({"down": down, "keycode": code, "time": time}))
+
+
+def main(dataset: Path) -> None:
+    hardware.rig.require_refresh_rate = lambda rig, measured: None
+    run_session.Person = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
+    rig, display = load_rig("simulated")
+    request = run_session.SessionRequest(
+        dataset, "01", "01", rig, load_display(display), DESIGN, load_pages("en"), Staging(None), seed=5
+    )
+    outcome = run_session.run_ramp_session(request)
+    told = {"dataset": str(dataset), "status": outcome.status.value, "pressed": Sitter.pressed}
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
