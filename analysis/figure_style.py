@@ -164,7 +164,7 @@ def text_lines(words: str, top: float, width: float, style: dict[str, Any]) -> t
     """Return words broken to a width [inch], from `top` down, and where they end."""
     size = style.get("fontsize", rcParams["font.size"]) / 72
     letter = (0.66 if "fontweight" in style else 0.52) * size  # mean advance of DejaVu Sans
-    lines = textwrap.wrap(words, max(int(width / letter), 10))
+    lines = textwrap.wrap(words, max(int(width / letter), 10), break_on_hyphens=False)
     return [(part, top + k * 1.45 * size, style) for k, part in enumerate(lines)], top + len(
         lines
     ) * 1.45 * size

@@ -89,7 +89,7 @@ def _key_count(limit: RateLimit, thresholds: Sequence[Threshold], compared: Rate
 
 def _heading(limit: RateLimit, thresholds: Sequence[Threshold]) -> tuple[str, str]:
     """Return title and subtitle."""
-    title = f"Luminance change that is {limit.at_limit_in_words} on {limit.display_name}"
+    title = f"Luminance change {limit.at_limit_in_words} on {limit.display_name}"
     degree = len(limit.coefficients) - 1
     forms = {
         RateLimitForm.LN_RATE: f"ln(rate): polynomial of degree {degree} in luminance",

@@ -12,10 +12,11 @@ from typing import Any
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
+from data_schema.frame_log import FrameLog
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
 from data_schema.power_model import PowerModel
-from data_schema.ramp import FrameLog, RampDesign, RampTrial
+from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from data_schema.session import SessionEvent, SessionManifest

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from data_schema.display import Display
-from data_schema.ramp import Direction, Placement, RampDesign
+from data_schema.ramp import Direction, Placement, Procedure, RampDesign
 from method.luminance import dimmed_luminance, displayed_luminance
 
 
@@ -77,6 +78,24 @@ class PlannedRamp:
     def is_catch(self) -> bool:
         """Whether nothing changes."""
         return self.rate == 0
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What the row of the answered trial says of it, by the attributes of `RampTrial`."""
+        return {
+            "screen": self.level.screen,
+            "factor": self.level.factor,
+            "initial_luminance": self.level.luminance,
+            "final_luminance": self.final_luminance,
+            "rate": self.rate,
+            "duration": self.duration,
+            "is_catch": self.is_catch,
+            "procedure": Procedure.TWO_INTERVAL if self.ramp_interval else Procedure.YES_NO,
+            "direction": self.direction,
+            "ramp_interval": self.ramp_interval,
+            "practice": self.practice,
+            "block": self.block,
+        }
 
 
 def ramp_levels(design: RampDesign, display: Display) -> tuple[RampLevel, ...]:

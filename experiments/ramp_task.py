@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from data_schema.display import Display
-from data_schema.ramp import FrameLog, Procedure, RampDesign, RampTrial, Response, TrialFlag
+from data_schema.frame_log import FrameLog
+from data_schema.ramp import Procedure, RampDesign, RampTrial, Response, TrialFlag
 from data_schema.rig import Rig
 from data_schema.session_length import session_minutes
 from experiments.design import PlannedRamp, ramp_levels
@@ -208,21 +209,9 @@ class RampTask:
             participant_id=place.participant_id,
             session_id=place.session_id,
             trial_index=place.trial_index,
-            screen=planned.level.screen,
-            factor=planned.level.factor,
-            initial_luminance=planned.level.luminance,
-            final_luminance=planned.final_luminance,
-            rate=planned.rate,
-            duration=planned.duration,
-            is_catch=planned.is_catch,
             response=response,
             response_time=response_time,
             simulated=place.simulated,
-            procedure=self.design.procedure,
-            direction=planned.direction,
-            ramp_interval=planned.ramp_interval,
-            practice=planned.practice,
-            block=planned.block,
             attempt=place.attempt,
             onset=shown[0].onset,
             noise_seed=noise_seed,
@@ -232,6 +221,7 @@ class RampTask:
             drawn_final_luminance=probes[-1] if probes else None,
             largest_luminance_error=max(log.largest_error for log in logs) if probes else None,
             flag=TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
+            **planned.columns,
         )
 
 

@@ -172,34 +172,22 @@ def answered_session(
     while (ramp := schedule.next_trial()) is not None:
         chance = answer_generator(simulation.seed, order_index, len(trials))
         response = observer.answer(ramp, chance)
-        trial = _row(ramp, participant, len(trials), response, simulation.design)
+        trial = _row(ramp, participant, len(trials), response)
         schedule.take(trial)
         trials.append(trial)
     return trials
 
 
-def _row(
-    ramp: PlannedRamp, participant: str, trial_index: int, response: Response, design: RampDesign
-) -> RampTrial:
+def _row(ramp: PlannedRamp, participant: str, trial_index: int, response: Response) -> RampTrial:
     """Return the record of an answered trial."""
     return RampTrial(
         participant_id=participant,
         session_id=SESSION,
         trial_index=trial_index,
-        screen=ramp.level.screen,
-        factor=ramp.level.factor,
-        initial_luminance=ramp.level.luminance,
-        final_luminance=ramp.final_luminance,
-        rate=ramp.rate,
-        duration=ramp.duration,
-        is_catch=ramp.is_catch,
         response=response,
         response_time=None,
         simulated=True,
-        procedure=design.procedure,
-        direction=ramp.direction,
-        ramp_interval=ramp.ramp_interval,
-        block=ramp.block,
+        **ramp.columns,
     )
 
 

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from data_schema.brightness_track import OptimizationSummary
 from data_schema.display import Display
+from data_schema.frame_log import FrameLog
 from data_schema.mapping import type_hints
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
-from data_schema.ramp import Direction, FrameLog, Procedure, RampDesign, RampTrial, Response
+from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Keys, Rig
 from data_schema.session import SessionManifest

@@ -18,11 +18,12 @@ from data_schema.brightness_track import (
     write_track,
 )
 from data_schema.display import Display
+from data_schema.frame_log import FrameLog
 from data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
 from data_schema.mapping import mapping_from_record, record_from_mapping
 from data_schema.power_model import PowerModel
 from data_schema.provenance import Provenance
-from data_schema.ramp import FrameLog, RampDesign, RampTrial
+from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from data_schema.session import SessionEvent, SessionManifest

@@ -10,8 +10,9 @@ import pytest
 from data_schema.dataset_layout import EVENTS, MANIFEST, TRIALS
 from data_schema.display import Display
 from data_schema.errors import InputError
+from data_schema.frame_log import FrameLog
 from data_schema.provenance import Provenance
-from data_schema.ramp import FrameLog, RampDesign, RampTrial, Response
+from data_schema.ramp import RampDesign, RampTrial, Response
 from data_schema.session import EventKind, SessionManifest, SessionStatus
 from data_schema.text_files import read_json_record
 from experiments.dataset import enrol
