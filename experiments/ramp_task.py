@@ -155,7 +155,7 @@ class RampTask:
         )
         ends = (level.luminance, planned.final_luminance)
         darkest = max(reached[0] / min(ends), 1 / LARGEST_STEP)
-        brightest = min(reached[1] / max(ends), LARGEST_STEP)
+        brightest = max(darkest, min(reached[1] / max(ends), LARGEST_STEP))
         chance = generator_for(*self._session, Purpose.GAPS, place.trial_index)
         steps = np.exp(chance.uniform(np.log(darkest), np.log(brightest), (3, 2))).tolist()
         before = [level.luminance, *(interval.final_luminance for interval in intervals)]
