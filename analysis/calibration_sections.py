@@ -205,7 +205,9 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
     caption += "; dash-dotted: the published rate limit surace2025. " if published else ". "
     caption += "Grey rays: constant relative rates."
     if calibration.data.simulated:
-        caption += " The simulated population was drawn around the published limit."
+        caption += " The simulated population's yes/no thresholds were drawn around the published limit"
+        two = calibration.procedure is Procedure.TWO_INTERVAL
+        caption += "; what it tells right of two intervals lies at about half of it." if two else "."
     return Section(
         "Rate limit",
         tuple(text),

@@ -13,8 +13,8 @@ from data_schema.files import write_whole
 Cell = str | int | float | None
 
 SIMULATED_NOTE = (
-    "Simulated: the answers come from simulated participants, drawn at random around the published rate "
-    "limit. They show how the procedure works and say nothing about people."
+    "Simulated: the answers come from simulated participants, drawn at random around the published (yes/no) "
+    "rate limit. They show how the procedure works and say nothing about people."
 )
 
 

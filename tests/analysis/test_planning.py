@@ -292,7 +292,7 @@ def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: Plan,
     panels = figure.axes[: len(plan.request.participants)]
     drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}  # type: ignore[union-attr]
     assert drawn == {round(100 * row.half_width, 9) for row in plan.rows}
-    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)  # type: ignore[index]
+    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)  # type: ignore[index] # of a line, an array
     assert png_bytes(figure)[:4] == b"\x89PNG"
 
 

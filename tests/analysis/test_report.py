@@ -194,7 +194,7 @@ def test_a_video_in_which_nothing_is_visible_is_called_so() -> None:
 def test_the_caption_of_the_rate_limit_names_the_published_curve(calibration: Calibration) -> None:
     (picture,) = rate_limit_section(calibration, PNG).pictures
     assert "dash-dotted: the published rate limit surace2025" in picture.caption
-    assert picture.caption.endswith("population was drawn around the published limit.")
+    assert picture.caption.endswith("population's yes/no thresholds were drawn around the published limit.")
 
 
 def test_frames_with_nothing_to_lose_are_remarked_upon() -> None:
