@@ -89,14 +89,22 @@ def test_who_looks_at_the_steps_alone_is_right_in_half_of_the_trials(
 ) -> None:
     """The interval with the greater step up, or the greater step, out of it or into it: all are at chance.
 
-    3 standard errors of the share of 600 trials are 6 %. With a gap of one luminance they were right in 62 to
-    100 % of them.
+    3 standard errors of the share of 600 trials are 6 %.
     """
     sides, out, into = observed(factor, screens)
     for steps in (out, np.abs(out), into, np.abs(into)):
         assert steps.shape == (TRIALS, 2)
         chosen = 1 + np.argmax(steps, axis=1)
         assert abs(np.mean(chosen == sides) - 0.5) < 0.062
+
+
+def test_with_a_gap_of_one_luminance_the_greater_step_would_always_tell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So that the tests above can fail: from 7 % lower it is a greater step up to 60 cd/m^2."""
+    monkeypatch.setattr(RampTask, "_gaps", lambda *_: [(60.0, 60.0)] * 3)
+    sides, out, _ = observed(0.5, ("white",))
+    assert (1 + np.argmax(out, axis=1) == sides).all()
 
 
 def test_every_step_is_another_and_mostly_greater_than_a_change_at_threshold() -> None:

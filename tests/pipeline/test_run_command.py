@@ -148,7 +148,9 @@ def test_a_session_killed_again_and_again_gives_the_trials_of_an_unbroken_one(
     whole = rows(tmp_path / "whole")
     assert len(whole) == 202
     broken = tmp_path / "broken"
-    rng = np.random.default_rng(int.from_bytes(os.urandom(4)))
+    seed = int.from_bytes(os.urandom(4))
+    print(f"the moments of the kills have the seed {seed}")  # pytest shows it where the test fails
+    rng = np.random.default_rng(seed)
     seen: list[dict[str, Any]] = []
     for attempt in range(4):
         killed(broken, design, resume=attempt > 0, after=int(rng.integers(5, 35)))
