@@ -18,7 +18,7 @@ from data_schema.errors import InputError
 from data_schema.files import results_folder, write_whole
 from data_schema.provenance import sha256_of_file
 from experiments import commands as experiment_commands
-from experiments import run_command
+from experiments import play_command, run_command
 from hardware.protocols import InstrumentError
 from stimuli import commands as stimuli_commands
 
@@ -65,6 +65,7 @@ def _ramp_design(name_or_path: str) -> Any:
 
 
 app.command()(stimuli_commands.render)
+app.command()(play_command.play)
 app.command()(run_command.run)
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)

@@ -6,13 +6,14 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folder, session_folders
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.mapping import record_from_mapping
 from data_schema.provenance import sha256_of_bytes, sha256_of_file
-from data_schema.ramp import RampTrial
+from data_schema.ramp import RampDesign, RampTrial
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import read_json, read_text
 from method.luminance import dimmed_luminance, displayed_luminance
@@ -41,6 +42,16 @@ class RampSession:
     n_practice: int = 0
     n_flagged: int = 0
     n_repeated: int = 0
+
+    @property
+    def design(self) -> RampDesign:
+        """What was shown."""
+        return ramp_design(self.manifest)
+
+
+def ramp_design(manifest: SessionManifest) -> RampDesign:
+    """Return the design of a ramp session; its manifest has made sure that it is one."""
+    return cast(RampDesign, manifest.design)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +193,7 @@ def _check_trial(trial: RampTrial, manifest: SessionManifest, seen: set[int], pa
         manifest.participant_id,
         manifest.session_id,
         manifest.simulated,
-        manifest.design.procedure.value,
+        ramp_design(manifest).procedure.value,
     )
     names = ("participant_id", "session_id", "simulated", "procedure")
     for name, got, right in zip(names, own, expected, strict=True):
@@ -194,7 +205,7 @@ def _check_trial(trial: RampTrial, manifest: SessionManifest, seen: set[int], pa
 
 def _check_levels(session: RampSession, dataset: Path) -> None:
     """Refuse trials that the session's design and display cannot have shown."""
-    manifest, design = session.manifest, session.manifest.design
+    manifest, design = session.manifest, session.design
     folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
     pixel_values = {"white": design.white_pixel_value, "gray": design.gray_pixel_value}
     for trial in session.trials:

@@ -20,9 +20,10 @@ from data_schema.file_checks import CheckedFile, check_file
 from data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
 from data_schema.provenance import Provenance
 from data_schema.ramp import TrialFlag
-from data_schema.record_kinds import FRAME_LOG, SESSION_MANIFEST, TRIALS_OF_TASK
+from data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK, RecordKind
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
+from data_schema.viewing import Version
 
 SUBJECT = re.compile("sub-[0-9A-Za-z]+")
 SESSION = re.compile("ses-[0-9A-Za-z]+")
@@ -83,7 +84,7 @@ def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
     yield checked
     yield trials
     if (folder / FRAMES).is_file():
-        yield _check_frames(folder, trials)
+        yield _check_frames(folder, trials, FRAMES_OF_TASK.get(manifest.task) if manifest else None)
     if isinstance(manifest, SessionManifest):
         yield from _check_export(dataset, manifest, trials)
 
@@ -100,8 +101,7 @@ def _compare_with_folders(checked: CheckedFile, manifest: SessionManifest, folde
 
 def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile:
     """Return the trials of a session with their problems; unchecked those of a task without a record."""
-    task = manifest.task if manifest else "ramp"
-    kind = TRIALS_OF_TASK.get(task)
+    kind = TRIALS_OF_TASK.get(manifest.task) if manifest else None
     if kind is None:
         return CheckedFile(folder / TRIALS, "")
     if not (folder / TRIALS).is_file():
@@ -118,14 +118,16 @@ def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile
     return checked
 
 
-def _check_frames(folder: Path, trials: CheckedFile) -> CheckedFile:
+def _check_frames(folder: Path, trials: CheckedFile, kind: RecordKind | None) -> CheckedFile:
     """Return the frame logs of a session: every trial that counts its frames has one for each interval."""
-    checked = check_file(folder / FRAMES, FRAME_LOG)
+    if kind is None:
+        return CheckedFile(folder / FRAMES, "")
+    checked = check_file(folder / FRAMES, kind)
     logged = {(log.trial_index, log.attempt, log.interval) for _, log in checked.records}
     for line, trial in trials.records:
         if trial.n_frames is None:
             continue
-        for interval in (1, 2) if trial.ramp_interval else (1,):
+        for interval in range(1, trial.intervals + 1):
             if (trial.trial_index, trial.attempt, interval) not in logged:
                 checked.blame(
                     f"no frames of trial {trial.trial_index}, attempt {trial.attempt}, interval {interval}, "
@@ -151,13 +153,14 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
             if got != right:
                 checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
         brightest = manifest.display.peak_luminance + manifest.display.reflected_luminance
-        highest = max(trial.initial_luminance, trial.final_luminance)
+        highest = _brightest_of(trial)
         if highest > brightest * (1 + ROUNDING):
             checked.blame(
                 f"luminance: expected at most {brightest:g} cd/m^2, which the session's display reaches, "
                 f"got {highest:g}",
                 line,
             )
+        _compare_with_stimuli(checked, line, trial, manifest)
     count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
     flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
     if manifest.status is SessionStatus.COMPLETE and not planned - flagged <= count <= planned:
@@ -170,6 +173,35 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
         )
     if flagged:
         checked.notes.append(f"{checked.path}: {flagged} trial(s) are flagged and left out of the analysis")
+
+
+def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest: SessionManifest) -> None:
+    """Note where a trial of a viewing experiment is not of the sequences that the manifest has."""
+    sequence, stimuli = getattr(trial, "sequence", None), {each.name: each for each in manifest.stimuli}
+    if sequence is None:
+        return
+    if sequence not in stimuli:
+        checked.blame(
+            f"sequence: expected one of {', '.join(stimuli)}, as in {MANIFEST}, got {sequence!r}", line
+        )
+        return
+    stimulus, version = stimuli[sequence], getattr(trial, "version", Version.OURS)
+    expected = {"baseline_factor": stimulus.baseline_factor}
+    expected["mean_factor"] = stimulus.mean_factor if version is Version.OURS else stimulus.baseline_factor
+    if version is Version.BASELINE:
+        expected["factor"] = stimulus.baseline_factor
+    for key, right in expected.items():
+        got = getattr(trial, key, right)
+        if abs(got - right) > ROUNDING:
+            checked.blame(
+                f"{key}: expected {right:g}, as {sequence!r} has it in {MANIFEST}, got {got:g}", line
+            )
+
+
+def _brightest_of(trial: Any) -> float:
+    """Return the highest luminance that a trial names, 0 if it names none [cd/m^2]."""
+    names = ("initial_luminance", "final_luminance", "background_luminance")
+    return max(float(getattr(trial, name, 0.0)) for name in names)
 
 
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:

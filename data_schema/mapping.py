@@ -151,7 +151,7 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
     if origin in (types.UnionType, typing.Union):
         if value is None:
             return None
-        return _typed(next(k for k in typing.get_args(kind) if k is not type(None)), value, where)
+        return _typed(_likeliest(typing.get_args(kind), value), value, where)
     if origin is tuple:
         if not isinstance(value, list | tuple):
             raise InputError(f"{where}: expected a list, got {shown(value)}")
@@ -174,6 +174,15 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
         raise InputError(f"{where}: expected {names[kind]}, got {shown(value)}")
     return value
+
+
+def _likeliest(kinds: tuple[Any, ...], value: Any) -> Any:
+    """Return which of several types a value is of: of records, the one whose keys are most like its own."""
+    possible = [kind for kind in kinds if kind is not type(None)]
+    if len(possible) == 1 or not isinstance(value, Mapping):
+        return possible[0]
+    known = {kind: keys_of(kind)[0].keys() for kind in possible}
+    return max(possible, key=lambda kind: len(known[kind] & value.keys()) / len(known[kind] | value.keys()))
 
 
 def _float(value: int, where: str) -> float:

@@ -45,7 +45,8 @@ class TrialFlag(enum.Enum):
     """Why a trial is left out of the analysis."""
 
     NONE = ""
-    DROPPED_FRAMES = "dropped_frames"  # more than the design allows: not the ramp that was meant
+    DROPPED_FRAMES = "dropped_frames"  # more than the design allows: not what was meant
+    SEEN_BEFORE = "seen_before"  # a search that was interrupted: where the ring is may be known
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,6 +301,11 @@ class RampTrial:
                 f"a ramp {self.direction.value} from {self.initial_luminance:g} cd/m^2 at {self.rate:g} "
                 f"cd/m^2/s for {self.duration:g} s ends at {end:g}, not at {self.final_luminance:g} cd/m^2"
             )
+
+    @property
+    def intervals(self) -> int:
+        """How many intervals a trial has."""
+        return 1 if self.ramp_interval is None else 2
 
     @property
     def success(self) -> bool:

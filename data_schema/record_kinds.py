@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -19,8 +19,10 @@ from data_schema.power_model import PowerModel
 from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
+from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.session import SessionEvent, SessionManifest
 from data_schema.threshold import Threshold
+from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign, RatingTrial
 
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
 
@@ -111,10 +113,42 @@ RAMP_TRIAL = RecordKind(
 FRAME_LOG = RecordKind(
     "frame_log", FrameLog, FileFormat.JSON_LINES, ("frames.jsonl",), "an experiment with a window"
 )
+RATING_DESIGN = RecordKind(
+    "rating_design", RatingDesign, FileFormat.TOML, ("design.toml", "*.design.toml", "*.rating.design.toml"),
+    "an experimenter",
+)  # fmt: skip
+COMPARISON_DESIGN = RecordKind(
+    "comparison_design", ComparisonDesign, FileFormat.TOML,
+    ("design.toml", "*.design.toml", "*.comparison.design.toml"), "an experimenter",
+)  # fmt: skip
+SEARCH_DESIGN = RecordKind(
+    "search_design", SearchDesign, FileFormat.TOML, ("design.toml", "*.design.toml", "*.search.design.toml"),
+    "an experimenter",
+)  # fmt: skip
+RATING_TRIAL = RecordKind(
+    "rating_trial", RatingTrial, FileFormat.JSON_LINES, ("trials.jsonl",), "the experiment `rating`"
+)
+COMPARISON_TRIAL = RecordKind(
+    "comparison_trial",
+    ComparisonTrial,
+    FileFormat.JSON_LINES,
+    ("trials.jsonl",),
+    "the experiment `comparison`",
+)
+SEARCH_TRIAL = RecordKind(
+    "search_trial", SearchTrial, FileFormat.JSON_LINES, ("trials.jsonl",), "the experiment `search`"
+)
+CLIP_LOG = RecordKind(
+    "clip_log", ClipLog, FileFormat.JSON_LINES, ("frames.jsonl",), "the experiments `rating` and `comparison`"
+)
+VIEW_LOG = RecordKind(
+    "view_log", ViewLog, FileFormat.JSON_LINES, ("frames.jsonl",), "the experiment `search`"
+)
 SESSION_EVENT = RecordKind(
     "session_event", SessionEvent, FileFormat.JSON_LINES, ("events.jsonl",), "an experiment"
 )
 
+# Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
     DISPLAY,
     POWER_MODEL,
@@ -122,8 +156,16 @@ KINDS = (
     RIG,
     SESSION_MANIFEST,
     RAMP_DESIGN,
+    RATING_DESIGN,
+    COMPARISON_DESIGN,
+    SEARCH_DESIGN,
     RAMP_TRIAL,
     FRAME_LOG,
+    RATING_TRIAL,
+    COMPARISON_TRIAL,
+    CLIP_LOG,
+    SEARCH_TRIAL,
+    VIEW_LOG,
     SESSION_EVENT,
     THRESHOLD,
     RATE_LIMIT,
@@ -132,16 +174,28 @@ KINDS = (
     TRACK_HEADER,
     OPTIMIZATION_SUMMARY,
 )
-TRIALS_OF_TASK = {"ramp": RAMP_TRIAL}  # the kind of the lines of trials.jsonl, by the manifest's task
+# The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
+TRIALS_OF_TASK = {
+    "ramp": RAMP_TRIAL,
+    "rating": RATING_TRIAL,
+    "comparison": COMPARISON_TRIAL,
+    "search": SEARCH_TRIAL,
+}
+FRAMES_OF_TASK = {"ramp": FRAME_LOG, "rating": CLIP_LOG, "comparison": CLIP_LOG, "search": VIEW_LOG}
 
 
-def kind_by_name(path: Path) -> RecordKind | None:
-    """Return the kind of record that a file of this name holds, or None.
+def kinds_by_name(path: Path) -> list[RecordKind]:
+    """Return the kinds of record that a file of this name may hold: of those with the longest pattern.
 
-    >>> kind_by_name(Path("lab/bench.display.toml")).name
-    'display'
+    >>> [kind.name for kind in kinds_by_name(Path("lab/my.search.design.toml"))]
+    ['search_design']
     """
-    return next((kind for kind in KINDS if any(fnmatchcase(path.name, p) for p in kind.file_names)), None)
+    fitting = {
+        kind.name: max((len(p) for p in kind.file_names if fnmatchcase(path.name, p)), default=0)
+        for kind in KINDS
+    }
+    longest = max(fitting.values())
+    return [kind for kind in KINDS if longest and fitting[kind.name] == longest]
 
 
 def kind_by_keys(file_format: FileFormat, keys: Collection[str]) -> RecordKind | None:
@@ -152,9 +206,13 @@ def kind_by_keys(file_format: FileFormat, keys: Collection[str]) -> RecordKind |
     >>> kind_by_keys(FileFormat.TOML, {"kind", "base_power_w", "name"}).name
     'power_model'
     """
-    candidates = [kind for kind in KINDS if kind.file_format is file_format]
-    best = max(candidates, key=lambda kind: _likeness(kind, keys), default=None)
+    best = likeliest((kind for kind in KINDS if kind.file_format is file_format), keys)
     return best if best and _likeness(best, keys) >= LIKENESS else None
+
+
+def likeliest(kinds: Iterable[RecordKind], keys: Collection[str]) -> RecordKind | None:
+    """Return which of some kinds has most of these keys; the first of several, None if there is no kind."""
+    return max(kinds, key=lambda kind: _likeness(kind, keys), default=None)
 
 
 def _likeness(kind: RecordKind, keys: Collection[str]) -> float:

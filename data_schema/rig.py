@@ -44,6 +44,14 @@ class Keys:
         To the next page.
     pause : str
         Pauses at any time, and stops from there.
+    ratings : tuple of str
+        Answers from 1 (low) to 5 (high).
+    found : str
+        A ring was found.
+    orientations : tuple of str
+        Where its gap is: right, upper right, up, ... counter-clockwise, as the numeric pad has them.
+    turn_left, turn_right, turn_up, turn_down : str
+        Look around, where no mouse does.
     """
 
     yes: str = described("the brightness changed", default="y", pattern=KEY)
@@ -52,15 +60,40 @@ class Keys:
     second: str = described("it changed in the second interval", default="right", pattern=KEY)
     proceed: str = described("to the next page", default="space", pattern=KEY)
     pause: str = described("pauses, and stops from there", default="escape", pattern=KEY)
+    ratings: tuple[str, ...] = described(
+        "from 1, low, to 5, high", default=("1", "2", "3", "4", "5"), pattern=KEY
+    )
+    found: str = described("a ring was found", default="space", pattern=KEY)
+    orientations: tuple[str, ...] = described(
+        "where its gap is: right, upper right, up, ... counter-clockwise",
+        default=("num_6", "num_9", "num_8", "num_7", "num_4", "num_1", "num_2", "num_3"),
+        pattern=KEY,
+    )
+    turn_left: str = described("looks to the left", default="left", pattern=KEY)
+    turn_right: str = described("looks to the right", default="right", pattern=KEY)
+    turn_up: str = described("looks up", default="up", pattern=KEY)
+    turn_down: str = described("looks down", default="down", pattern=KEY)
 
     def __post_init__(self) -> None:
         check_limits(self)
-        for group in (("yes", "no"), ("first", "second")):
-            names = [getattr(self, name) for name in (*group, "proceed", "pause")]
+        if len(self.ratings) != 5 or len(self.orientations) != 8:
+            raise ValueError(
+                f"need 5 keys for ratings and 8 for orientations, got {len(self.ratings)} and "
+                f"{len(self.orientations)}"
+            )
+        turns = ("turn_left", "turn_right", "turn_up", "turn_down")
+        # The keys that are asked for at the same time; the key that goes on may also say "found".
+        together = {
+            "yes, no, proceed": (self.yes, self.no, self.proceed),
+            "first, second, proceed": (self.first, self.second, self.proceed),
+            "ratings": self.ratings,
+            "orientations": self.orientations,
+            ", ".join((*turns, "found")): (*(getattr(self, turn) for turn in turns), self.found),
+        }
+        for group, keys in together.items():
+            names = (*keys, self.pause)
             if len(set(names)) < len(names):
-                raise ValueError(
-                    f"the keys {', '.join(group)}, proceed and pause must differ, got {', '.join(names)}"
-                )
+                raise ValueError(f"the keys {group} and pause must differ, got {', '.join(names)}")
 
 
 @dataclass(frozen=True, slots=True)

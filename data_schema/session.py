@@ -10,6 +10,16 @@ from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
 from data_schema.ramp import RampDesign
 from data_schema.rig import Rig
+from data_schema.search import SearchDesign
+from data_schema.viewing import ComparisonDesign, RatingDesign, Stimulus
+
+Design = RampDesign | RatingDesign | ComparisonDesign | SearchDesign
+DESIGN_OF_TASK: dict[str, type[Design]] = {
+    "ramp": RampDesign,
+    "rating": RatingDesign,
+    "comparison": ComparisonDesign,
+    "search": SearchDesign,
+}
 
 
 class SessionStatus(enum.Enum):
@@ -28,7 +38,7 @@ class SessionManifest:
     Attributes
     ----------
     participant_id, session_id, task : str
-        Who, which visit, which experiment ("ramp").
+        Who, which visit, which experiment: "ramp", "rating", "comparison" or "search".
     simulated : bool
         Whether a simulated observer answers.
     status : SessionStatus
@@ -37,8 +47,8 @@ class SessionManifest:
         Usable trials that the design asks for; practice, and trials shown again, are not counted.
     display : Display
         The display it ran on.
-    design : RampDesign
-        What was shown.
+    design : RampDesign, RatingDesign, ComparisonDesign or SearchDesign
+        What was shown, and how.
     provenance : Provenance
         Software and seed.
     order_index : int
@@ -51,6 +61,8 @@ class SessionManifest:
         What window, graphics driver and keyboard said of themselves.
     started : str
         When it began, UTC (ISO 8601); empty from a simulation without a clock.
+    stimuli : tuple of Stimulus
+        The sequences of a viewing experiment, with their tracks.
     """
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
@@ -60,7 +72,7 @@ class SessionManifest:
     status: SessionStatus = described("how far the session got")
     n_trials: int = quantity("1", "usable trials that the design asks for", minimum=0)
     display: Display = described("display it ran on")
-    design: RampDesign = described("what was shown")
+    design: Design = described("what was shown, and how")
     provenance: Provenance = described("how the file was made")
     order_index: int = quantity("1", "row of the counterbalanced order of blocks", minimum=0, default=0)
     rig: Rig | None = described("what it ran on", default=None)
@@ -71,9 +83,16 @@ class SessionManifest:
         default_factory=dict, metadata={"doc": "what window, driver and keyboard say of themselves"}
     )
     started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
+    stimuli: tuple[Stimulus, ...] = described("sequences of a viewing experiment", default=())
 
     def __post_init__(self) -> None:
         check_limits(self)
+        expected = DESIGN_OF_TASK.get(self.task)
+        if expected is not None and not isinstance(self.design, expected):
+            raise ValueError(
+                f"the design of the task {self.task!r} must be a {expected.__name__}, got a "
+                f"{type(self.design).__name__}"
+            )
 
 
 class EventKind(enum.Enum):

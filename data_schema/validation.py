@@ -10,7 +10,7 @@ from pathlib import Path
 from data_schema.dataset_checks import check_dataset, is_dataset
 from data_schema.errors import InputError
 from data_schema.file_checks import CheckedFile, check_file
-from data_schema.record_kinds import FileFormat, RecordKind, kind_by_keys, kind_by_name
+from data_schema.record_kinds import FileFormat, RecordKind, kind_by_keys, kinds_by_name, likeliest
 from data_schema.results_checks import compare_results
 from data_schema.text_files import parse_json, read_text, read_toml
 
@@ -91,10 +91,17 @@ def _check_member(path: Path) -> CheckedFile:
 
 def _kind_of(path: Path) -> RecordKind | None:
     """Return the kind of record that a file holds, by its name or by its keys; None if it is none."""
-    named = kind_by_name(path)
+    named = kinds_by_name(path)
+    if len(named) == 1:
+        return named[0]
     formats = {f".{member.value}": member for member in FileFormat}
     found = formats.get(path.suffix.lower())
-    return named or (kind_by_keys(found, _keys_in(path, found)) if found else None)
+    if named and found:
+        try:
+            return likeliest(named, _keys_in(path, found))
+        except InputError:
+            return named[0]  # it is to be that, and cannot be read as anything
+    return kind_by_keys(found, _keys_in(path, found)) if found else None
 
 
 def _keys_in(path: Path, file_format: FileFormat) -> set[str]:

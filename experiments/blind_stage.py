@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+import functools
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 
 from data_schema.rig import Rig
-from experiments.ramp_recording import DECIMALS, LUMINANCE_DECIMALS, RampRecording
-from experiments.stage import KEY_DECIMALS, PausePressed, RampInterval, ShownInterval
+from experiments.clip_recording import ClipRecording, frames_of_refreshes
+from experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording
+from experiments.refreshes import DECIMALS
+from experiments.ring_views import RingPainter
+from experiments.searching import Searching
+from experiments.stage import (
+    KEY_DECIMALS,
+    Clip,
+    PausePressed,
+    RampInterval,
+    Searched,
+    SearchView,
+    ShownClip,
+    ShownInterval,
+)
 from hardware.clocks import RefreshClock
 from hardware.protocols import KeyPress
 from hardware.simulated_keyboard import SimulatedKeyboard
 from stimuli.ramp import frame_count, ramp_luminance
+
+OpenPainter = Callable[[], AbstractContextManager[RingPainter]]
 
 
 class BlindStage(AbstractContextManager["BlindStage"]):
@@ -25,10 +41,20 @@ class BlindStage(AbstractContextManager["BlindStage"]):
         Moved on by each frame.
     keyboard : SimulatedKeyboard
         Who answers, on this clock.
+    open_painter : callable, optional
+        Returns what draws rings without a window, for the luminance around those that are searched for; it is
+        closed with the stage.
     """
 
-    def __init__(self, rig: Rig, clock: RefreshClock, keyboard: SimulatedKeyboard) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        clock: RefreshClock,
+        keyboard: SimulatedKeyboard,
+        open_painter: OpenPainter | None = None,
+    ) -> None:
         self._rig, self._clock, self._keyboard = rig, clock, keyboard
+        self._open_painter, self._opened = open_painter, ExitStack()
 
     def now(self) -> float:
         """Return the time on the stage's clock [s]."""
@@ -88,8 +114,48 @@ class BlindStage(AbstractContextManager["BlindStage"]):
             self._presses()
         return recording.result()
 
+    def prepare_clip(self, clip: Clip) -> None:
+        """Do nothing: no video is read."""
+
+    def play(self, clip: Clip) -> ShownClip:
+        """Count the refreshes of a clip. Raises `PausePressed` if the pause key was pressed meanwhile."""
+        recording = ClipRecording(self._rig.refresh_rate)
+        for frame in frames_of_refreshes(clip, self._rig.refresh_rate).tolist():
+            recording.note(self._advance(), frame, float(clip.factors[frame]))
+            self._presses()
+        return recording.result()
+
+    def room(self) -> None:
+        """Return None: nothing is shown."""
+
+    def prepare_scene(self, name: str) -> None:
+        """Do nothing: no scene is shown."""
+
+    def search(self, view: SearchView) -> Searched:
+        """Count the refreshes until the key `found` is pressed or the time is over.
+
+        The luminance around the ring is that of a picture drawn without a window. Raises `PausePressed` if
+        the pause key was pressed.
+        """
+        background = self._painter.picture(view.scene, view.camera.position, view.ring).background_luminance
+        searching = Searching(view, self._rig, pixels_per_degree=1.0)  # nobody moves a mouse
+        self._presses()
+        while not searching.over:
+            direction = searching.direction(self._clock.now() + 1 / self._rig.refresh_rate)
+            searching.note(self._advance(), direction)
+            searching.take(self._presses())
+        return searching.result(background)
+
+    @functools.cached_property
+    def _painter(self) -> RingPainter:
+        """What draws rings; made for the first search, for it needs a graphics driver."""
+        if self._open_painter is None:
+            raise ValueError("a stage without a window needs a painter of rings for a search")
+        return self._opened.enter_context(self._open_painter())
+
     def close(self) -> None:
         """Let go of the keyboard."""
+        self._opened.close()
         self._keyboard.close()
 
     def __exit__(self, *_: object) -> None:

@@ -10,6 +10,7 @@ from hardware.protocols import Backlight
 from method.luminance import dimmed_luminance, displayed_luminance
 
 ROUNDING = 1e-9  # of a time or a factor that was computed
+IMAGE = -1.0  # in place of a pixel value, of an image: no uniform screen has it
 
 
 class Brightness:
@@ -69,6 +70,19 @@ class Brightness:
         reflected = self._display.reflected_luminance
         self._change((luminance - reflected) / (full - reflected), pixel_value)
         return full
+
+    def of_picture(self, factor: float) -> float:
+        """Set the backlight for an image, and return the brightness factor that its pixels are dimmed by.
+
+        Parameters
+        ----------
+        factor : float
+            b that the image is to have, in (0, 1].
+        """
+        if not self._by_backlight:
+            return factor
+        self._change(factor, IMAGE)
+        return 1.0
 
     def after_flip(self) -> None:
         """Brighten the backlight, where that had to wait for other pixels."""

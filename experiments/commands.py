@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -9,19 +10,23 @@ import typer
 
 from data_schema.errors import InputError
 
-SIMULATED_TASKS = ("ramp",)
+SIMULATED_TASKS = ("ramp", "rating", "comparison", "search")
 MAX_PARTICIPANTS = 9999
 
 
 def simulate(
-    task: Annotated[str, typer.Argument(help="Experiment: ramp.")],
+    task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set to be made.")],
     participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
     display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
     design: Annotated[
-        str, typer.Option(help="Design: a preset (paper, recommended, quick, ...) or a toml file.")
+        str, typer.Option(help="Design: a preset (paper, quick, ...) or a toml file.")
     ] = "paper",
+    stimuli: Annotated[
+        Path | None,
+        typer.Option(help="Folder with a track for each sequence of a viewing experiment."),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
 ) -> None:
     """Simulate many participants of an experiment at once, without a window."""
@@ -33,9 +38,30 @@ def simulate(
         raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
     if seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
+    if (task == "ramp") == (stimuli is not None):
+        raise InputError(
+            f"--stimuli goes with rating, comparison and search, which need it; got the task {task} "
+            f"{'with' if stimuli else 'without'} it"
+        )
     from rich.console import Console
     from rich.progress import Progress
 
+    console = Console(stderr=True)
+    off = quiet or not console.is_terminal
+    simulated = _ramps if stimuli is None else _viewing(task, stimuli)
+    run = simulated(participants, seed, display, design)
+    with Progress(console=console, transient=True, disable=off) as progress:
+        bar = progress.add_task("simulating participants", total=participants)
+        run(out, lambda done: progress.update(bar, completed=done))
+    if not quiet:
+        typer.echo(f"{participants} simulated participants in {out}")
+
+
+Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set, and reports who is done
+
+
+def _ramps(participants: int, seed: int, display: str, design: str) -> Simulation:
+    """Return the simulation of ramp sessions."""
     from experiments.design_files import load_design
     from experiments.simulate_ramp import RampSimulation, simulate_dataset
     from experiments.simulated_observers import ObserverPopulation
@@ -49,11 +75,15 @@ def simulate(
         limit=load_rate_limit("surace2025"),
         population=ObserverPopulation(),
     )
-    console = Console(stderr=True)
-    off = quiet or not console.is_terminal
-    with Progress(console=console, transient=True, disable=off) as progress:
-        bar = progress.add_task("simulating participants", total=participants)
-        simulate_dataset(simulation, out, lambda done: progress.update(bar, completed=done))
-    if not quiet:
-        trials = simulation.participants
-        typer.echo(f"{trials} simulated participants in {out}")
+    return lambda out, report: simulate_dataset(simulation, out, report)
+
+
+def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str], Simulation]:
+    """Return what makes the simulation of a viewing experiment on some stimuli."""
+    from experiments.simulate_viewing import load_simulation, simulate_viewing
+
+    def simulation(participants: int, seed: int, display: str, design: str) -> Simulation:
+        loaded = load_simulation(task, stimuli, (participants, seed), display, design)
+        return lambda out, report: simulate_viewing(loaded, out, report)
+
+    return simulation

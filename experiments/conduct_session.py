@@ -171,8 +171,10 @@ class _Session:
         for planned in self.cast.task.practice()[self._practised :]:
             trial = self._trial(planned)
             self._report(self._progress())
-            self._page_of_text("feedback", self.cast.task.feedback(trial, self.cast.pages))
-        self._page("practice_end")
+            if told := self.cast.task.feedback(trial, self.cast.pages):
+                self._page_of_text("feedback", told)
+        if any(trial.practice for trial in self.store.trials):
+            self._page("practice_end")
 
     def _rest(self) -> None:
         """Take a break where one is due."""
@@ -252,9 +254,10 @@ class _Session:
         """Return a page with its numbers filled in."""
         task = self.cast.task
         return self.cast.pages.text(
-            name,
+            self.cast.pages.name_for(name, self.store.manifest.task),
             self.cast.keys,
             minutes=max(1, round(task.minutes)),
+            seconds=f"{task.seconds:g}",
             trials=task.n_trials,
             done=min(self._answered(), task.n_trials),
             trials_between_breaks=task.trials_between_breaks or task.n_trials,
@@ -263,9 +266,11 @@ class _Session:
     def _progress(self) -> Progress:
         """Return how far the session is."""
         practice = [trial for trial in self.store.trials if trial.practice]
-        right = sum(self.cast.task.is_right(trial) for trial in practice)
+        answers = [self.cast.task.is_right(trial) for trial in practice]
+        right = sum(answer is True for answer in answers)
         flagged = sum(self.cast.task.is_flagged(t) for t in self.store.trials if not t.practice)
-        words = f"practice {right} of {len(practice)} right" if practice else ""
+        told = practice and None not in answers
+        words = f"practice {right} of {len(practice)} right" if told else ""
         return Progress(self._usable(), self.cast.task.n_trials, flagged, words)
 
     def _answered(self) -> int:

@@ -1,12 +1,14 @@
-"""Designs of the ramp experiment: presets by name, files by path."""
+"""Designs of the experiments: presets by name, files by path."""
 
 from __future__ import annotations
 
 import difflib
 from pathlib import Path
+from typing import cast
 
 from data_schema.errors import InputError
 from data_schema.ramp import RampDesign
+from data_schema.session import DESIGN_OF_TASK, Design
 from data_schema.text_files import read_toml_record
 
 DESIGNS = Path(__file__).parent / "designs"
@@ -14,19 +16,28 @@ SUFFIX = ".design.toml"
 
 
 def load_design(name_or_path: str) -> RampDesign:
-    """Return the design of a preset (`paper`, `recommended`, ...) or of a toml file.
+    """Return the ramp design of a preset (`paper`, `recommended`, ...) or of a toml file.
 
     Raises
     ------
     InputError
-        If there is neither a preset nor a file of that name, or the file is no design.
+        If there is neither a preset nor a file of that name, or the file is no design of a ramp.
 
     >>> load_design("recommended").procedure.value
     'two_interval'
     """
-    known = design_names()
+    return cast(RampDesign, load_task_design("ramp", name_or_path))
+
+
+def load_task_design(task: str, name_or_path: str) -> Design:
+    """Return the design of a preset, or of a toml file, for a task; errors as `load_design`.
+
+    >>> load_task_design("search", "paper").ring_gap
+    10.0
+    """
+    known = design_names(task)
     if name_or_path in known:
-        return read_toml_record(RampDesign, DESIGNS / f"{name_or_path}{SUFFIX}")
+        return read_toml_record(DESIGN_OF_TASK[task], DESIGNS / f"{name_or_path}{_suffix(task)}")
     path = Path(name_or_path)
     if not path.exists():
         hint = difflib.get_close_matches(name_or_path, known, n=1)
@@ -34,9 +45,20 @@ def load_design(name_or_path: str) -> RampDesign:
         raise InputError(
             f"{name_or_path}: no such design; {guess}give a preset ({', '.join(known)}) or a toml file"
         )
-    return read_toml_record(RampDesign, path)
+    return read_toml_record(DESIGN_OF_TASK[task], path)
 
 
-def design_names() -> list[str]:
-    """Return the names of the presets."""
-    return sorted(path.name.removesuffix(SUFFIX) for path in DESIGNS.glob(f"*{SUFFIX}"))
+def design_names(task: str = "ramp") -> list[str]:
+    """Return the names of the presets of a task.
+
+    >>> design_names("search")
+    ['paper', 'quick']
+    """
+    suffix = _suffix(task)
+    names = (path.name.removesuffix(suffix) for path in DESIGNS.glob(f"*{suffix}"))
+    return sorted(name for name in names if "." not in name)
+
+
+def _suffix(task: str) -> str:
+    """Return how the names of a task's designs end; those of ramps have no task in them."""
+    return SUFFIX if task == "ramp" else f".{task}{SUFFIX}"

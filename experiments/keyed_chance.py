@@ -25,6 +25,14 @@ class Purpose(enum.IntEnum):
     ANSWERING_TIMES = 9
     PERSON = 10
     GAPS = 11
+    ORIENTATIONS = 12
+    EXCERPTS = 13
+    RATER = 20
+    COMPARER = 21
+    SEARCHER = 22
+    RATINGS = 23
+    COMPARISONS = 24
+    SEARCHES = 25
 
 
 def generator_for(seed: int, order_index: int, purpose: Purpose, *key: int) -> np.random.Generator:

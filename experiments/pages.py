@@ -16,16 +16,23 @@ from data_schema.errors import InputError
 from data_schema.mapping import unknown_key
 from data_schema.provenance import sha256_of_bytes
 from data_schema.rig import Keys
+from data_schema.search import ORIENTATIONS
 from data_schema.text_files import read_text
 
 SHIPPED = Path(__file__).with_name("pages")
 SUFFIX = ".txt"
 KEY_NAMES = "keys.toml"
 
-PLACEHOLDERS = (
+# What stands for keys, by their names in `Keys`, and what stands for something else.
+KEY_PLACEHOLDERS = (
     "yes", "no", "first", "second", "proceed", "pause",
-    "minutes", "trials", "done", "trials_between_breaks", "truth",
+    "ratings", "found", "turn_left", "turn_right", "turn_up", "turn_down",
 )  # fmt: skip
+GAP_PLACEHOLDERS = tuple(f"gap_{orientation}" for orientation in ORIENTATIONS)
+VALUE_PLACEHOLDERS = (
+    "minutes", "trials", "done", "trials_between_breaks", "truth", "direction", "seconds",
+)  # fmt: skip
+PLACEHOLDERS = KEY_PLACEHOLDERS + GAP_PLACEHOLDERS + VALUE_PLACEHOLDERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +62,36 @@ class Pages:
         **values
             What the other placeholders stand for; those not given stay empty.
         """
-        called = {role: self.key_name(getattr(keys, role)) for role in PLACEHOLDERS[:6]}
-        empty = dict.fromkeys(PLACEHOLDERS[6:], "")
+        called = {role: self._called(getattr(keys, role)) for role in KEY_PLACEHOLDERS}
+        # The keys of the numeric pad lie as the gaps do, and are called by their digits alone.
+        gaps = (self.key_name(key.removeprefix("num_")) for key in keys.orientations)
+        called |= dict(zip(GAP_PLACEHOLDERS, gaps, strict=True))
+        empty = dict.fromkeys(VALUE_PLACEHOLDERS, "")
         return self.texts[name].format_map({**empty, **called, **values}).strip()
 
     def longest(self, keys: Keys) -> tuple[list[str], list[str]]:
         """Return all pages and all questions as they may be filled at their longest, to see that they fit."""
-        values = dict.fromkeys(PLACEHOLDERS[6:], "1000")
-        values["truth"] = max((self.text(n, keys) for n in self.texts if n.startswith("truth")), key=len)
+        values = dict.fromkeys(VALUE_PLACEHOLDERS, "1000")
+        for value in ("direction", "truth"):
+            parts = [name for name in self.texts if name.startswith(f"{value}_")]
+            values[value] = max((self.text(name, keys, **values) for name in parts), key=len)
         filled = {name: self.text(name, keys, **values) for name in self.texts}
         questions = [text for name, text in filled.items() if name.startswith("question")]
         return [text for name, text in filled.items() if not name.startswith("question")], questions
+
+    def name_for(self, name: str, task: str) -> str:
+        """Return the name of a page as a task has it: its own, or the one of all tasks.
+
+        >>> Pages({"consent": "", "consent_search": ""}, {}).name_for("consent", "search")
+        'consent_search'
+        """
+        own = f"{name}_{task}"
+        return own if own in self.texts else name
+
+    def _called(self, key: str | tuple[str, ...]) -> str:
+        """Return what a key, or several keys, are called."""
+        names = (key,) if isinstance(key, str) else key
+        return ", ".join(self.key_name(name) for name in names)
 
     def key_name(self, key: str) -> str:
         """Return what a key is called.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from experiments.refreshes import Refreshes
 from experiments.stage import ShownInterval
 
-DECIMALS = 9  # of a time [s]: what a clock's reading says, without the rounding of a difference of two
 LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves; frames are drawn from what is logged
 PROBES = 12  # frames of an interval that are read back
 
@@ -27,25 +27,14 @@ class RampRecording:
     """
 
     def __init__(self, refresh_rate: float) -> None:
-        self._refresh_rate = refresh_rate
-        self._flips: list[float] = []
+        self.refreshes = Refreshes(refresh_rate)
         self._intended: list[float] = []
         self._factors: list[float] = []
         self._probes: list[tuple[int, float]] = []
 
     def __len__(self) -> int:
         """Return how many frames were shown."""
-        return len(self._flips)
-
-    @property
-    def onset(self) -> float:
-        """When the first frame appeared [s]."""
-        return self._flips[0]
-
-    @property
-    def last_flip(self) -> float:
-        """When the last frame appeared [s]."""
-        return self._flips[-1]
+        return len(self.refreshes)
 
     def note(
         self, flip: float, intended: float, factor: float | None = None, probed: float | None = None
@@ -64,24 +53,22 @@ class RampRecording:
             Mean luminance read back from the window [cd/m^2].
         """
         if probed is not None:
-            self._probes.append((len(self._flips), round(probed, LUMINANCE_DECIMALS)))
+            self._probes.append((len(self), round(probed, LUMINANCE_DECIMALS)))
         if factor is not None:
             self._factors.append(factor)
-        self._flips.append(flip)
+        self.refreshes.note(flip)
         self._intended.append(intended)
 
     def result(self) -> ShownInterval:
         """Return what was shown."""
-        durations = np.diff(self._flips)
-        missed = np.rint(durations * self._refresh_rate).astype(int) - 1
         return ShownInterval(
-            onset=self.onset,
-            flip_times=tuple(round(flip - self.onset, DECIMALS) for flip in self._flips),
+            onset=self.refreshes.onset,
+            flip_times=self.refreshes.times(),
             intended_luminance=tuple(self._intended),
             probe_frames=tuple(frame for frame, _ in self._probes),
             probe_luminance=tuple(luminance for _, luminance in self._probes),
             backlight_factors=tuple(self._factors),
-            frames_dropped=int(np.maximum(missed, 0).sum()),
+            frames_dropped=self.refreshes.dropped(),
         )
 
 

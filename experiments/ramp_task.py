@@ -83,9 +83,17 @@ class RampTask:
         return session_minutes(self.design, self.n_trials)
 
     @property
+    def seconds(self) -> float:
+        """Return 0: nobody is hurried."""
+        return 0.0
+
+    @property
     def instructions(self) -> str:
         """Name of the page with the instructions."""
         return f"instructions_{self.design.procedure.value}"
+
+    def prepare(self, stage: Stage) -> None:
+        """Prepare nothing: ramps are drawn as they go."""
 
     def practice(self) -> Sequence[PlannedRamp]:
         """Return the trials for practice."""

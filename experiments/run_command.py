@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from experiments.conduct_session import Progress as SessionProgress
     from experiments.run_session import SessionOutcome, SessionRequest
 
-TASKS = ("ramp",)
+TASKS = ("ramp", "rating", "comparison", "search")
 ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
@@ -29,14 +29,18 @@ class Simulation(enum.Enum):
 
 
 def run(
-    task: Annotated[str, typer.Argument(help="Experiment: ramp.")],
+    task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
     participant: Annotated[str, typer.Option(help="Participant: letters and digits, no name.")],
     session: Annotated[str, typer.Option(help="Session: letters and digits, e.g. 01.")],
     rig: Annotated[str, typer.Option(help="Rig: a toml file, or the preset simulated.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set; sessions are added to it.")],
     design: Annotated[
         str | None,
-        typer.Option(help="Design: a preset (paper, recommended, quick, ...) or a toml file; default paper."),
+        typer.Option(help="Design: a preset (paper, quick, ...) or a toml file; default paper."),
+    ] = None,
+    stimuli: Annotated[
+        Path | None,
+        typer.Option(help="Folder with a track, and a video, for each sequence of a viewing experiment."),
     ] = None,
     simulate: Annotated[
         Simulation | None,
@@ -72,7 +76,7 @@ def run(
         raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
     if simulate is Simulation.DATA and screenshots is not None:
         raise InputError("--screenshots needs a window, which --simulate data does not open")
-    from experiments.design_files import load_design
+    from experiments.design_files import load_task_design
     from experiments.pages import load_pages
     from experiments.run_session import SessionRequest
     from experiments.staging import Staging
@@ -84,20 +88,22 @@ def run(
         display = load_display(display_name)
     except InputError as error:
         raise InputError(
-            f"the display of the rig {loaded.name!r} is not to be had, and without it no ramp can "
+            f"the display of the rig {loaded.name!r} is not to be had, and without it no luminance can "
             f"be drawn: {error}"
         ) from error
     request = SessionRequest(
+        task=task,
         dataset=out,
         participant_id=participant,
         session_id=session,
         rig=loaded,
         display=display,
-        design=load_design(design) if design else None,
+        design=load_task_design(task, design) if design else None,
         pages=load_pages(language or loaded.language, pages),
         staging=Staging(simulate.value if simulate else None, real_time, screenshots),
         seed=seed,
         resume=resume,
+        stimuli=stimuli,
     )
     outcome = _run_with_progress(request, quiet)
     if not quiet:
@@ -109,7 +115,7 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from experiments.run_session import run_ramp_session
+    from experiments.run_session import run_session
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -123,12 +129,12 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
         def show(progress: SessionProgress) -> None:
             nonlocal done
             done = progress.done
-            flagged = f"{progress.flagged} flagged for dropped frames" if progress.flagged else ""
+            flagged = f"{progress.flagged} flagged" if progress.flagged else ""
             said = ", ".join(part for part in (words, progress.practised, flagged) if part)
             bars.update(bar, completed=progress.done, total=progress.planned, description=said)
 
         try:
-            return run_ramp_session(request, show)
+            return run_session(request, show)
         except BaseException as error:
             if isinstance(error, Exception | SystemExit):
                 raise
@@ -142,9 +148,10 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
 
 def _close(outcome: SessionOutcome) -> None:
     """Say how a session ended."""
+    from data_schema.dataset_layout import EVENTS
     from data_schema.session import SessionStatus
 
-    flagged = f", {outcome.flagged} flagged for dropped frames" if outcome.flagged else ""
+    flagged = f", {outcome.flagged} flagged" if outcome.flagged else ""
     words = f"{outcome.done} of {outcome.planned} trials{flagged} in {outcome.folder}"
     if outcome.status is SessionStatus.DECLINED:
         print("evenlight: the participant declined; no trial was shown", file=sys.stderr)
@@ -152,7 +159,7 @@ def _close(outcome: SessionOutcome) -> None:
         print(f"evenlight: stopped after {words}; go on with --resume", file=sys.stderr)
     elif outcome.done < outcome.planned:
         print(
-            f"evenlight: complete with {words}; see why frames are dropped before the next session",
+            f"evenlight: complete with {words}; flagged trials are left out of the analysis ({EVENTS})",
             file=sys.stderr,
         )
     else:

@@ -8,32 +8,26 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from data_schema.dataset_layout import MANIFEST, TRIALS, session_folder
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_record
-from data_schema.ramp import RampDesign
 from data_schema.rig import Keys, Rig
-from data_schema.session import SessionManifest, SessionStatus
+from data_schema.session import DESIGN_OF_TASK, Design, SessionManifest, SessionStatus
 from data_schema.text_files import read_json_record
 from experiments.conduct_session import Cast, Progress, conduct_session
 from experiments.dataset import enrol
-from experiments.design import ramp_levels
-from experiments.keyed_chance import Purpose, generator_for
+from experiments.experiment_kinds import Setting, experiment
 from experiments.pages import Pages
-from experiments.participants import Person, PressKey, SimulatedParticipant
-from experiments.ramp_task import RampTask
+from experiments.participants import Answers, Person, PressKey, SimulatedParticipant
 from experiments.session_store import SessionStore, begin_session, resume_session
-from experiments.simulated_observers import SimulatedObserver, draw_observer
+from experiments.simulated_answers import simulated_answers
 from experiments.staging import Staging, open_stage, smallest_factor
+from experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
 from experiments.task import Participant
-from method.preset_files import load_rate_limit
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1
-POPULATION = "surace2025"  # whose rate limit is the yes/no threshold of the median simulated observer
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +36,8 @@ class SessionRequest:
 
     Attributes
     ----------
+    task : str
+        Which experiment.
     dataset : Path
         Where the session goes.
     participant_id, session_id : str
@@ -50,8 +46,8 @@ class SessionRequest:
         What it runs on.
     display : Display
         The rig's calibrated display.
-    design : RampDesign or None
-        What is shown; None for the default, or for that of the session to be resumed.
+    design : Design or None
+        What is shown; None for the task's default, or for that of the session to be resumed.
     pages : Pages
         What is said.
     staging : Staging
@@ -60,18 +56,22 @@ class SessionRequest:
         Of everything random; None for one drawn now.
     resume : bool
         Whether a session that is there already is to be gone on with.
+    stimuli : Path or None
+        Folder with the sequences of a viewing experiment.
     """
 
+    task: str
     dataset: Path
     participant_id: str
     session_id: str
     rig: Rig
     display: Display
-    design: RampDesign | None
+    design: Design | None
     pages: Pages
     staging: Staging
     seed: int | None = None
     resume: bool = False
+    stimuli: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,27 +97,36 @@ class SessionOutcome:
     folder: Path
 
 
-def run_ramp_session(
+def run_session(
     request: SessionRequest, report: Callable[[Progress], None] = lambda progress: None
 ) -> SessionOutcome:
-    """Run a ramp session, new or resumed, and return how it ended.
+    """Run a session, new or resumed, and return how it ended.
 
     Whatever can be refused is refused before a file is written or a window opens.
 
     Raises
     ------
     InputError
-        If the session is there already, or is not and was to be resumed; if it was begun with another
-        display, design, seed or kind of participant; if a ramp cannot be shown on the display.
+        If the session is there already, or is not and was to be resumed; if it was begun with another task,
+        display, design, stimuli, seed or kind of participant; if something cannot be shown on the display.
     """
-    manifest = _resumed_manifest(request) if request.resume else _new_manifest(request)
-    task = _task_of(manifest, request, smallest_factor(request.staging, request.rig))
+    began = _began(request) if request.resume else None
+    design = began.design if began else request.design or DESIGN_OF_TASK[request.task]()
+    stimuli = _stimuli(request, design)
+    manifest = began or _new_manifest(request, design, stimuli)
+    _refuse_other_than_began(request, manifest, stimuli)
+    setting = Setting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
+    make_task = experiment(request.task).task
+    task = make_task(setting)
+    simulated = simulated_answers(setting) if request.staging.simulated else None
     with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
         stage.prepare(*request.pages.longest(request.rig.keys))
-        store = _opened(request, manifest)
-        task = _task_of(store.manifest, request)
+        task.prepare(stage)
+        store = _opened(request, manifest, setting)
+        setting = dataclasses.replace(setting, manifest=store.manifest)
+        task = make_task(setting)
         with store:
-            participant = _participant(request, store, press)
+            participant = _participant(setting, simulated, press)
             cast = Cast(task, stage, participant, request.pages, request.rig.keys)
             status = conduct_session(store, cast, report)
             done = sum(trial.usable for trial in store.trials)
@@ -125,7 +134,27 @@ def run_ramp_session(
             return SessionOutcome(status, done, task.n_trials, flagged, store.folder)
 
 
-def _new_manifest(request: SessionRequest) -> SessionManifest:
+def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, ...]:
+    """Return the sequences of a viewing experiment; none of a ramp session."""
+    kind = experiment(request.task)
+    names = kind.sequences(design)
+    if names and request.stimuli is None:
+        raise InputError(
+            f"--stimuli is missing: the task {request.task} needs a folder with {', '.join(names)}, "
+            "each made with `evenlight optimize`"
+        )
+    if not names and request.stimuli is not None:
+        raise InputError(f"--stimuli is for the viewing experiments; the task {request.task} has none")
+    if request.stimuli is None:
+        return ()
+    shown = kind.shows_videos and request.staging.simulation != "data"
+    stimuli = load_stimuli(request.stimuli, names, request.display, with_video=shown)
+    return stimuli if kind.shows_videos else as_searched(stimuli)
+
+
+def _new_manifest(
+    request: SessionRequest, design: Design, stimuli: tuple[LoadedStimulus, ...]
+) -> SessionManifest:
     """Return the manifest of a session that is to begin, but for the participant's place in the data set."""
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
     if (folder / MANIFEST).exists() or (folder / TRIALS).exists():
@@ -137,16 +166,17 @@ def _new_manifest(request: SessionRequest) -> SessionManifest:
     return SessionManifest(
         participant_id=request.participant_id,
         session_id=request.session_id,
-        task="ramp",
+        task=request.task,
         simulated=request.staging.simulated,
         status=SessionStatus.RUNNING,
         n_trials=0,
         display=request.display,
-        design=request.design or RampDesign(),
+        design=design,
         provenance=provenance_now(seed=_session_seed(request), inputs=inputs),
         rig=request.rig,
         pages=request.pages.digests,
         started=request.staging.utc(),
+        stimuli=tuple(each.stimulus for each in stimuli),
     )
 
 
@@ -167,12 +197,24 @@ def _session_seed(request: SessionRequest) -> int:
     return int(digest[:12], 16) % LARGEST_SEED
 
 
-def _resumed_manifest(request: SessionRequest) -> SessionManifest:
-    """Return the manifest of the session to be resumed, or refuse what was asked for beside it."""
+def _began(request: SessionRequest) -> SessionManifest:
+    """Return the manifest of the session to be resumed."""
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
     if not (folder / MANIFEST).is_file():
         return resume_session(request.dataset, request.participant_id, request.session_id).manifest
     manifest = read_json_record(SessionManifest, folder / MANIFEST)
+    if manifest.task != request.task:
+        raise InputError(f"{folder}: this session is of the task {manifest.task!r}, not {request.task!r}")
+    return manifest
+
+
+def _refuse_other_than_began(
+    request: SessionRequest, manifest: SessionManifest, stimuli: tuple[LoadedStimulus, ...]
+) -> None:
+    """Refuse what was asked for beside a session that is there already."""
+    if not request.resume:
+        return
+    folder = session_folder(request.dataset, request.participant_id, request.session_id)
     seed = manifest.provenance.seed
     differing = (
         ("--simulate", manifest.simulated, request.staging.simulated),
@@ -180,6 +222,7 @@ def _resumed_manifest(request: SessionRequest) -> SessionManifest:
         ("--design", manifest.design, request.design or manifest.design),
         ("--rig", manifest.rig and _essence(manifest.rig), _essence(request.rig)),
         ("--seed", seed, seed if request.seed is None else _session_seed(request)),
+        ("--stimuli", manifest.stimuli, tuple(each.stimulus for each in stimuli)),
     )
     for option, began, asked in differing:
         if began != asked:
@@ -187,47 +230,31 @@ def _resumed_manifest(request: SessionRequest) -> SessionManifest:
                 f"{folder}: {option} is not as it was when this session began; resume it with the same, or "
                 "give another --session"
             )
-    return manifest
 
 
-def _task_of(manifest: SessionManifest, request: SessionRequest, smallest: float = 0.0) -> RampTask:
-    """Return the experiment of a session; the backlight's smallest factor decides what may be shown."""
-    return RampTask(
-        manifest.design,
-        manifest.display,
-        manifest.provenance.seed or 0,
-        manifest.order_index,
-        request.rig,
-        smallest_factor=smallest,
-    )
-
-
-def _opened(request: SessionRequest, manifest: SessionManifest) -> SessionStore:
+def _opened(request: SessionRequest, manifest: SessionManifest, setting: Setting) -> SessionStore:
     """Return the files of the session, open."""
     utc = request.staging.utc
     if request.resume:
         return resume_session(request.dataset, request.participant_id, request.session_id, utc)
     place = enrol(request.dataset, request.participant_id, manifest.simulated, manifest.provenance)
-    # Another order of blocks in the next session of the same participant, too.
-    earlier = len(list((request.dataset / f"sub-{request.participant_id}").glob("ses-*")))
+    # Another order in the next session of the same participant, too; other experiments have their own orders.
+    earlier = _sessions_of_task(request.dataset / f"sub-{request.participant_id}", request.task)
     manifest = dataclasses.replace(manifest, order_index=place + earlier)
-    manifest = dataclasses.replace(manifest, n_trials=_task_of(manifest, request).n_trials)
-    return begin_session(request.dataset, manifest, utc)
+    task = experiment(request.task).task(dataclasses.replace(setting, manifest=manifest))
+    return begin_session(request.dataset, dataclasses.replace(manifest, n_trials=task.n_trials), utc)
 
 
-def _participant(request: SessionRequest, store: SessionStore, press: PressKey | None) -> Participant:
+def _sessions_of_task(folder: Path, task: str) -> int:
+    """Return how many sessions of an experiment a participant has."""
+    manifests = folder.glob(f"ses-*/{MANIFEST}")
+    return sum(read_json_record(SessionManifest, path).task == task for path in manifests)
+
+
+def _participant(
+    setting: Setting, simulated: Callable[[tuple[int, int]], Answers] | None, press: PressKey | None
+) -> Participant:
     """Return who answers: a person, or the simulated observer of this session."""
-    if press is None:
+    if simulated is None or press is None:
         return Person()
-    manifest = store.manifest
-    # Simulated participant 01 is the same in every session and rehearsal.
-    who = int(sha256_of_bytes(manifest.participant_id.encode())[:12], 16)
-    observer = _observer(manifest, generator_for(who, 0, Purpose.PERSON))
-    session = (manifest.provenance.seed or 0, manifest.order_index)
-    return SimulatedParticipant(observer, press, request.rig.keys, session)
-
-
-def _observer(manifest: SessionManifest, rng: np.random.Generator) -> SimulatedObserver:
-    """Return a simulated observer, drawn from the population."""
-    luminances = tuple(level.luminance for level in ramp_levels(manifest.design, manifest.display))
-    return draw_observer(load_rate_limit(POPULATION), luminances, rng)
+    return SimulatedParticipant(simulated(setting.session), press, setting.rig.keys, setting.session)

@@ -6,7 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hardware.protocols import KeyPress
+from stimuli.landolt import Ring
+from stimuli.scenes.camera import Camera
+from stimuli.video_source import VideoSource
 
 KEY_DECIMALS = 6  # of a response time [s]: what a key's time says, without the rounding of a difference
 
@@ -73,6 +79,140 @@ class ShownInterval:
     frames_dropped: int = 0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Clip:
+    """A video with the brightness factor of each of its frames.
+
+    Attributes
+    ----------
+    video : VideoSource or None
+        The video, as large as the window or smaller; shown pixel by pixel in the window's middle. None where
+        nothing is shown, in a rehearsal without a window.
+    times : array, (N,)
+        When each of its frames appears, since the first [s].
+    duration : float
+        Of the whole video [s].
+    factors : array, (N,)
+        b of each of its frames, in (0, 1].
+    noise_seed : int
+        Of the dithering noise.
+    seconds : float or None
+        How much of it is shown, from its beginning [s]; None for all.
+    label : str
+        Number of the interval, shown on a uniform field before the video; empty for none.
+    """
+
+    video: VideoSource | None
+    times: NDArray[np.float64]
+    duration: float
+    factors: NDArray[np.float64]
+    noise_seed: int
+    seconds: float | None = None
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownClip:
+    """What the display showed of a clip.
+
+    Attributes
+    ----------
+    onset : float
+        When the first frame appeared, on the stage's clock [s].
+    flip_times : tuple of float
+        Of each refresh, since the first [s].
+    video_frames : tuple of int
+        Frame of the video that each refresh showed, from 0.
+    factors : tuple of float
+        Brightness factor that each refresh showed.
+    backlight_factors : tuple of float
+        As the backlight reported; empty where pixels make the brightness.
+    probe_refreshes, probe_luminance, probe_intended : tuple
+        Refreshes that were read back, the mean luminance of the video's middle then, and what it was to be
+        [cd/m^2].
+    frames_dropped : int
+        Refreshes that passed without a new frame.
+    waited : float
+        How much longer than asked for the uniform field before the clip was shown, because too little of the
+        video was read yet [s].
+    """
+
+    onset: float
+    flip_times: tuple[float, ...]
+    video_frames: tuple[int, ...]
+    factors: tuple[float, ...]
+    backlight_factors: tuple[float, ...] = ()
+    probe_refreshes: tuple[int, ...] = ()
+    probe_luminance: tuple[float, ...] = ()
+    probe_intended: tuple[float, ...] = ()
+    frames_dropped: int = 0
+    waited: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SearchView:
+    """A scene that is looked around in from one point, with a ring in it.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    camera : Camera
+        Where from, and the first direction of view; its focal length is the display's, so that everything has
+        its true size on the visual field.
+    ring : Ring
+        The ring: direction, gap, contrast, orientation.
+    factor : float
+        Brightness factor b of the scene.
+    time_limit : float
+        After which it ends [s].
+    field_of_view : float
+        How far one may look from the first direction, to each side [deg].
+    noise_seed : int
+        Of the dithering noise.
+    """
+
+    scene: str
+    camera: Camera
+    ring: Ring
+    factor: float
+    time_limit: float
+    field_of_view: float
+    noise_seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """How a search went.
+
+    Attributes
+    ----------
+    onset : float
+        When the scene appeared, on the stage's clock [s].
+    found_after : float or None
+        When the key was pressed, since the onset [s]; None if it was not.
+    flip_times : tuple of float
+        Of each refresh, since the first [s].
+    azimuths, altitudes : tuple of float
+        Direction of view of each refresh, from the first one and from the horizon [deg].
+    background_luminance : float
+        Mean luminance I that the display emits around the ring at full brightness [cd/m^2].
+    backlight_factors : tuple of float
+        As the backlight reported; empty where pixels make the brightness.
+    frames_dropped : int
+        Refreshes that passed without a new frame.
+    """
+
+    onset: float
+    found_after: float | None
+    flip_times: tuple[float, ...]
+    azimuths: tuple[float, ...]
+    altitudes: tuple[float, ...]
+    background_luminance: float
+    backlight_factors: tuple[float, ...] = ()
+    frames_dropped: int = 0
+
+
 class Stage(Protocol):
     """Shows what a session asks for, and takes the keys pressed."""
 
@@ -103,6 +243,41 @@ class Stage(Protocol):
 
     def show_ramp(self, interval: RampInterval) -> ShownInterval:
         """Show an interval. Raises `PausePressed` if the pause key was pressed meanwhile."""
+
+    def prepare_clip(self, clip: Clip) -> None:
+        """Begin to read a clip, so that it can begin when it is asked for.
+
+        Raises
+        ------
+        InputError
+            If the video has not as many frames as the clip.
+        """
+
+    def play(self, clip: Clip) -> ShownClip:
+        """Show a video with its brightness. Raises `PausePressed` if the pause key was pressed meanwhile.
+
+        Raises
+        ------
+        InputError
+            If the video is larger than the window, or cannot be read to its end.
+        """
+
+    def room(self) -> tuple[int, int] | None:
+        """Return width and height of what can be shown on [pixels]; None where nothing is shown."""
+
+    def prepare_scene(self, name: str) -> None:
+        """Make a scene ready to be searched, where it is not yet; the first time may take a while."""
+
+    def search(self, view: SearchView) -> Searched:
+        """Show a scene to look around in until the key `found` is pressed or the time is over.
+
+        Raises `PausePressed` if the pause key was pressed.
+
+        Raises
+        ------
+        InputError
+            If there is no such scene, or the ring's gap is too small for the display.
+        """
 
     def wait(self, seconds: float, luminance: float) -> None:
         """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed."""

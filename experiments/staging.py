@@ -11,11 +11,12 @@ from data_schema.display import Display
 from data_schema.rig import Actuator, Rig
 from experiments.blind_stage import BlindStage
 from experiments.participants import PressKey
+from experiments.ring_views import OffscreenPainter
 from experiments.session_store import utc_now
 from experiments.stage import Stage
 from experiments.window_stage import WindowStage
 from hardware.clocks import RefreshClock
-from hardware.rig import backlights_smallest_factor, open_backlight, open_keyboard, open_window
+from hardware.rig import backlights_smallest_factor, open_backlight, open_keyboard, open_pointer, open_window
 from hardware.simulated_keyboard import SimulatedKeyboard
 
 
@@ -79,7 +80,7 @@ def open_stage(
     if staging.simulation == "data":
         frames = RefreshClock(rig.refresh_rate)
         keyboard = SimulatedKeyboard(frames.now)
-        with BlindStage(rig, frames, keyboard) as blind:
+        with BlindStage(rig, frames, keyboard, lambda: OffscreenPainter(display)) as blind:
             yield blind, keyboard.queue
         return
     counted = staging.simulated and not staging.real_time
@@ -89,7 +90,10 @@ def open_stage(
         simulated = SimulatedKeyboard(window.now) if staging.simulated else None
         keys = simulated or open_keyboard()
         backlight = open_backlight(rig, window.now)
-        stage = WindowStage(window, keys, rig, display, page_luminance, backlight, staging.screenshots)
+        mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))
+        stage = WindowStage(
+            window, keys, rig, display, page_luminance, backlight, staging.screenshots, open_pointer=mouse
+        )
     except BaseException:
         window.close()
         raise

@@ -58,6 +58,9 @@ class Participant(Protocol):
     def see_trial(self, planned: Any, trial_index: int) -> None:
         """Have been shown a trial, right before the question."""
 
+    def begin_search(self, planned: Any, trial_index: int) -> None:
+        """Be about to search a scene."""
+
 
 class Task(Protocol):
     """An experiment: its trials in order, how one is conducted, and what is said about it."""
@@ -71,12 +74,29 @@ class Task(Protocol):
         """0 for no breaks."""
 
     @property
+    def neutral_luminance(self) -> float:
+        """Of pages, and of uniform fields that are no stimulus [cd/m^2]."""
+
+    @property
     def minutes(self) -> float:
         """How long the session takes, about."""
 
     @property
+    def seconds(self) -> float:
+        """How long a trial may take at most; 0 where it has no limit [s]."""
+
+    @property
     def instructions(self) -> str:
         """Name of the page with the instructions."""
+
+    def prepare(self, stage: Stage) -> None:
+        """Make ready what takes long, and refuse what the stage cannot show; before the session begins.
+
+        Raises
+        ------
+        InputError
+            If something cannot be shown.
+        """
 
     def practice(self) -> Sequence[Any]:
         """Return the trials for practice."""
@@ -93,10 +113,10 @@ class Task(Protocol):
         """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
 
     def feedback(self, trial: Any, pages: Pages) -> str:
-        """Return what a participant is told about a trial of practice."""
+        """Return what a participant is told about a trial of practice; empty for nothing."""
 
-    def is_right(self, trial: Any) -> bool:
-        """Return whether a trial was answered rightly."""
+    def is_right(self, trial: Any) -> bool | None:
+        """Return whether a trial was answered rightly, None where no answer is right or wrong."""
 
     def is_flagged(self, trial: Any) -> bool:
         """Return whether a trial is left out of the analysis."""

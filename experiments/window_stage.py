@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -14,9 +13,21 @@ from numpy.typing import NDArray
 from data_schema.display import Display
 from data_schema.rig import Actuator, Rig
 from experiments.brightness import Brightness
-from experiments.ramp_recording import DECIMALS, LUMINANCE_DECIMALS, RampRecording, probe_places
+from experiments.clip_player import ClipPlayer
+from experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording, probe_places
 from experiments.screenshots import Screenshots
-from experiments.stage import KEY_DECIMALS, PausePressed, RampInterval, ShownInterval
+from experiments.search_player import OpenPointer, SearchPlayer
+from experiments.showing import Showing
+from experiments.stage import (
+    KEY_DECIMALS,
+    Clip,
+    PausePressed,
+    RampInterval,
+    Searched,
+    SearchView,
+    ShownClip,
+    ShownInterval,
+)
 from hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
 from stimuli.dithering import luminance_of_codes
 from stimuli.field_renderer import Field, FieldRenderer
@@ -50,6 +61,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         The backlight, if the rig has one.
     screenshots : Path, optional
         Folder for a picture of every kind of screen.
+    open_pointer : callable, optional
+        Returns the mouse that scenes are looked around in with; without one, keys turn the view.
 
     Raises
     ------
@@ -66,6 +79,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         page_luminance: float,
         backlight: Backlight | None = None,
         screenshots: Path | None = None,
+        open_pointer: OpenPointer = lambda: None,
     ) -> None:
         require_reachable(page_luminance, page_luminance, 1.0, display, Actuator.PIXELS)
         self._window, self._keyboard, self._backlight = window, keyboard, backlight
@@ -73,8 +87,9 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._renderer = FieldRenderer(window.context(), display, window.bits(), rig.dither)
         self._luminance_of_code = luminance_of_codes(np.arange(2 ** window.bits()), display, window.bits())
         self._brightness = Brightness(display, rig.actuator, backlight, window.now)
-        self._screenshots = Screenshots(screenshots)
+        self._screenshots, self._open_pointer = Screenshots(screenshots), open_pointer
         self._pixel_value = 1.0  # of the last uniform screen
+        self._ground = page_luminance  # of the last uniform field
         self._frame = 0  # of what is not a ramp, for fresh noise
         self._shown: Field | None = None
         self._page_image = functools.lru_cache(32)(page_image)
@@ -131,6 +146,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed."""
         end: float | None = None
         half_a_frame = 0.5 / self._rig.refresh_rate
+        self._ground = luminance
         while seconds > 0 and (end is None or self._window.now() < end - half_a_frame):
             flip = self._show(Field(self._brightness.by_pixels(luminance)), "field")
             end = flip + seconds if end is None else end
@@ -148,7 +164,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         probes = probe_places(n_frames)
         self._pixel_value = interval.pixel_value
         self._settle(interval)
-        for time in self._due_times(recording):
+        for time in recording.refreshes.due(self._window.now):
             place = round(time * self._rig.refresh_rate)
             if place >= n_frames:
                 break
@@ -158,23 +174,55 @@ class WindowStage(AbstractContextManager["WindowStage"]):
             self._take_pause()
         return recording.result()
 
+    def prepare_clip(self, clip: Clip) -> None:
+        """Begin to read a clip, so that it can begin when it is asked for."""
+        self._clip_player.prepare(clip)
+
+    def play(self, clip: Clip) -> ShownClip:
+        """Show a video with its brightness. Raises `PausePressed` if the pause key was pressed meanwhile."""
+        return self._clip_player.play(clip, self._ground)
+
+    def room(self) -> tuple[int, int]:
+        """Return width and height of the window [pixels]."""
+        return self._window.size()
+
+    def prepare_scene(self, name: str) -> None:
+        """Make a scene ready to be searched, where it is not yet; the first time may take a while."""
+        self._search_player.prepare(name)
+
+    def search(self, view: SearchView) -> Searched:
+        """Show a scene to look around in until the key `found` is pressed or the time is over.
+
+        Raises `PausePressed` if the pause key was pressed.
+        """
+        return self._search_player.search(view, self._ground)
+
+    @functools.cached_property
+    def _search_player(self) -> SearchPlayer:
+        """What shows searches; made where one is shown."""
+        return SearchPlayer(self._showing, self._renderer, self._presses, self._open_pointer)
+
+    @functools.cached_property
+    def _clip_player(self) -> ClipPlayer:
+        """What shows videos; made where one is shown."""
+        return ClipPlayer(self._showing, self._renderer)
+
+    @property
+    def _showing(self) -> Showing:
+        """What this stage shows on, for players."""
+        return Showing(
+            self._window, self._rig, self._display, self._brightness, self._screenshots, self._take_pause
+        )
+
     def close(self) -> None:
         """Close window and devices."""
+        self._forget_clip()
         for device in (self._backlight, self._keyboard, self._window):
             if device is not None:
                 device.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _due_times(self, recording: RampRecording) -> Iterator[float]:
-        """Yield when the next flip is due, since the first of the interval [s]."""
-        yield 0.0
-        period = 1 / self._rig.refresh_rate
-        while True:
-            last = recording.last_flip
-            missed = math.floor((self._window.now() - last) / period)
-            yield round(last + (missed + 1) * period - recording.onset, DECIMALS)
 
     def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
         """Show the frame of an interval that is due at a time since its first [s]."""
@@ -240,8 +288,14 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return the keys pressed, or raise `PausePressed` if the pause key is among them."""
         presses = self._keyboard.pressed()
         if any(press.name == self._rig.keys.pause for press in presses):
+            self._forget_clip()
             raise PausePressed
         return presses
+
+    def _forget_clip(self) -> None:
+        """Let go of a clip that was prepared and is not played; where none was, there is no player either."""
+        if "_clip_player" in vars(self):
+            self._clip_player.close()
 
     def _take_pause(self) -> None:
         """Raise `PausePressed` if the pause key was pressed, and forget other keys: nothing is asked yet."""

@@ -81,6 +81,26 @@ class ResponseDevice(Protocol):
         """Let go of the device."""
 
 
+class Pointer(Protocol):
+    """A mouse, or what moves like one."""
+
+    def moved(self) -> tuple[float, float]:
+        """Return how far it moved since the last call, to the right and up [pixels]; return at once."""
+
+    def close(self) -> None:
+        """Let go of the device."""
+
+
+class HeldKeys(Protocol):
+    """Which keys are down, for movement that lasts as long as they are."""
+
+    def held(self) -> frozenset[str]:
+        """Return the names of the keys that are down now."""
+
+    def close(self) -> None:
+        """Let go of the device."""
+
+
 class Backlight(Protocol):
     """A backlight whose brightness factor is set."""
 

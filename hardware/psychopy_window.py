@@ -122,6 +122,10 @@ class PsychoPyWindow(AbstractContextManager["PsychoPyWindow"]):
         """Return the graphics context."""
         return self._context
 
+    def handle(self) -> Any:
+        """Return pyglet's window, for devices that are tied to it."""
+        return self._window.winHandle
+
     def framebuffer(self) -> moderngl.Framebuffer:
         """Return the back buffer, ready to be drawn to."""
         self._framebuffer.viewport = (0, 0, *self.size())

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 from collections.abc import Callable
 from pathlib import Path
 
 from data_schema.errors import InputError
-from data_schema.rig import Rig
+from data_schema.rig import SLOWEST_DISPLAY, Rig
 from data_schema.text_files import read_toml_record
 from hardware.clocks import RefreshClock
-from hardware.protocols import Backlight, ResponseDevice, Window
+from hardware.protocols import Backlight, HeldKeys, Pointer, ResponseDevice, Window
 
 RIGS = Path(__file__).parent / "rigs"
+FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
 LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
 
 
@@ -84,11 +86,41 @@ def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsa
     return window
 
 
+def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
+    """Return the rig's window, and the rig with the refresh rate that the window is found to have.
+
+    A window that does not wait for a display, as on a virtual screen, keeps the rig's.
+    """
+    from hardware.psychopy_window import PsychoPyWindow
+
+    window = PsychoPyWindow(rig)
+    rate = window.measure_refresh_rate()
+    if not SLOWEST_DISPLAY <= rate <= FASTEST_DISPLAY:
+        return window, rig
+    return window, dataclasses.replace(rig, refresh_rate=rate)
+
+
 def open_keyboard() -> ResponseDevice:
     """Return the computer's keyboard; the window must be open."""
     from hardware.psychopy_keyboard import PsychoPyKeyboard
 
     return PsychoPyKeyboard()
+
+
+def open_pointer(window: Window) -> Pointer | None:
+    """Return the computer's mouse as it moves over a window of `open_window`; None for any other window."""
+    from hardware.psychopy_pointer import PsychoPyPointer
+    from hardware.psychopy_window import PsychoPyWindow
+
+    return PsychoPyPointer(window) if isinstance(window, PsychoPyWindow) else None
+
+
+def open_held_keys(window: Window) -> HeldKeys | None:
+    """Return which keys are down over a window of `open_window`; None for any other window."""
+    from hardware.psychopy_held_keys import PsychoPyHeldKeys
+    from hardware.psychopy_window import PsychoPyWindow
+
+    return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
 
 def open_backlight(rig: Rig, clock: Callable[[], float]) -> Backlight | None:

@@ -122,6 +122,13 @@ def perceived_contrasts(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> list[NDArray[np.float64]]:
     """Return the perceived contrast C_t of each band, finest first (Eqs. 2 and 3); as `visible_map`."""
+    return [perceived_contrast(C, model.masking) for C in csf_contrasts(luminance, display, model)]
+
+
+def csf_contrasts(
+    luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
+) -> list[NDArray[np.float64]]:
+    """Return the CSF-normalized contrast C of each band, finest first (Eq. 2); as `visible_map`."""
     frequencies = band_frequencies(
         (luminance.shape[0], luminance.shape[1]),
         display,
@@ -136,6 +143,5 @@ def perceived_contrasts(
         adaptation = adaptation_luminance(gaussian, level)
         seen = adaptation.mean() if model.sensitivity is SensitivityModel.AUTHORS else adaptation
         S = contrast_sensitivity(f, seen, model.sensitivity, model.field_size)
-        contrast = csf_contrast(band, adaptation, S, model.epsilon)
-        contrasts.append(perceived_contrast(contrast, model.masking))
+        contrasts.append(csf_contrast(band, adaptation, S, model.epsilon))
     return contrasts

@@ -29,12 +29,12 @@ def render(
     from stimuli.sequences import built_in_sequence
     from stimuli.video_writer import write_video
 
-    source = built_in_sequence(sequence, _size(size), duration, fps)
+    source = built_in_sequence(sequence, size_in(size), duration, fps)
     with _shown_progress(source, quiet) as frames:
         write_video(out, frames, source.format.frames_per_second, bits=10)
 
 
-def _size(text: str | None) -> tuple[int, int] | None:
+def size_in(text: str | None) -> tuple[int, int] | None:
     """Read a size such as 640x360."""
     if text is None:
         return None

@@ -33,18 +33,7 @@ void main() {
 """
 
 # The noise is `stimuli.dithering.hashed`: pcg4d of Jarzynski & Olano (2020), in arithmetic modulo 2^32.
-FRAGMENT_SHADER = """
-#version 330
-uniform usampler2D coverage;    // of text: 0 none, 255 all
-uniform usampler2D mixtures;    // for each coverage: lower code, share of the upper one in 2^-24
-uniform usampler2D thresholds;  // in 2^-24, repeated over the window; without noise
-uniform bool noisy;
-uniform int height;             // of the window [pixels]
-uniform uint frame;
-uniform uint seed;
-uniform float highest_code;
-out vec4 colour;
-
+NOISE = """
 uvec4 mixed(uvec4 v) {
     v.x += v.y * v.w;
     v.y += v.z * v.x;
@@ -57,7 +46,23 @@ uint hashed(uvec4 v) {
     v = mixed(v * 1664525u + 1013904223u);
     return mixed(v ^ (v >> 16u)).w;
 }
+"""
 
+FRAGMENT_SHADER = (
+    """
+#version 330
+uniform usampler2D coverage;    // of text: 0 none, 255 all
+uniform usampler2D mixtures;    // for each coverage: lower code, share of the upper one in 2^-24
+uniform usampler2D thresholds;  // in 2^-24, repeated over the window; without noise
+uniform bool noisy;
+uniform int height;             // of the window [pixels]
+uniform uint frame;
+uniform uint seed;
+uniform float highest_code;
+out vec4 colour;
+"""
+    + NOISE
+    + """
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     pixel.y = height - 1 - pixel.y;  // rows count from the top
@@ -69,6 +74,7 @@ void main() {
     colour = vec4(vec3(float(code) / highest_code), 1.0);
 }
 """
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,7 +81,16 @@ def on_grid(pixel_values: ArrayLike) -> NDArray[np.uint16]:
     >>> on_grid([0.0, 1 / 3, 1.0]).tolist()
     [0, 21845, 65535]
     """
-    return _GRID[np.rint(np.asarray(pixel_values) * np.float32(LEVELS)).astype(np.intp)]
+    return codes_on_grid(np.rint(np.asarray(pixel_values) * np.float32(LEVELS)).astype(np.intp))
+
+
+def codes_on_grid(codes: NDArray[np.integer[Any]]) -> NDArray[np.uint16]:
+    """Return 10-bit codes over the 16-bit range.
+
+    >>> codes_on_grid(np.array([0, 341, 1023])).tolist()
+    [0, 21845, 65535]
+    """
+    return np.asarray(_GRID[codes])
 
 
 # Whole-number arithmetic, as in the reader of files: the same values come back.

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 from data_schema.errors import InputError
 from stimuli.checkerboard import Checkerboard
+from stimuli.scenes.scene_sequence import SceneSequence, standard_format
 from stimuli.sequence_format import SequenceFormat
 from stimuli.sunrise import Sunrise
 from stimuli.video_source import VideoSource
@@ -20,11 +22,24 @@ class BuiltInSequence(VideoSource, Protocol):
         """Size, length and rate."""
 
 
+# Camera paths through scenes that serve as sequences.
+WALKS = ("library", "gym", "living_room", "basement", "house")
+
 # How each is made, and the format it has if nothing else is asked for.
-SEQUENCES: dict[str, tuple[Callable[[SequenceFormat], BuiltInSequence], SequenceFormat]] = {
-    "checkerboard": (Checkerboard, SequenceFormat(duration=20.0)),
-    "sunrise": (Sunrise, SequenceFormat(duration=40.0)),
+SEQUENCES: dict[str, tuple[Callable[[SequenceFormat], BuiltInSequence], Callable[[], SequenceFormat]]] = {
+    "checkerboard": (Checkerboard, partial(SequenceFormat, duration=20.0)),
+    "sunrise": (Sunrise, partial(SequenceFormat, duration=40.0)),
+    **{walk: (partial(SceneSequence, path_name=walk), partial(standard_format, walk)) for walk in WALKS},
 }
+
+
+def is_sequence(name: str) -> bool:
+    """Return whether a name is that of a built-in sequence, or of a file with a camera path.
+
+    >>> is_sequence("sunrise"), is_sequence("walk.json"), is_sequence("film.mkv")
+    (True, True, False)
+    """
+    return name in SEQUENCES or name.endswith(".json")
 
 
 def built_in_sequence(
@@ -38,7 +53,7 @@ def built_in_sequence(
     Parameters
     ----------
     name : str
-        Its name in `SEQUENCES`.
+        Its name in `SEQUENCES`, or a json file with a camera path.
     size : (int, int), optional
         Width and height [pixels].
     duration, frames_per_second : float, optional
@@ -52,9 +67,11 @@ def built_in_sequence(
     >>> built_in_sequence("checkerboard", duration=2.0).n_frames
     50
     """
-    if name not in SEQUENCES:
+    if not is_sequence(name):
         raise InputError(f"no built-in sequence {name!r}: there are {', '.join(SEQUENCES)}")
-    make, standard = SEQUENCES[name]
+    walk = partial(SceneSequence, path_name=name), partial(standard_format, name)
+    make, standard_of = SEQUENCES.get(name, walk)
+    standard = standard_of()
     width, height = size or (standard.width, standard.height)
     seconds = standard.duration if duration is None else duration
     rate = standard.frames_per_second if frames_per_second is None else frames_per_second

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Protocol
 
@@ -32,13 +33,21 @@ class VideoSource(Protocol):
         """Return the SHA-256 of its content: of the file, of the folder, or of the sequence's definition."""
 
 
+def size_of(video: VideoSource) -> tuple[int, int]:
+    """Return width and height of a video [pixels], those of its first frame."""
+    frames = video.frames()
+    with contextlib.closing(frames) if isinstance(frames, Generator) else contextlib.nullcontext():
+        height, width, _ = next(frames).pixel_values.shape
+    return width, height
+
+
 def open_video(name: str, frames_per_second: float | None = None) -> VideoSource:
     """Return the video of a name: a file's or a folder's path, else a built-in sequence.
 
     Parameters
     ----------
     name : str
-        A path, or the name of a built-in sequence; a path wins over a name.
+        A path, or the name of a built-in sequence; a path wins over a name. A json file is a camera path.
     frames_per_second : float, optional
         Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
 
@@ -48,20 +57,20 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
         If there is no such video, or it cannot be used.
     """
     from stimuli.image_folder import open_image_folder
-    from stimuli.sequences import SEQUENCES, built_in_sequence
+    from stimuli.sequences import SEQUENCES, built_in_sequence, is_sequence
     from stimuli.video_file import open_video_file
 
     path = Path(name)
     if path.is_dir():
         return open_image_folder(path, frames_per_second)
-    if path.exists():
+    if path.exists() and path.suffix != ".json":
         if frames_per_second is not None:
             raise InputError(
                 f"{name} tells its own frame rate; only a folder of images or a built-in sequence takes one, "
                 f"got {frames_per_second:g}"
             )
         return open_video_file(path)
-    if name in SEQUENCES:
+    if is_sequence(name):
         return built_in_sequence(name, frames_per_second=frames_per_second)
     raise InputError(
         f"no video {name!r}: give a video file, a folder of images, or one of the built-in sequences "

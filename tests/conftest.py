@@ -4,6 +4,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +12,22 @@ from hypothesis import settings
 from numpy.typing import ArrayLike
 
 import evenlight
-from data_schema.brightness_track import BudgetUnit
-from data_schema.loss_curves import LossCurves
+from data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    TrackHeader,
+    write_track,
+)
+from data_schema.frame import Frame
+from data_schema.loss_curves import LossCurves, write_loss_curves
 from data_schema.provenance import Provenance
 from data_schema.rate_limit import RateLimit, RateLimitForm
+from data_schema.text_files import write_json_record
 from method.optimize import Problem, Request, pose
 from method.preset_files import load_display, load_power_model
+from stimuli.sequence_format import on_grid
+from stimuli.video_writer import write_video
 
 # A busy machine is no failure; pytest's own timeout ends what hangs.
 settings.register_profile("evenlight", deadline=None)
@@ -84,6 +95,67 @@ def make_problem() -> Callable[..., Problem]:
 @pytest.fixture(scope="session")
 def make_weber_limit() -> Callable[[float], RateLimit]:
     return weber_limit
+
+
+def write_stimulus(
+    folder: Path, factors: ArrayLike, at_half: float = 0.2, frames_per_second: float = 5.0
+) -> None:
+    """Write what `evenlight optimize` would, of a gray video whose loss falls linearly to 0 at factor 1."""
+    b = np.asarray(factors, dtype=float)
+    n, one, display = len(b), np.ones(len(b)), load_display("varjo-xr3")
+    times, full, knots = np.arange(n) / frames_per_second, np.full(n, 40.0), np.array([0.2, 1.0])
+    curves = LossCurves(
+        video=folder.name, display=display, times=times, durations=one / frames_per_second, factors=knots,
+        loss=np.outer(one, at_half * (1 - knots) / 0.5), visible_contrast=one / 2, mean_luminance=full,
+        channel_means=np.full((n, 3), 0.4), provenance=Provenance(),
+    )  # fmt: skip
+    header = TrackHeader(
+        folder.name, display.name, display.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance()
+    )
+    loss = at_half * (1 - b) / 0.5
+    track = BrightnessTrack(times, b, loss, full * b, 0 * one, one, one, header)
+    words = dict.fromkeys(
+        ("rate_limit", "power_model", "limit_curve", "modulated", "contrast_model", "solver"), "x"
+    )
+    numbers = dict.fromkeys(
+        ("budget", "achieved", "objective", "objective_baseline", "mean_contrast_loss",
+         "mean_contrast_loss_baseline", "mean_power", "baseline_power", "full_power", "pixels_per_degree",
+         "solve_s", "curves_s", "bound_s", "max_rate_ratio"), 1.0,
+    )  # fmt: skip
+    summary = OptimizationSummary(
+        video=folder.name, display=display.name, frames=n, duration=n / frames_per_second,
+        budget_unit=BudgetUnit.FACTOR, mean_factor=float(b.mean()), baseline_factor=float(b.mean()),
+        lowest_factor=0.2, lower_bound=0.0, simulated=False, frames_without_contrast=0, iterations=1,
+        calm=0.0, seed=None, versions={}, provenance=Provenance(), **words, **numbers,
+    )  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    write_track(folder / "track.csv", track)
+    write_loss_curves(folder / "loss_curves.npz", curves)
+    write_json_record(folder / "summary.json", summary)
+
+
+def write_gray_video(
+    path: Path, pixel_values: ArrayLike, size: tuple[int, int], frames_per_second: float
+) -> None:
+    """Write a lossless video of gray frames with a darker bar across."""
+    width, height = size
+    frames = []
+    for k, value in enumerate(np.asarray(pixel_values, dtype=float)):
+        pixels = np.full((height, width, 3), on_grid(min(value, 1.0)), dtype=np.uint16)
+        pixels[height // 3 : height // 2] = on_grid(min(value, 1.0) / 2)
+        frames.append(Frame(k / frames_per_second, 1 / frames_per_second, pixels))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_video(path, iter(frames), frames_per_second, bits=10)
+
+
+@pytest.fixture(scope="session")
+def make_stimulus() -> Callable[..., None]:
+    return write_stimulus
+
+
+@pytest.fixture(scope="session")
+def make_video() -> Callable[..., None]:
+    return write_gray_video
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import enum
 import types
 import typing
 from collections.abc import Callable
+from itertools import islice
 from typing import Any
 
 import pytest
@@ -19,8 +20,10 @@ from data_schema.provenance import Provenance
 from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Keys, Rig
-from data_schema.session import SessionManifest
+from data_schema.search import SearchDesign, SearchTrial, ViewLog
+from data_schema.session import DESIGN_OF_TASK, SessionManifest
 from data_schema.threshold import Threshold
+from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 
 Values = dict[str, Any]
 
@@ -37,7 +40,8 @@ def field_values(kind: Any, meta: Any) -> st.SearchStrategy[Any]:
     """Values of a type within the limits of its field."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is types.UnionType:
-        return st.none() | field_values(arguments[0], meta)
+        possible = [field_values(part, meta) for part in arguments if part is not type(None)]
+        return st.one_of([st.none(), *possible] if type(None) in arguments else possible)
     if origin is tuple:
         size = {"min_size": meta.get("min_items", 0), "max_size": 6}
         if arguments[-1] is not Ellipsis:
@@ -140,7 +144,63 @@ def a_trial_of_frames(values: Values) -> Values:
 
 
 def keys_that_differ(values: Values) -> Values:
-    return {name: f"f{number}" for number, name in enumerate(values, start=1)}
+    letters = iter("abcdefghijklmnopqrstuvwxyz0123456789")
+    several = {"ratings": 5, "orientations": 8}
+    return {
+        name: tuple(islice(letters, several[name])) if name in several else next(letters) for name in values
+    }
+
+
+def named_sequences(values: Values) -> Values:
+    return values | {"sequences": tuple(dict.fromkeys(values["sequences"])) or ("library",)}
+
+
+def a_search_design(values: Values) -> Values:
+    values = named_sequences(values)
+    return values | {
+        "keypoints": (f"{values['sequences'][0]}/a desk",) if values["keypoints"] else (),
+        "ring_contrast": values["ring_contrast"] or -0.5,
+    }
+
+
+def one_of_two_videos(values: Values) -> Values:
+    return values | {"response": Response.FIRST if values["ours_interval"] == 1 else Response.SECOND}
+
+
+def a_search(values: Values) -> Values:
+    found = values["found"]
+    return values | {
+        "ring_orientation": 45,
+        "reported_orientation": 90 if found else None,
+        "search_time": values["time_limit"] / 2 if found else values["time_limit"],
+    }
+
+
+def a_clip(values: Values) -> Values:
+    """Lists of one length, times and frames that do not fall."""
+    n, probes = len(values["flip_times"]), len(values["probe_refreshes"])
+    return values | {
+        "flip_times": tuple(sorted(values["flip_times"])),
+        "video_frames": tuple(range(n)),
+        "factors": (0.5,) * n,
+        "backlight_factors": (0.5,) * n if values["backlight_factors"] else (),
+        "probe_luminance": (1.0,) * probes,
+        "probe_intended": (2.0,) * probes,
+    }
+
+
+def a_view(values: Values) -> Values:
+    n = len(values["flip_times"])
+    return values | {
+        "flip_times": tuple(sorted(values["flip_times"])),
+        "azimuths": (-20.0,) * n,
+        "altitudes": (5.0,) * n,
+        "backlight_factors": (0.5,) * n if values["backlight_factors"] else (),
+    }
+
+
+def a_session_of_its_task(values: Values) -> Values:
+    return values | {"task": next(t for t, d in DESIGN_OF_TASK.items() if isinstance(values["design"], d))}
 
 
 def usable_rig(values: Values) -> Values:
@@ -162,6 +222,14 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     FrameLog: a_trial_of_frames,
     Keys: keys_that_differ,
     Rig: usable_rig,
+    RatingDesign: named_sequences,
+    ComparisonDesign: named_sequences,
+    SearchDesign: a_search_design,
+    ComparisonTrial: one_of_two_videos,
+    SearchTrial: a_search,
+    ClipLog: a_clip,
+    ViewLog: a_view,
+    SessionManifest: a_session_of_its_task,
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

@@ -20,6 +20,7 @@ from experiments.pages import load_pages
 from experiments.participants import SimulatedParticipant
 from experiments.ramp_task import RampTask
 from experiments.session_store import SessionStore, begin_session, resume_session
+from experiments.simulated_answers import RampAnswers
 from experiments.simulated_observers import SimulatedObserver
 from experiments.stage import PausePressed, RampInterval, ShownInterval
 from hardware.clocks import RefreshClock
@@ -66,7 +67,7 @@ class Sitter(SimulatedParticipant):
     """A simulated participant who presses the pause key on pages with some words."""
 
     def __init__(self, stage: Stage, *stops_at: str) -> None:
-        super().__init__(OBSERVER, stage.keyboard.queue, KEYS, (1, 0))
+        super().__init__(RampAnswers(OBSERVER, KEYS, (1, 0)), stage.keyboard.queue, KEYS, (1, 0))
         self._stage, self._stops_at = stage, list(stops_at)
 
     def see_page(self, keys: Sequence[str]) -> None:
@@ -136,9 +137,9 @@ def test_a_trial_that_is_paused_is_shown_again_as_the_next_attempt(tmp_path: Pat
 
 
 def test_the_pause_key_stops_the_session_from_the_pause_and_it_can_be_resumed(tmp_path: Path) -> None:
-    """Consent, instructions and the end of the practice are pages 1 to 3; the pause is the fourth."""
+    """Consent and instructions are pages 1 and 2; there is no practice, so the pause is the third."""
     store = begun(tmp_path / "lab")
-    assert conducted(store, Stage({2: pause}), "4") is SessionStatus.ABORTED
+    assert conducted(store, Stage({2: pause}), "3") is SessionStatus.ABORTED
     assert kinds(store)[-1] is EventKind.STOPPED
     assert len(store.trials) == 2
     store = resume_session(tmp_path / "lab", "01", "01", utc=str)

@@ -97,9 +97,18 @@ def main(dataset: Path) -> None:
     run_session.Person = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
     rig, display = load_rig("simulated")
     request = run_session.SessionRequest(
-        dataset, "01", "01", rig, load_display(display), DESIGN, load_pages("en"), Staging(None), seed=5
+        "ramp",
+        dataset,
+        "01",
+        "01",
+        rig,
+        load_display(display),
+        DESIGN,
+        load_pages("en"),
+        Staging(None),
+        seed=5,
     )
-    outcome = run_session.run_ramp_session(request)
+    outcome = run_session.run_session(request)
     told = {"dataset": str(dataset), "status": outcome.status.value, "pressed": Sitter.pressed}
     print(json.dumps(told))
 

@@ -1,12 +1,6 @@
 """A whole session through the real window on a virtual screen: unbroken, and killed and resumed."""
 
 import json
-import os
-import random
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,12 +8,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
-import evenlight
-from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST
 from data_schema.ramp import Placement, Procedure, RampDesign
-from data_schema.text_files import write_toml_record
 
-ROOT = Path(evenlight.__file__).parent
 SHORT: dict[str, Any] = {
     "screens": ("white",),
     "factors": (0.3, 0.9),
@@ -56,63 +47,16 @@ OWN_SCREENS = {
 CHANGES = {"onset_s", "attempt"}  # what an interruption may change: when, and how often, a trial was shown
 
 
-class Laboratory:
-    """A rehearsal of one design on a virtual screen, in processes of its own."""
-
-    def __init__(self, folder: Path, design: RampDesign, display: str) -> None:
-        seed = int(os.environ.get("KILL_SEED") or random.randrange(2**32))
-        print(f"moments of the kills: KILL_SEED={seed}")  # shown if the test fails; set it to see them again
-        self._chance = random.Random(seed)
-        self.folder, self._design = folder, folder / "short.design.toml"
-        write_toml_record(self._design, design)
-        self._environment = os.environ | {"DISPLAY": display}
-
-    def start(self, name: str, *more: object) -> subprocess.Popen[str]:
-        words = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "visual"]
-        words += ["--out", str(self.folder / name), "--design", str(self._design)]
-        return subprocess.Popen(
-            [sys.executable, "-m", "evenlight", "run", "ramp", *words, *map(str, more)],
-            cwd=ROOT,
-            env=self._environment,
-            text=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-
-    def run(self, name: str, *more: object) -> str:
-        process = self.start(name, *more)
-        out, err = process.communicate(timeout=200)
-        assert (process.returncode, err) == (0, "")
-        return out
-
-    def kill_in_the_midst(self, name: str, *more: object) -> None:
-        """Let some trials begin, then end the process with SIGKILL at any moment of the next one."""
-        begun = self.count(name)
-        process = self.start(name, *more)
-        goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 100
-        while self.count(name) < goal and process.poll() is None and time.monotonic() < end:
-            time.sleep(0.005)
-        time.sleep(self._chance.uniform(0.0, 0.15))
-        process.send_signal(signal.SIGKILL)
-        process.communicate(timeout=60)
-        assert process.returncode == -signal.SIGKILL
-
-    def count(self, name: str) -> int:
-        """How many trials were begun."""
-        path = self.folder / name / "sub-01/ses-01" / EVENTS
-        return path.read_text().count('"trial_begun"') if path.exists() else 0
-
-    def rows(self, name: str, file: str = TRIALS) -> list[dict[str, Any]]:
-        text = (self.folder / name / "sub-01/ses-01" / file).read_text()
-        return [json.loads(line) for line in text.split("\n")[:-1]]
-
-
 @pytest.mark.parametrize("name", list(DESIGNS))
 def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
-    tmp_path: Path, name: str, virtual_screen: Callable[..., str], command: Callable[..., Any]
+    tmp_path: Path,
+    name: str,
+    laboratory: Callable[..., Any],
+    virtual_screen: Callable[..., str],
+    command: Callable[..., Any],
 ) -> None:
     """Rows are compared whole: rates, answers, response times, and what was read back from the window."""
-    lab = Laboratory(tmp_path, DESIGNS[name], virtual_screen())
+    lab = laboratory(tmp_path, "ramp", DESIGNS[name], virtual_screen())
     shots = tmp_path / "screens"
     assert "complete" in lab.run("whole", "--screenshots", shots)
     seen: list[dict[str, Any]] = []
@@ -123,7 +67,7 @@ def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
         seen = recorded
     lab.run("broken", "--resume")
     whole, broken = lab.rows("whole"), lab.rows("broken")
-    assert without(broken) == without(whole)
+    assert without_onsets(broken) == without_onsets(whole)
     assert len(whole) == 1 + lab_trials(DESIGNS[name])
     _check_light(whole, lab.rows("whole", FRAMES))
     _check_screens(shots, SCREENS | OWN_SCREENS[name])
@@ -136,7 +80,7 @@ def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
     assert manifest["apparatus"]["psychopy"]
 
 
-def without(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def without_onsets(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{key: value for key, value in row.items() if key not in CHANGES} for row in rows]
 
 

@@ -1,0 +1,154 @@
+"""Simulated participants of artifact comparison: they see brightness change with the thresholds of the ramps.
+
+Which of two versions of a video showed a change in brightness? Each stretch of 5 s gives some evidence, the
+d' of the fastest change in it by the person's own psychometric function of two intervals, and noise of
+standard deviation 1; the version with the strongest evidence is chosen. The baseline's brightness does not
+change, so it has only noise. Both have changes of their content, which hide those of the modulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from data_schema.ramp import Direction, Procedure, Response
+from data_schema.rate_limit import RateLimit
+from experiments.brightness_changes import STRETCH, LuminanceCourse, changes_in_thresholds
+from experiments.simulated_observers import ObserverPopulation, SimulatedObserver, draw_observer
+from method.psychometric import WIDTH_LOGITS, PsychometricFunction
+from method.rate_limit import rate_limit_at
+
+REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonPopulation:
+    """Of whom simulated participants are drawn.
+
+    Attributes
+    ----------
+    eyes : ObserverPopulation
+        How their thresholds differ.
+    masking : float
+        How much the content's own changes hide: beside one of c thresholds, the threshold of the modulation's
+        rises by sqrt(1 + (masking · c)²), so that by Weber's law for rates a change must be `masking` times
+        as fast as the content's. 0 for no masking. 1 is a choice: with it the four sequences are told from
+        their baselines about as seldom as in the paper (docs/decisions/simulated-viewers.md).
+    bias_sd : float
+        Standard deviation between persons of a leaning to the first interval, in units of d' (choice).
+    """
+
+    eyes: ObserverPopulation = field(default_factory=ObserverPopulation)
+    masking: float = 1.0
+    bias_sd: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonObserver:
+    """A participant whose truth is known.
+
+    Attributes
+    ----------
+    eye : SimulatedObserver
+        As in the ramp experiment.
+    masking : float
+        How much the content's own changes hide.
+    bias : float
+        Leaning to the first interval, in units of d'.
+    """
+
+    eye: SimulatedObserver
+    masking: float = 0.0
+    bias: float = 0.0
+
+    def thresholds(self, luminance: Array, direction: Direction, span: float) -> Array:
+        """Return the two-interval thresholds of ramps [cd/m^2/s]; arguments as of `brightness_changes`."""
+        function = self._function(direction, span)
+        ratio = rate_limit_at(self.eye.limit, luminance) / rate_limit_at(self.eye.limit, REFERENCE_LUMINANCE)
+        return np.asarray(function.threshold * ratio)
+
+    def evidence(self, course: LuminanceCourse, seconds: float | None = None) -> Array:
+        """Return d' of each stretch of a video, (stretches,), masked by its content's own changes."""
+        changes = changes_in_thresholds(course, self.thresholds, seconds)
+        raised = np.hypot(1.0, self.masking * changes.content)
+        return d_prime(changes.modulated / raised, self._function(Direction.DOWN, STRETCH))
+
+    def answer(self, evidence: Array, ours_interval: int, rng: np.random.Generator) -> Response:
+        """Return which of the two versions is said to have changed in brightness.
+
+        Parameters
+        ----------
+        evidence : array, (stretches,)
+            d' of the modulated version, from `evidence`.
+        ours_interval : int
+            Which of the two is the modulated version, 1 or 2.
+        rng : numpy.random.Generator
+            Chance, of this trial alone.
+        """
+        noise = rng.standard_normal((2, len(evidence)))
+        blind, coin = rng.random(2)
+        ours, baseline = float(np.max(evidence + noise[0])), float(np.max(noise[1]))
+        first, second = (ours, baseline) if ours_interval == 1 else (baseline, ours)
+        says_first = coin < 0.5 if blind < self.eye.lapse_rate else first + self.bias > second
+        return Response.FIRST if says_first else Response.SECOND
+
+    def _function(self, direction: Direction, span: float) -> PsychometricFunction:
+        """Return the two-interval function of ramps of a duration, at the reference luminance."""
+        return self.eye.function_at(REFERENCE_LUMINANCE, Procedure.TWO_INTERVAL, direction, span)
+
+
+def d_prime(multiples: Array, function: PsychometricFunction) -> Array:
+    """Return d' of changes given in multiples of a two-interval threshold; lapses are left out.
+
+    P(right) of who looks is 1/2 + F/2, F the rise of the psychometric function, and Φ(d'/√2) as well.
+
+    >>> from method.psychometric import WIDTH_LOGITS, PsychometricFunction
+    >>> d_prime(np.array([0.0, 1.0]), PsychometricFunction(2.0, 1.6, guess_rate=0.5)).round(3).tolist()
+    [0.0, 0.954]
+    """
+    with np.errstate(divide="ignore"):  # ln 0: no change, no evidence
+        logit = function.threshold_logit + WIDTH_LOGITS * np.log(multiples) / function.width
+    wrong = np.maximum(special.expit(-logit) / 2, np.finfo(float).tiny)
+    return np.asarray(-np.sqrt(2) * special.ndtri(wrong)) + 0.0  # not -0
+
+
+def draw_comparer(
+    limit: RateLimit, rng: np.random.Generator, population: ComparisonPopulation | None = None
+) -> ComparisonObserver:
+    """Return a participant drawn from a population.
+
+    Parameters
+    ----------
+    limit : RateLimit
+        The median person's yes/no threshold over luminance.
+    rng : numpy.random.Generator
+        Chance.
+    population : ComparisonPopulation, optional
+        How participants differ.
+    """
+    people = population or ComparisonPopulation()
+    eye = draw_observer(limit, (), rng, people.eyes)
+    return ComparisonObserver(eye, people.masking, float(people.bias_sd * rng.standard_normal()))
+
+
+def chance_of_choice(evidence: Array) -> float:
+    """Return how often the version with some evidence is chosen, without lapses and leanings.
+
+    P(max(d'_k + ε_k) > max ε_j), all ε standard normal: one minus the integral over x of the probability that
+    all d'_k + ε_k lie below x, against the density of the other maximum.
+
+    >>> round(chance_of_choice(np.zeros(12)), 9)
+    0.5
+    >>> round(chance_of_choice(np.array([0.954])), 3)  # one stretch: a single choice of two intervals
+    0.75
+    """
+    x = np.linspace(-8.0, 8.0 + float(np.max(evidence, initial=0.0)), 4001)
+    n = len(evidence)
+    below = np.prod(special.ndtr(x[:, None] - evidence), axis=1)
+    density = n * np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi) * special.ndtr(x) ** (n - 1)
+    return float(1 - np.trapezoid(below * density, x))

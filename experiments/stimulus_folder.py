@@ -1,0 +1,185 @@
+"""The stimuli of a viewing experiment: a folder for each sequence, with its track and its video.
+
+Each is what `evenlight optimize SEQUENCE --out STIMULI/NAME` writes; where videos are shown, with the video
+beside it, `video.mkv`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, read_track
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves, read_loss_curves
+from data_schema.provenance import sha256_of_file
+from data_schema.text_files import read_json_record
+from data_schema.viewing import Stimulus, Version
+from experiments.track_fit import require_fit
+from stimuli.ring_place_files import ring_places, search_sha256
+from stimuli.scenes.camera_path import path_named
+from stimuli.video_source import VideoSource, open_video, size_of
+
+TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
+LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
+DARKEST_NEUTRAL = 1.0  # [cd/m^2] below it nobody reads a page
+VIDEO_SUFFIXES = (".mkv", ".mp4", ".mov", ".avi", ".webm")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedStimulus:
+    """A sequence with its track.
+
+    Attributes
+    ----------
+    stimulus : Stimulus
+        What it is, for the manifest.
+    folder : Path
+        Where it lies.
+    track : BrightnessTrack
+        Its brightness track.
+    video : VideoSource or None
+        The video, where one is shown.
+    size : (int, int) or None
+        Its width and height [pixels].
+    """
+
+    stimulus: Stimulus
+    folder: Path
+    track: BrightnessTrack
+    video: VideoSource | None = None
+    size: tuple[int, int] | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the sequence."""
+        return self.stimulus.name
+
+    def factors(self, version: Version) -> NDArray[np.float64]:
+        """Return the brightness factor of each frame in a version, (N,)."""
+        if version is Version.OURS:
+            return np.asarray(self.track.factors)
+        return np.full(len(self.track.factors), self.stimulus.baseline_factor)
+
+    def mean_factor(self, version: Version) -> float:
+        """Return the mean brightness factor of a version."""
+        stimulus = self.stimulus
+        return stimulus.mean_factor if version is Version.OURS else stimulus.baseline_factor
+
+    def curves(self) -> LossCurves:
+        """Return its loss curves; raise `InputError` if they are not there."""
+        return read_loss_curves(self.folder / CURVES)
+
+
+def load_stimuli(
+    folder: Path, names: Sequence[str], display: Display, *, with_video: bool
+) -> tuple[LoadedStimulus, ...]:
+    """Return some sequences of a folder of stimuli.
+
+    Parameters
+    ----------
+    folder : Path
+        With a folder for each sequence.
+    names : sequence of str
+        Which sequences.
+    display : Display
+        What they are shown on; a track that was made for another is refused.
+    with_video : bool
+        Whether their videos are shown; without, they need not be there.
+
+    Raises
+    ------
+    InputError
+        If one is missing, was made for another display, or track and video do not fit.
+    """
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder}: no such folder of stimuli; make one with `evenlight optimize {names[0]} --budget 0.5 "
+            f"--out {folder / names[0]}`"
+        )
+    return tuple(_stimulus(folder / name, name, display, with_video) for name in names)
+
+
+def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]:
+    """Return sequences that are searched: no video is shown of them, but the scenes along their paths.
+
+    Raises
+    ------
+    InputError
+        If one is no built-in path with places of rings, or its track is not as long as the path.
+    """
+    for each in stimuli:
+        ring_places(each.name)
+        walk = path_named(each.name)
+        if abs(each.stimulus.duration - walk.duration) > LONGEST_DIFFERENCE:
+            raise InputError(
+                f"{each.folder}: its track lasts {each.stimulus.duration:g} s, and the path {each.name} "
+                f"{walk.duration:g} s; make a track of the whole path"
+            )
+    return tuple(
+        replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.name)))
+        for each in stimuli
+    )
+
+
+def neutral_luminance(stimuli: Sequence[LoadedStimulus]) -> float:
+    """Return a luminance for pages and uniform fields: the geometric mean of all frames as they are shown.
+
+    What adapts the eye before a video is neither its first frame nor the brightness of either version
+    [cd/m^2].
+    """
+    frames = np.concatenate([stimulus.track.mean_luminance for stimulus in stimuli])
+    return float(np.exp(np.mean(np.log(np.maximum(frames, DARKEST_NEUTRAL)))))
+
+
+def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> LoadedStimulus:
+    """Return one sequence."""
+    if not (folder / TRACK).is_file():
+        raise InputError(
+            f"{folder / TRACK}: no such file; make it with `evenlight optimize {name} --budget B --out "
+            f"{folder}`"
+        )
+    track = read_track(folder / TRACK)
+    summary = read_json_record(OptimizationSummary, folder / SUMMARY)
+    if track.header.display_fingerprint != display.fingerprint:
+        raise InputError(
+            f"{folder / TRACK}: was made for the display {track.header.display_name!r}, and the rig has "
+            f"{display.name!r}; make it with --display set to the rig's"
+        )
+    path = _video_file(folder, name) if with_video else None
+    video = open_video(str(path)) if path is not None else None
+    if video is not None:
+        try:
+            require_fit(video, track)
+        except InputError as error:
+            raise InputError(f"{folder}: {error}") from error
+    stimulus = Stimulus(
+        name=name,
+        video_sha256=sha256_of_file(path) if path is not None else "",
+        track_sha256=sha256_of_file(folder / TRACK),
+        frames=len(track.factors),
+        duration=summary.duration,
+        mean_factor=summary.mean_factor,
+        baseline_factor=summary.baseline_factor,
+    )
+    return LoadedStimulus(stimulus, folder, track, video, size_of(video) if video is not None else None)
+
+
+def _video_file(folder: Path, name: str) -> Path:
+    """Return the one video of a folder."""
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in VIDEO_SUFFIXES)
+    if not found:
+        raise InputError(
+            f"{folder}: holds no video; render it with `evenlight render {name} --out "
+            f"{folder}/video.mkv`, "
+            "or put the video of the track there"
+        )
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise InputError(f"{folder}: expected one video, got {len(found)} ({names}); take the others away")
+    return found[0]

@@ -1,0 +1,1 @@
+"""Procedurally made places, the light in them, and walks through them."""

@@ -1,0 +1,236 @@
+"""A walk through a scene: keypoints with their times, read from a file, and the camera at any moment."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schema.errors import InputError
+from stimuli.scenes.camera import FIELD_OF_VIEW, Camera
+from stimuli.scenes.scene import Floats, Vector
+from stimuli.scenes.scenes import SCENES
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+PATHS = Path(__file__).parent / "paths"
+
+
+@dataclass(frozen=True, slots=True)
+class Keypoint:
+    """A moment of a path: its name, time [s], position [m] and direction of view [degrees]."""
+
+    name: str
+    time: float
+    position: Vector
+    azimuth: float
+    altitude: float
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """A walk through a scene.
+
+    Attributes
+    ----------
+    name : str
+        Of the path.
+    scene : str
+        Where it leads through.
+    duration : float
+        How long it takes [s].
+    keypoints : tuple of Keypoint
+        In order of time, the first at 0 and the last at the end.
+    places : tuple of str
+        Keypoints that suit a visual search.
+    text : str
+        The path as a file holds it, for its hash.
+    """
+
+    name: str
+    scene: str
+    duration: float
+    keypoints: tuple[Keypoint, ...]
+    places: tuple[str, ...] = ()
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        if self.scene not in SCENES:
+            raise ValueError(f"need a scene among {', '.join(SCENES)}, got {self.scene!r}")
+        if not (math.isfinite(self.duration) and self.duration > 0):
+            raise ValueError(f"need a duration above 0 s, got {self.duration:g}")
+        if len(self.keypoints) < 2:
+            raise ValueError(f"need two keypoints or more, got {len(self.keypoints)}")
+        for point in self.keypoints:
+            _check(point, self.duration)
+        times = [point.time for point in self.keypoints]
+        for before, after in zip(self.keypoints, self.keypoints[1:], strict=False):
+            if not before.time < after.time:
+                raise ValueError(
+                    f"need keypoints in order of time, got {after.name!r} at {after.time:g} s after "
+                    f"{before.name!r} at {before.time:g} s"
+                )
+        if times[0] != 0 or times[-1] != self.duration:
+            raise ValueError(
+                f"need keypoints at 0 s and at the end, {self.duration:g} s, got the first at "
+                f"{times[0]:g} s and the last at {times[-1]:g} s"
+            )
+        unknown = set(self.places) - {point.name for point in self.keypoints}
+        if unknown:
+            raise ValueError(f"need places that are names of keypoints, got {', '.join(sorted(unknown))}")
+
+    def keypoint(self, name: str) -> Keypoint:
+        """Return the first keypoint of a name.
+
+        Raises
+        ------
+        InputError
+            If the path has none.
+        """
+        for point in self.keypoints:
+            if point.name == name:
+                return point
+        raise InputError(
+            f"the path {self.name} has no keypoint {name!r}: there are "
+            + ", ".join(dict.fromkeys(p.name for p in self.keypoints))
+        )
+
+    def position(self, time: float) -> Floats:
+        """Return where the walker's eye is at a time [m]."""
+        return _on_curve(self._knots, self._points, self._inner(time))
+
+    def camera(self, time: float, field_of_view: float = FIELD_OF_VIEW) -> Camera:
+        """Return the camera at a time from 0 to the duration [s]; beyond, that of the nearer end."""
+        moment = min(max(time, 0.0), self.duration)
+        x, y, z = self.position(moment).tolist()
+        azimuth, altitude = self._angles(moment).tolist()
+        return Camera((x, y, z), azimuth % 360, altitude, field_of_view)
+
+    def _inner(self, time: float) -> float:
+        """Return the curve's parameter at a time."""
+        return float(self._pace(min(max(time, 0.0), self.duration)))
+
+    @cached_property
+    def _times(self) -> Floats:
+        return np.array([point.time for point in self.keypoints])
+
+    @cached_property
+    def _points(self) -> Floats:
+        return np.array([point.position for point in self.keypoints], dtype=float)
+
+    @cached_property
+    def _knots(self) -> Floats:
+        """Centripetal parameters of the keypoints: the roots of their distances, summed up."""
+        steps = np.sqrt(np.linalg.norm(np.diff(self._points, axis=0), axis=1))
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @cached_property
+    def _pace(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator
+
+        # Monotone cubic: never backwards between two keypoints, at rest where a keypoint repeats.
+        return PchipInterpolator(self._times, self._knots)
+
+    @cached_property
+    def _angles(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator
+
+        azimuth = np.degrees(np.unwrap(np.radians([point.azimuth for point in self.keypoints])))
+        altitude = [point.altitude for point in self.keypoints]
+        return PchipInterpolator(self._times, np.column_stack([azimuth, altitude]))
+
+
+def _on_curve(knots: Floats, points: Floats, at: float) -> Floats:
+    """Return the point of a centripetal Catmull-Rom curve (Yuksel et al. 2011) at a parameter."""
+    k = int(np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2))
+    while k > 0 and knots[k + 1] == knots[k]:
+        k -= 1
+    width = knots[k + 1] - knots[k]
+    if width == 0:
+        return np.asarray(points[k])
+    start, end = _slope(knots, points, k), _slope(knots, points, k + 1)
+    u = (at - knots[k]) / width
+    return np.asarray(
+        (1 + 2 * u) * (1 - u) ** 2 * points[k]
+        + u * (1 - u) ** 2 * width * start
+        + u**2 * (3 - 2 * u) * points[k + 1]
+        + u**2 * (u - 1) * width * end
+    )
+
+
+def _slope(knots: Floats, points: Floats, k: int) -> Floats:
+    """Return the curve's derivative at a keypoint: that of the parabola through it and its neighbours."""
+    last = len(knots) - 1
+    before = knots[k] - knots[k - 1] if k > 0 else 0.0
+    after = knots[k + 1] - knots[k] if k < last else 0.0
+    ahead = (points[k + 1] - points[k]) / after if after > 0 else None
+    behind = (points[k] - points[k - 1]) / before if before > 0 else None
+    if ahead is None or behind is None:
+        # At the ends, and where the walker stands still, the curve goes straight.
+        rest = ahead if behind is None else behind
+        return np.zeros(3) if rest is None else rest
+    return np.asarray((before * ahead + after * behind) / (before + after))
+
+
+def path_named(name: str) -> CameraPath:
+    """Return a path that comes with the scenes, or that of a file.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it cannot be used.
+    """
+    file = Path(name) if name.endswith(".json") else PATHS / f"{name}.json"
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        known = ", ".join(sorted(p.stem for p in PATHS.glob("*.json") if "." not in p.stem))
+        raise InputError(f"no camera path {name!r}: there are {known} ({error.strerror})") from None
+    return path_from_text(file.stem, text)
+
+
+def path_from_text(name: str, text: str) -> CameraPath:
+    """Return the path that a JSON text describes."""
+    try:
+        said = json.loads(text)
+        points = tuple(_keypoint(point) for point in said["keypoints"])
+        return CameraPath(
+            name, said["scene"], float(said["duration_s"]), points, tuple(said.get("places", ())), text
+        )
+    except KeyError as error:
+        raise InputError(f"camera path {name}: there is no {error.args[0]!r}") from None
+    except (ValueError, TypeError) as error:
+        raise InputError(f"camera path {name}: {error}") from None
+
+
+def _keypoint(said: dict[str, Any]) -> Keypoint:
+    """Return a keypoint as a file says it."""
+    x, y, z = (float(value) for value in said["position_m"])
+    return Keypoint(
+        str(said["name"]),
+        float(said["time_s"]),
+        (x, y, z),
+        float(said["azimuth_deg"]),
+        float(said["altitude_deg"]),
+    )
+
+
+def _check(point: Keypoint, duration: float) -> None:
+    """Refuse a keypoint outside the path's duration, or without a place or direction."""
+    if not 0 <= point.time <= duration:
+        raise ValueError(
+            f"keypoint {point.name!r} is outside the path: need a time from 0 to {duration:g} s, "
+            f"got {point.time:g}"
+        )
+    if not np.isfinite([*point.position, point.azimuth]).all():
+        raise ValueError(f"keypoint {point.name!r}: need a finite position and azimuth, got {point}")
+    if not -90 <= point.altitude <= 90:
+        raise ValueError(
+            f"keypoint {point.name!r}: need an altitude from -90 to 90 degrees, got {point.altitude:g}"
+        )

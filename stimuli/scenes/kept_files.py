@@ -1,0 +1,45 @@
+"""Arrays that take long to make, kept in the user's cache between runs; it may be deleted at any time."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def cache_folder() -> Path:
+    """Return where the arrays are kept."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evenlight"
+
+
+def kept(name: str) -> NDArray[Any] | None:
+    """Return the array that was kept under a name, or None if there is none that can be read."""
+    try:
+        array: NDArray[Any] = np.load(cache_folder() / f"{name}.npy", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return array
+
+
+def keep(name: str, array: NDArray[Any], instead_of: str) -> None:
+    """Keep an array under a name, as a whole or not at all, in place of what has names of a pattern.
+
+    Where that cannot be, it is made anew next time.
+    """
+    folder = cache_folder()
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, suffix=".part", delete=False) as part:
+            try:
+                np.save(part, array)
+                part.close()
+                for old in folder.glob(f"{instead_of}.npy"):
+                    old.unlink(missing_ok=True)
+                Path(part.name).replace(folder / f"{name}.npy")
+            except OSError:
+                Path(part.name).unlink(missing_ok=True)

@@ -1,0 +1,96 @@
+"""Walks through scenes as built-in sequences.
+
+The horizontal field of view is 90 degrees, about that of one eye in a headset. A sequence lasts as long as
+its path. A shorter one is the beginning of the path: the speed of the walk is part of the stimulus, so that
+it is never changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from data_schema.frame import Frame
+from data_schema.provenance import sha256_of_bytes
+from stimuli.scenes.camera_path import CameraPath, path_named
+from stimuli.scenes.definition import scenes_sha256
+from stimuli.scenes.light_quality import Quality
+from stimuli.scenes.scenes import SEED
+from stimuli.sequence_format import SequenceFormat
+
+FRAMES_PER_SECOND = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSequence:
+    """What is seen on a walk. Pixel values are 10 bits, encoded for a display with gamma 2.2.
+
+    Attributes
+    ----------
+    format : SequenceFormat
+        Size, length and rate; at most as long as the path.
+    path_name : str
+        The camera path.
+    quality : Quality
+        Of the scene's light.
+    """
+
+    format: SequenceFormat
+    path_name: str
+    quality: Quality = Quality.FINE
+
+    def __post_init__(self) -> None:
+        path = self.path()
+        last = (self.n_frames - 1) / self.format.rate
+        if last > path.duration:
+            raise ValueError(
+                f"need {path.duration:g} s at most, which is how long the path takes, got "
+                f"{self.format.duration:g} s"
+            )
+
+    @property
+    def name(self) -> str:
+        """Short name for titles."""
+        return self.path().name
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames there are."""
+        return self.format.n_frames
+
+    def path(self) -> CameraPath:
+        """Return the camera path."""
+        return path_named(self.path_name)
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the sequence's definition."""
+        said = (scenes_sha256(), self.quality.name, SEED, self.path().text, self.format)
+        return sha256_of_bytes(f"scene {said!r}".encode())
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in order.
+
+        Raises
+        ------
+        InputError
+            If the machine has no OpenGL, or the path leaves the scene.
+        """
+        from stimuli.scenes.offscreen import offscreen_context
+        from stimuli.scenes.renderer import SceneRenderer
+        from stimuli.scenes.scenes import scene_named
+        from stimuli.scenes.walking import check_path
+
+        path = self.path()
+        with offscreen_context() as context:
+            scene = scene_named(path.scene)
+            check_path(path, scene)
+            renderer = SceneRenderer(context, scene, (self.format.width, self.format.height), self.quality)
+            for time, duration in self.format.times():
+                renderer.render(path.camera(time))
+                renderer.encode()
+                yield Frame(time, duration, renderer.pixel_values())
+
+
+def standard_format(path_name: str) -> SequenceFormat:
+    """Return the format of a sequence if nothing else is asked for: the whole path, 640 by 360 at 25 Hz."""
+    return SequenceFormat(duration=path_named(path_name).duration, frames_per_second=FRAMES_PER_SECOND)

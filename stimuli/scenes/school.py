@@ -1,0 +1,27 @@
+"""The school: library, corridor, changing room, gym and yard, on a sunny afternoon."""
+
+from __future__ import annotations
+
+from stimuli.scenes.model import SceneModel
+from stimuli.scenes.scene import Scene
+from stimuli.scenes.school_changing_room import add_changing_room
+from stimuli.scenes.school_corridor import add_corridor
+from stimuli.scenes.school_gym import add_gym
+from stimuli.scenes.school_library import add_library
+from stimuli.scenes.school_yard import add_yard
+
+
+def school(seed: int) -> Scene:
+    """Return the school.
+
+    Parameters
+    ----------
+    seed : int
+        Of all that is random in it: which books stand where, what lies about, how the trees have grown.
+    """
+    model = SceneModel("school", seed)
+    model.sun(azimuth=207.0, altitude=38.0, illuminance=1150.0, colour=(1.0, 0.92, 0.78))
+    model.sky(zenith=(26.0, 42.0, 76.0), horizon=(72.0, 82.0, 92.0))
+    for add in (add_library, add_corridor, add_changing_room, add_gym, add_yard):
+        add(model)
+    return model.build()

@@ -1,0 +1,172 @@
+"""The order of searches: each keypoint once in each version, never twice at the same place."""
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from data_schema.errors import InputError
+from data_schema.rig import Actuator
+from data_schema.search import ORIENTATIONS, SearchDesign
+from data_schema.viewing import Version
+from experiments.search_schedule import (
+    PlannedSearch,
+    SearchPoint,
+    relative_azimuth,
+    search_order,
+    search_points,
+    search_practice,
+)
+from method.preset_files import load_display
+from stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
+from stimuli.scenes.camera import Camera
+
+XR3 = load_display("varjo-xr3")
+N = 12
+BALANCED = 4  # participants after which versions and places are balanced
+
+
+def point(k: int) -> SearchPoint:
+    return SearchPoint(
+        sequence="library",
+        keypoint=f"place {k}",
+        scene="school",
+        camera=Camera((float(k), 0.0, 1.65), 350.0, focal_length=1000.0),
+        rings=KeypointRings(f"place {k}", (20.0, -25.0), (5.0, -5.0), (8.0 + k, 8.5 + k), 3.0, 22.0, 9.0),
+        factors={Version.OURS: 0.6, Version.BASELINE: 0.5},
+    )
+
+
+POINTS = [point(k) for k in range(N)]
+DESIGN = SearchDesign(sequences=("library",), practice_trials=3)
+
+
+def order_of(participant: int, seed: int = 1) -> tuple[PlannedSearch, ...]:
+    return search_order(DESIGN, POINTS, seed, participant)
+
+
+@pytest.mark.parametrize("participant", range(BALANCED + 1))
+def test_everybody_searches_each_keypoint_once_in_each_version_at_two_places(participant: int) -> None:
+    order = order_of(participant)
+    assert Counter((t.keypoint, t.version) for t in order) == {
+        (p.keypoint, version): 1 for p in POINTS for version in Version
+    }
+    assert len({(t.keypoint, t.ring_place) for t in order}) == 2 * N
+
+
+@pytest.mark.parametrize("participant", range(BALANCED))
+def test_each_half_of_a_session_has_every_keypoint_and_both_versions_equally_often(participant: int) -> None:
+    for block in (1, 2):
+        half = [t for t in order_of(participant) if t.block == block]
+        assert {t.keypoint for t in half} == {p.keypoint for p in POINTS}
+        assert Counter(t.version for t in half) == {Version.OURS: N // 2, Version.BASELINE: N // 2}
+
+
+def test_over_four_participants_no_version_of_a_keypoint_is_tied_to_a_half_or_a_place() -> None:
+    seen = Counter(
+        (t.keypoint, t.version, t.block, t.ring_place) for p in range(BALANCED) for t in order_of(p)
+    )
+    combinations = N * 2 * 2 * 2
+    assert len(seen) == combinations
+    assert set(seen.values()) == {1}
+
+
+@pytest.mark.parametrize("n", [5, 12, 21])
+def test_no_place_in_the_session_is_tied_to_a_version(n: int) -> None:
+    """Over four rounds of the square, half of the trials at each place of the session are ours."""
+    everybody = 4 * n * (1 + n % 2)
+    points = [point(k) for k in range(n)]
+    ours = [0] * (2 * n)
+    for participant in range(everybody):
+        for place, trial in enumerate(search_order(DESIGN, points, 1, participant)):
+            ours[place] += trial.version is Version.OURS
+    assert set(ours) == {everybody // 2}
+
+
+def test_each_participant_has_an_order_of_their_own_and_keeps_it() -> None:
+    orders = [[t.keypoint for t in order_of(participant)] for participant in range(BALANCED)]
+    assert len({tuple(order) for order in orders}) == BALANCED
+    assert order_of(2) == order_of(2)
+
+
+def test_the_gap_points_everywhere_as_often_as_possible() -> None:
+    turned = Counter(t.ring.orientation for t in order_of(0))
+    assert set(turned) == set(ORIENTATIONS)
+    assert max(turned.values()) - min(turned.values()) <= 1
+    assert [t.ring.orientation for t in order_of(0)] != [t.ring.orientation for t in order_of(0, seed=2)]
+
+
+def test_the_ring_lies_where_the_file_says_from_the_first_direction_of_view() -> None:
+    for trial in order_of(0):
+        azimuth = {1: 20.0, 2: -25.0}[trial.ring_place]
+        assert trial.columns["ring_azimuth"] == pytest.approx(azimuth)
+        assert trial.ring.azimuth == pytest.approx(350.0 + azimuth)
+        assert trial.factor == {Version.OURS: 0.6, Version.BASELINE: 0.5}[trial.version]
+
+
+def test_practice_has_larger_rings_at_places_that_the_session_does_not_use() -> None:
+    practice = search_practice(DESIGN, POINTS, 1, 0)
+    assert len(practice) == DESIGN.practice_trials
+    for trial in practice:
+        assert trial.ring.gap == PRACTICE_SIZE * DESIGN.ring_gap
+        assert trial.ring.contrast == DESIGN.ring_contrast
+        assert relative_azimuth(trial.ring.azimuth, trial.camera.azimuth) == pytest.approx(3.0)
+        assert trial.ring.altitude == 22.0
+        assert trial.practice
+        assert trial.block == 0
+
+
+class Track:
+    """A brightness track of one factor for each version, as long as any path."""
+
+    folder = "folder"
+    track = SimpleNamespace(times=np.array([0.0]))
+    stimulus = SimpleNamespace(duration=1000.0)
+
+    def __init__(self, name: str, ours: float) -> None:
+        self.name, self._factors = name, {Version.OURS: ours, Version.BASELINE: 0.9}
+
+    def factors(self, version: Version) -> list[float]:
+        return [self._factors[version]]
+
+
+def stacks(contrast: float, factor: float, actuator: Actuator = Actuator.PIXELS) -> tuple[SearchPoint, ...]:
+    """The darkest keypoint of the library, on the headset."""
+    design = SearchDesign(sequences=("library",), keypoints=("library/stacks",), ring_contrast=contrast)
+    return search_points(design, [Track("library", factor)], XR3, actuator)  # type: ignore[list-item]
+
+
+def darkest_around_the_stacks() -> float:
+    """Eq. 1 for the display and the code of the darkest of the three places, by hand [cd/m^2]."""
+    rings = next(each for each in ring_places("library").keypoints if each.keypoint == "stacks")
+    luminance = min(*rings.luminances, rings.practice_luminance)
+    return (104.4 - 0.2) * (luminance / 100) ** (1.95 / 2.2) + 0.2
+
+
+def test_a_contrast_that_dimming_pixels_would_take_a_tenth_of_is_refused() -> None:
+    """A dark ring at black has the contrast black / (b I) - 1: b is taken just above and below where that is
+    nine tenths of -0.5.
+    """
+    edge = 0.2 / (darkest_around_the_stacks() * (1 - 0.45))
+    assert len(stacks(-0.5, edge * 1.001)) == 1
+    with pytest.raises(
+        InputError,
+        match=r"library/stacks the version ours \(b = 0\.\d+\) .*than 0\.2: .*-0\.5, -0\.45 .* -0\.49",
+    ):
+        stacks(-0.5, edge * 0.999)
+    assert len(stacks(-0.5, edge * 0.999, Actuator.BACKLIGHT)) == 1
+
+
+@pytest.mark.parametrize("factor", [0.24, 0.3, 0.4])
+def test_the_contrast_that_the_refusal_names_is_accepted(factor) -> None:
+    with pytest.raises(InputError, match="would be left") as caught:
+        stacks(-0.7, factor)
+    named = float(str(caught.value).partition("give one from ")[2].partition(" to 0")[0])
+    assert named < 0
+    assert len(stacks(named, factor)) == 1
+
+
+def test_where_even_the_surroundings_would_be_black_no_contrast_is_named() -> None:
+    with pytest.raises(InputError, match="would be left; name keypoints without this one"):
+        stacks(-0.2, 0.1)

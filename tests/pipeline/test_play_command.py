@@ -1,0 +1,256 @@
+"""`evenlight play`: on a window under a virtual screen, and what it refuses before there is one."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import evenlight
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
+from data_schema.frame import Frame
+from data_schema.provenance import Provenance
+from experiments.track_fit import mean_factor
+from method.preset_files import load_display
+from stimuli.video_writer import write_video
+
+ROOT = Path(evenlight.__file__).parent
+N, RATE = 30, 25.0
+FACTORS = np.linspace(0.9, 0.5, N)
+
+
+def write_a_track(folder: Path, n: int = N, rate: float = RATE, **header: Any) -> Path:
+    """Write a track of factors that fall from 0.9 to 0.5; only times, factors and display matter here."""
+    display = load_display("varjo-xr3")
+    about = {
+        "video": "8",
+        "display_name": display.name,
+        "display_fingerprint": display.fingerprint,
+        "power_model": "surace2025",
+        "rate_limit": "surace2025",
+        "budget": 0.7,
+        "budget_unit": BudgetUnit.FACTOR,
+        "solver": "splitting",
+        "provenance": Provenance(),
+    } | header
+    times, zeros = np.arange(n) / rate, np.zeros(n)
+    factors = np.linspace(0.9, 0.5, n)
+    track = BrightnessTrack(times, factors, zeros, zeros, zeros, zeros, zeros, TrackHeader(**about))
+    folder.mkdir(exist_ok=True)
+    write_track(folder / "track.csv", track)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Videos of 8 and 10 bits, 120 x 90, and their track."""
+    folder = tmp_path_factory.mktemp("made")
+    rng = np.random.default_rng(3)
+    for bits in (8, 10):
+        scale = 1 if bits == 8 else 257
+        kind = np.uint8 if bits == 8 else np.uint16
+        frames = (
+            Frame(k / RATE, 1 / RATE, (rng.integers(0, 200, (90, 120, 3)) + k).astype(kind) * kind(scale))
+            for k in range(N)
+        )
+        write_video(folder / f"{bits}.mkv", frames, RATE, bits=bits)
+    write_a_track(folder / "track")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def played(made: Path, virtual_screen: Callable[[], str]) -> dict[str, Any]:
+    """What a process on a virtual screen says of it all."""
+    video, track = str(made / "8.mkv"), str(made / "track")
+    small = ["--rig", "simulated", "--simulate"]
+    commands = [
+        [
+            "play",
+            video,
+            track,
+            "--simulate",
+            "--log",
+            str(made / "log.csv"),
+            "--screenshots",
+            str(made / "shots"),
+        ],
+        [
+            "play",
+            str(made / "10.mkv"),
+            track,
+            "--version",
+            "both",
+            "--label",
+            "--log",
+            str(made / "log.jsonl"),
+            *small,
+        ],
+        ["play", "checkerboard", track, "--size", "700x480", *small],
+        ["play", "checkerboard", track, "--size", "64x48", "--version", "full", "--simulate", "--quiet"],
+        ["play", video, track, "--version", "baseline"],
+    ]
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).parent / "play_on_window.py"), str(made), json.dumps(commands)],
+        cwd=ROOT,
+        env=os.environ | {"DISPLAY": virtual_screen(), "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("video", ["8.mkv", "10.mkv"])
+def test_every_pixel_of_every_refresh_is_what_the_definition_says(played: dict[str, Any], video: str) -> None:
+    stage = played["stage"][video]
+    assert stage["differing"] == [0] * 72  # 1.2 s at 60 Hz
+    times = np.arange(72) / 60
+    assert stage["video_frames"] == np.floor(times * 25 + 1e-6).astype(int).tolist()
+
+
+@pytest.mark.parametrize("video", ["8.mkv", "10.mkv"])
+def test_the_stage_reads_back_the_luminance_that_was_to_be(played: dict[str, Any], video: str) -> None:
+    """Noise leaves at most half a step, 0.43 cd/m^2, over the root of 120 x 90 pixels: 0.0041; 4 of them."""
+    errors = np.array(played["stage"][video]["errors"])
+    assert len(errors) == 12
+    assert 0 < np.abs(errors).max() < 4 * 0.43 / np.sqrt(120 * 90)
+
+
+def test_a_field_after_a_video_is_drawn_right(played: dict[str, Any]) -> None:
+    """20 cd/m^2 with 0.5 reflected and a black of 0.2: code 255 (19.3 / 99.8)^(1 / 2.2) = 120.8."""
+    code = 255 * ((20 - 0.5 - 0.2) / 99.8) ** (1 / 2.2)
+    for stage in played["stage"].values():
+        assert stage["after"] == pytest.approx([code] * len(stage["after"]), abs=0.05)
+
+
+def test_the_log_says_of_each_refresh_what_it_showed(played: dict[str, Any], made: Path) -> None:
+    assert played["commands"][0]["code"] == 0
+    with (made / "log.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 72
+    assert {row["version"] for row in rows} == {"ours"}
+    frames = [int(row["video_frame"]) for row in rows]
+    assert frames == np.floor(np.arange(72) / 60 * 25 + 1e-6).astype(int).tolist()
+    np.testing.assert_allclose([float(row["factor"]) for row in rows], FACTORS[frames])
+    np.testing.assert_allclose([float(row["flip_time_s"]) for row in rows], np.arange(72) / 60, atol=1e-8)
+    assert {row["refreshes_dropped"] for row in rows} == {"0"}
+    said = played["commands"][0]["out"]
+    assert (
+        "8, ours: 30 of 30 frames in 72 refreshes at 60 Hz, 0 dropped; luminance read back 12 times" in said
+    )
+
+
+def test_without_a_rig_the_window_is_as_large_as_the_video(played: dict[str, Any], made: Path) -> None:
+    with Image.open(made / "shots/clip.png") as picture:
+        assert picture.size == (120, 90)
+        assert np.ptp(np.asarray(picture)) > 100
+
+
+def test_both_versions_come_one_after_the_other(played: dict[str, Any], made: Path) -> None:
+    """Without a summary the baseline is the mean factor: 0.7, of frames of equal length."""
+    rows = [json.loads(line) for line in (made / "log.jsonl").read_text().splitlines()]
+    assert [row["version"] for row in rows] == ["ours"] * 72 + ["baseline"] * 72
+    assert [row["factor"] for row in rows[72:]] == pytest.approx([0.7] * 72)
+    assert [row["pass"] for row in rows] == [1] * 72 + [2] * 72
+    assert "baseline: constant factor 0.7, the track's mean, for there is no" in played["commands"][1]["out"]
+
+
+def test_a_sequence_is_rendered_at_the_tracks_rate_and_length(played: dict[str, Any]) -> None:
+    assert played["commands"][3] == {"code": 0, "out": "", "err": ""}
+
+
+def test_a_video_larger_than_the_window_is_refused_in_one_line(played: dict[str, Any]) -> None:
+    refused = played["commands"][2]
+    assert refused["code"] == 2
+    assert (
+        "the video has 700x480 pixels, and the window 640x480: render it at --size 640x480" in refused["err"]
+    )
+    assert refused["err"].count("\n") == 1
+
+
+def test_in_real_time_it_takes_its_time(played: dict[str, Any]) -> None:
+    """A virtual screen refreshes nothing: flips come as they will, and frames are due by the clock."""
+    said = played["commands"][4]
+    assert said["code"] == 0
+    assert "30 of 30 frames" in said["out"]
+
+
+def test_keys_are_held_from_their_press_to_their_release(played: dict[str, Any]) -> None:
+    assert played["held"] == [
+        ["w"],
+        ["lshift", "w"],
+        ["left", "lshift", "w"],
+        ["left", "lshift"],
+        ["left"],
+        [],
+        [],  # who has closed hears no more
+    ]
+
+
+def test_the_baseline_of_frames_of_unequal_length_weighs_them_by_time() -> None:
+    """1, 1, 2 and (as most) 1 s with factors 0.2, 0.2, 0.8, 0.2: (0.2 + 0.2 + 1.6 + 0.2) / 5 = 0.44."""
+    zeros = np.zeros(4)
+    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
+    factors = np.array([0.2, 0.2, 0.8, 0.2])
+    track = BrightnessTrack(np.array([0.0, 1, 2, 4]), factors, zeros, zeros, zeros, zeros, zeros, header)
+    assert mean_factor(track) == pytest.approx(0.44)
+
+
+def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path: Path, command: Any) -> None:
+    video, track = made / "8.mkv", made / "track"
+    few = write_a_track(tmp_path / "few", n=29)
+    fast = write_a_track(tmp_path / "fast", rate=30.0)
+    other = write_a_track(tmp_path / "other", display_name="desk", display_fingerprint="0" * 16)
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    for arguments, says in [
+        ((video, few), "the video '8' has 30 frames, and its brightness track 29"),
+        (
+            (video, fast),
+            "frame 1 of the video '8' appears at 0.0400 s, and its brightness track says 0.0333 s",
+        ),
+        ((video, other), "say with --display or --rig what it is shown on"),
+        ((video, other, "--display", "varjo-xr3"), "made for the display 'desk', and here is 'varjo-xr3'"),
+        ((cut, track), "cut.mkv is cut off"),
+        ((video, tmp_path), "no such brightness track"),
+        ((video, track, "--size", "64x48"), "--size is for built-in sequences"),
+        ((video, track, "--log", "log.txt"), "give a file that ends in .csv or .jsonl"),
+        ((video, track, "--loop", "--simulate"), "--loop goes on until somebody presses escape"),
+        (("nothing", track), "no video 'nothing'"),
+        *[
+            ((video, track, option, value), f"{option} is for walks through a scene: give it with --walk")
+            for option, value in [("--seconds", 3), ("--factor", 1), ("--record", "way.json")]
+        ],
+        *[
+            (("house", "--walk", *option), f"--walk takes no {option[0]}, which is for videos")
+            for option in [
+                ("--version", "ours"),
+                ("--label",),
+                ("--other-display-ok",),
+                ("--log", "log.csv"),
+                ("--loop",),
+            ]
+        ],
+        (("house", track, "--walk"), "--walk takes no TRACK, which is for videos"),
+    ]:
+        outcome = command("play", *arguments)
+        assert outcome.code == 2, says
+        assert says in outcome.err
+        assert outcome.err.count("\n") == 1
+
+
+def test_without_a_screen_one_line_says_so(made: Path, command: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    outcome = command("play", made / "8.mkv", made / "track", "--log", made / "none.csv")
+    assert outcome.code == 2
+    assert "no display: the environment variable DISPLAY is not set" in outcome.err
+    assert not (made / "none.csv").exists()

@@ -1,0 +1,237 @@
+"""What a viewing session is refused for: one line that says what is wrong, and what was answered is kept."""
+
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+import evenlight
+from data_schema.text_files import write_toml_record
+from data_schema.viewing import RatingDesign
+from hardware.rig import load_rig
+from method.preset_files import load_display
+
+ROOT = Path(evenlight.__file__).parent
+NAMES = ("bright", "dark")
+N = 10
+
+
+@pytest.fixture
+def stimuli(tmp_path: Path, make_stimulus: Callable[..., None], make_video: Callable[..., None]) -> Path:
+    folder = tmp_path / "stimuli"
+    for name in NAMES:
+        make_stimulus(folder / name, np.full(N, 0.5))
+        make_video(folder / name / "video.mkv", np.linspace(0.3, 0.6, N), (96, 64), 5.0)
+    return folder
+
+
+@pytest.fixture
+def design(tmp_path: Path) -> Path:
+    path = tmp_path / "my.rating.design.toml"
+    write_toml_record(path, RatingDesign(NAMES, practice_trials=0, adaptation_duration=0.1))
+    return path
+
+
+@pytest.fixture
+def run(tmp_path: Path, design: Path, command: Callable[..., Any]) -> Callable[..., Any]:
+    def session(task: str, *more: object, rig: object = "simulated") -> Any:
+        words = ["--participant", "01", "--session", "01", "--rig", rig, "--simulate", "data"]
+        chosen = [] if "--design" in more else ["--design", design]
+        return command("run", task, *words, *chosen, "--out", tmp_path / "lab", *more)
+
+    return session
+
+
+def refused(outcome: Any, *words: str) -> None:
+    assert outcome.code == 2
+    assert outcome.err.count("\n") == 1
+    for word in words:
+        assert word in outcome.err
+
+
+def test_a_viewing_session_without_stimuli_names_the_sequences_it_needs(run: Callable[..., Any]) -> None:
+    refused(run("rating"), "--stimuli is missing", "bright, dark", "evenlight optimize")
+
+
+def test_a_folder_that_is_not_there_or_lacks_a_sequence_says_how_to_make_it(
+    run: Callable[..., Any], stimuli: Path, tmp_path: Path
+) -> None:
+    refused(run("rating", "--stimuli", tmp_path / "none"), "no such folder of stimuli")
+    shutil.rmtree(stimuli / "dark")
+    refused(run("rating", "--stimuli", stimuli), "dark/track.csv: no such file", "evenlight optimize dark")
+    assert not (tmp_path / "lab").exists()
+
+
+def test_a_ramp_session_takes_no_stimuli(run: Callable[..., Any], stimuli: Path) -> None:
+    refused(
+        run("ramp", "--stimuli", stimuli, "--design", "quick"), "--stimuli is for the viewing experiments"
+    )
+
+
+def test_a_track_that_was_made_for_another_display_is_refused(
+    run: Callable[..., Any], stimuli: Path, tmp_path: Path
+) -> None:
+    other = dataclasses.replace(load_display("varjo-xr3"), name="bench", peak_luminance=300.0)
+    write_toml_record(tmp_path / "bench.display.toml", other)
+    rig = dataclasses.replace(load_rig("simulated")[0], display="bench.display.toml")
+    write_toml_record(tmp_path / "bench.rig.toml", rig)
+    refused(run("rating", "--stimuli", stimuli, rig=tmp_path / "bench.rig.toml"), "'varjo-xr3'", "'bench'")
+
+
+def test_a_session_goes_on_only_with_the_stimuli_it_began_with(
+    run: Callable[..., Any], stimuli: Path, make_stimulus: Callable[..., None], tmp_path: Path
+) -> None:
+    assert run("rating", "--stimuli", stimuli).code == 0
+    manifest = tmp_path / "lab/sub-01/ses-01/manifest.json"
+    manifest.write_text(manifest.read_text().replace('"status": "complete"', '"status": "aborted"'))
+    make_stimulus(stimuli / "dark", np.full(N, 0.4))
+    refused(run("rating", "--stimuli", stimuli, "--resume"), "--stimuli is not as it was")
+    other = ("--stimuli", stimuli, "--resume", "--design", "quick")
+    refused(run("comparison", *other), "of the task 'rating', not 'comparison'")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('keypoints = ["library/attic"]', ("'library/attic'", "stacks")),
+        ("ring_gap_arcmin = 1.0", ("1.20 pixels", "2 or more", "arcmin or more")),
+        ("ring_contrast = -0.99", ("at the keypoint library/", "give a contrast from")),
+        ('keypoints = ["gym/court"]', ("is on none of the sequences library",)),
+    ],
+)
+def test_a_search_that_cannot_be_shown_is_refused_before_it_begins(
+    run: Callable[..., Any],
+    make_stimulus: Callable[..., None],
+    tmp_path: Path,
+    text: str,
+    words: tuple[str, ...],
+) -> None:
+    make_stimulus(tmp_path / "walks" / "library", np.full(350, 0.5))  # 70 s, as long as the path
+    path = tmp_path / "my.search.design.toml"
+    path.write_text(f'sequences = ["library"]\n{text}\n')
+    refused(run("search", "--stimuli", tmp_path / "walks", "--design", path), *words)
+    assert not (tmp_path / "lab").exists()
+
+
+def test_a_track_that_ends_before_its_path_is_refused(
+    run: Callable[..., Any], make_stimulus: Callable[..., None], tmp_path: Path
+) -> None:
+    make_stimulus(tmp_path / "walks" / "library", np.full(100, 0.5))  # 20 of 70 s
+    path = tmp_path / "my.search.design.toml"
+    path.write_text('sequences = ["library"]\n')
+    outcome = run("search", "--stimuli", tmp_path / "walks", "--design", path)
+    refused(outcome, "its track lasts 20 s, and the path library 70 s")
+
+
+class Screen:
+    """Sessions in processes of their own, on a virtual screen."""
+
+    def __init__(self, folder: Path, display: str) -> None:
+        self._folder, self._environment = folder, os.environ | {"DISPLAY": display}
+
+    def start(self, stimuli: Path, design: Path, *more: str) -> subprocess.Popen[str]:
+        words = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "visual"]
+        words += [
+            "--stimuli",
+            str(stimuli),
+            "--design",
+            str(design),
+            "--out",
+            str(self._folder / "lab"),
+            *more,
+        ]
+        command = [sys.executable, "-m", "evenlight", "run", "rating", *words]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        return subprocess.Popen(command, cwd=ROOT, env=self._environment, text=True, **pipes)
+
+    def run(self, stimuli: Path, design: Path, *more: str) -> subprocess.CompletedProcess[str]:
+        process = self.start(stimuli, design, *more)
+        out, err = process.communicate(timeout=120)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+@pytest.fixture
+def screen(tmp_path: Path, virtual_screen: Callable[..., str]) -> Screen:
+    return Screen(tmp_path, virtual_screen())
+
+
+def test_a_video_that_does_not_fit_track_or_window_is_refused_before_anybody_is_asked(
+    screen: Screen, stimuli: Path, design: Path, make_video: Callable[..., None], tmp_path: Path
+) -> None:
+    video = stimuli / "dark" / "video.mkv"
+    for made, words in (
+        ((np.full(N - 2, 0.5), (96, 64), 5.0), f"{N - 2} frames, and its brightness track {N}"),
+        ((np.full(N, 0.5), (96, 64), 10.0), "they must have one frame rate"),
+        ((np.full(N, 0.5), (2000, 64), 5.0), "render it at --size"),
+    ):
+        make_video(video, *made)
+        ended = screen.run(stimuli, design)
+        assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+        assert words in ended.stderr
+        assert not (tmp_path / "lab").exists()
+    video.unlink()
+    ended = screen.run(stimuli, design)
+    assert ended.returncode == 2
+    assert "holds no video; render it with `evenlight render dark" in ended.stderr
+
+
+def test_a_video_that_is_damaged_is_refused_before_anybody_is_asked(
+    screen: Screen, stimuli: Path, design: Path, tmp_path: Path
+) -> None:
+    """A byte of its eighth frame is another, which the checksum of the frame tells."""
+    spoil(stimuli / "dark" / "video.mkv", frame=7)
+    ended = screen.run(stimuli, design)
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+    assert "is damaged at frame 7" in ended.stderr
+    assert not (tmp_path / "lab").exists()
+
+
+def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what_was_answered(
+    screen: Screen, stimuli: Path, tmp_path: Path
+) -> None:
+    """The file is cut off after some trials; once it is whole again, the session goes on."""
+    long = tmp_path / "long.rating.design.toml"
+    design = RatingDesign(NAMES, repetitions=12, practice_trials=0, adaptation_duration=0.1)
+    write_toml_record(long, dataclasses.replace(design, trials_between_breaks=0))
+    video, trials = stimuli / "dark" / "video.mkv", tmp_path / "lab/sub-01/ses-01/trials.jsonl"
+    whole = video.read_bytes()
+    session, end = screen.start(stimuli, long), time.monotonic() + 60
+    while count(trials) < 3 and session.poll() is None and time.monotonic() < end:
+        time.sleep(0.01)
+    video.write_bytes(whole[: len(whole) // 2])
+    _, err = session.communicate(timeout=60)
+    assert (session.returncode, err.count("\n")) == (2, 1)
+    assert "video.mkv is damaged" in err
+    answered = trials.read_text()
+    assert 3 <= count(trials) < 48
+    assert '"stopped"' in trials.with_name("events.jsonl").read_text()
+    video.write_bytes(whole)
+    assert screen.run(stimuli, long, "--resume").returncode == 0
+    assert trials.read_text().startswith(answered)
+    assert count(trials) == 48
+
+
+def count(trials: Path) -> int:
+    return trials.read_text().count("\n") if trials.exists() else 0
+
+
+def spoil(video: Path, frame: int) -> None:
+    """Change one byte in the middle of a frame, in place."""
+    with av.open(video) as container:
+        packet = [packet for packet in container.demux(video=0) if packet.size][frame]
+        assert packet.pos is not None
+        place = packet.pos + packet.size // 2
+    with video.open("r+b") as file:
+        file.seek(place)
+        byte = file.read(1)[0]
+        file.seek(place)
+        file.write(bytes([byte ^ 0xFF]))
