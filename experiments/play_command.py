@@ -60,7 +60,10 @@ def play(
     ] = None,
     screenshots: Annotated[Path | None, typer.Option(help="Folder for a picture of the screen.")] = None,
     walk: Annotated[
-        bool, typer.Option("--walk", help="Walk in the scene house or school: W, A, S, D, arrows, mouse.")
+        bool,
+        typer.Option(
+            "--walk", help="Walk in the scene house or school: W, A, S, D, arrows, mouse; shift hurries."
+        ),
     ] = False,
     factor: Annotated[float | None, typer.Option(help="Brightness factor of a walk; else 1.")] = None,
     record: Annotated[
@@ -72,7 +75,7 @@ def play(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing of what is shown.")] = False,
 ) -> None:
-    """Show a video with its brightness track; keys: 1 ours, 2 baseline, 3 undimmed, escape ends."""
+    """Show a video with its brightness track (keys: 1 ours, 2 baseline, 3 undimmed), or walk; escape ends."""
     of_videos = {"TRACK": track, "--version": version, "--log": log, "--loop": loop, "--label": label}
     of_videos["--other-display-ok"] = other_display_ok
     of_walks = {"--factor": factor, "--record": record, "--seconds": seconds}

@@ -158,9 +158,16 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
             require_fit(video, track)
         except InputError as error:
             raise InputError(f"{folder}: {error}") from error
+    digest = sha256_of_file(path) if path is not None else ""
+    if digest and track.header.provenance.inputs.get("video", digest) != digest:
+        # The same walk in another size has its details elsewhere on the visual field, and another loss.
+        raise InputError(
+            f"{folder}: the track was made from another video than {path and path.name}, or from the same in "
+            f"another size; make it with `evenlight optimize {path} --budget B --out {folder}`"
+        )
     stimulus = Stimulus(
         name=name,
-        video_sha256=sha256_of_file(path) if path is not None else "",
+        video_sha256=digest,
         track_sha256=sha256_of_file(folder / TRACK),
         frames=len(track.factors),
         duration=summary.duration,

@@ -61,6 +61,12 @@ class WalkRequest:
             raise InputError("--walk ends with escape, which nobody presses with --simulate: give --seconds")
         if self.record is not None and self.record.suffix != ".json":
             raise InputError(f"--record {self.record}: give a file that ends in .json")
+        if self.record is not None and not self.record.absolute().parent.is_dir():
+            raise InputError(
+                f"--record {self.record}: there is no folder {self.record.parent}; make it first"
+            )
+        if self.rig is not None and self.size is not None:
+            raise InputError("--size is of a window without a rig; the rig has a size of its own")
 
 
 def walk_as_asked(asked: WalkRequest) -> str:
@@ -72,7 +78,9 @@ def walk_as_asked(asked: WalkRequest) -> str:
         walk = Walk(devices, asked.scene, asked.factor, asked.screenshots)
         window = devices.window
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
-        held = straight_on if asked.simulate else open_held_keys(window) or straight_on
+        held = straight_on if asked.simulate else open_held_keys(window)
+        if held is None:
+            raise InputError("this window does not tell which keys are held down, and nobody can walk in it")
         stack.callback(held.close)
         pointer = None if asked.simulate else open_pointer(window)
         if pointer is not None:

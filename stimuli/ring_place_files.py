@@ -13,6 +13,7 @@ from data_schema.errors import InputError
 from data_schema.provenance import sha256_of_bytes
 from data_schema.quantities import check_limits, described, quantity
 from data_schema.text_files import read_json_record
+from stimuli import landolt, ring_light, ring_scene
 from stimuli.scenes.definition import scenes_sha256
 
 PATHS = Path(__file__).parent / "scenes" / "paths"
@@ -86,8 +87,9 @@ class RingPlaces:
 
 
 def search_sha256(path: str) -> str:
-    """Return the SHA-256 of all that a search along a camera path shows: scenes, path, places of rings."""
-    files = (PATHS / f"{path}.json", PATHS / f"{path}{SUFFIX}")
+    """Return the SHA-256 of what a search along a camera path shows: scenes, path, rings and their places."""
+    rings = (Path(str(module.__file__)) for module in (landolt, ring_light, ring_scene))
+    files = (PATHS / f"{path}.json", PATHS / f"{path}{SUFFIX}", *rings)
     return sha256_of_bytes(scenes_sha256().encode() + b"".join(file.read_bytes() for file in files))
 
 

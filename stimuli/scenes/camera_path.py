@@ -192,6 +192,8 @@ def path_named(name: str) -> CameraPath:
     except OSError as error:
         known = ", ".join(sorted(p.stem for p in PATHS.glob("*.json") if "." not in p.stem))
         raise InputError(f"no camera path {name!r}: there are {known} ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"camera path {name}: is no text in UTF-8") from None
     return path_from_text(file.stem, text)
 
 
@@ -199,6 +201,8 @@ def path_from_text(name: str, text: str) -> CameraPath:
     """Return the path that a JSON text describes."""
     try:
         said = json.loads(text)
+        if not isinstance(said, dict):
+            raise ValueError("need scene, duration_s and keypoints, got no table")
         points = tuple(_keypoint(point) for point in said["keypoints"])
         return CameraPath(
             name, said["scene"], float(said["duration_s"]), points, tuple(said.get("places", ())), text
@@ -211,6 +215,10 @@ def path_from_text(name: str, text: str) -> CameraPath:
 
 def _keypoint(said: dict[str, Any]) -> Keypoint:
     """Return a keypoint as a file says it."""
+    if len(said["position_m"]) != 3:
+        raise ValueError(
+            f"keypoint {said['name']!r}: need three coordinates in position_m, got {len(said['position_m'])}"
+        )
     x, y, z = (float(value) for value in said["position_m"])
     return Keypoint(
         str(said["name"]),

@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+OLD = 14 * 86400.0  # [s]
 
 
 def cache_folder() -> Path:
@@ -27,7 +30,7 @@ def kept(name: str) -> NDArray[Any] | None:
 
 
 def keep(name: str, array: NDArray[Any], instead_of: str) -> None:
-    """Keep an array under a name, as a whole or not at all, in place of what has names of a pattern.
+    """Keep an array under a name, as a whole or not at all, and let go of old ones with names of a pattern.
 
     Where that cannot be, it is made anew next time.
     """
@@ -38,8 +41,12 @@ def keep(name: str, array: NDArray[Any], instead_of: str) -> None:
             try:
                 np.save(part, array)
                 part.close()
-                for old in folder.glob(f"{instead_of}.npy"):
-                    old.unlink(missing_ok=True)
+                Path(part.name).chmod(0o644)
                 Path(part.name).replace(folder / f"{name}.npy")
-            except OSError:
+            except BaseException:
                 Path(part.name).unlink(missing_ok=True)
+                raise
+        for old in folder.glob(f"{instead_of}.npy"):
+            # Another version of Evenlight may be in use beside this one, and keep its own.
+            if time.time() - old.stat().st_mtime > OLD:
+                old.unlink(missing_ok=True)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from stimuli.scenes import bake
 from stimuli.scenes.charts import Charts, texels_of
+from stimuli.scenes.definition import light_sources
 from stimuli.scenes.kept_files import keep, kept
-from stimuli.scenes.light_quality import VERSION, Quality
+from stimuli.scenes.light_quality import Quality
 from stimuli.scenes.material_textures import MaterialTextures
 from stimuli.scenes.scene import Floats, Scene
 
@@ -51,7 +52,9 @@ def _guess(scene: Scene, charts: Charts) -> NDArray[np.float16]:
 def _key(scene: Scene, surfaces: tuple[Floats, Floats], quality: Quality) -> str:
     """Return the SHA-256 of all that the light depends on."""
     patches = scene.patches
-    digest = hashlib.sha256(repr((VERSION, quality.name, scene.sun, scene.sky)).encode())
+    digest = hashlib.sha256(repr((quality.name, quality.value, scene.sun, scene.sky)).encode())
+    for file in light_sources():
+        digest.update(file.read_bytes())
     for array in (
         patches.origin, patches.along, patches.across, patches.triangle, patches.normals, patches.material,
         patches.tint, patches.emission, scene.windows, *surfaces,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from enum import Enum
 
-VERSION = 3  # of the light: to be raised when it changes
-
 
 class Quality(Enum):
     """How many rays are spent: over all samples, and per sample at the least and the most."""

@@ -12,7 +12,8 @@ from stimuli.scenes.scene import Patches
 
 LEAF = 4  # patches at most, where they can be told apart
 BINS = 12  # of the surface area heuristic
-DEPTH = 64  # of the stack of a walk through the tree
+DEPTH = 64  # of the stack of a walk through the tree, which holds one node a level and is not checked
+CHOSEN = DEPTH // 2  # levels that are split where it is cheapest; those below are halved, for 2^34 patches
 
 
 class RayTree(NamedTuple):
@@ -71,11 +72,16 @@ def ray_tree(patches: Patches, coverage: NDArray[np.float64]) -> RayTree:
 
 @numba.njit(cache=True, error_model="numpy")
 def _build(low, high):  # type: ignore[no-untyped-def]
-    """Return the order of the patches and the nodes' boxes, first entries and counts."""
+    """Return the order of the patches and the nodes' boxes, first entries and counts.
+
+    However the patches lie, no walk through the tree needs a stack of more than `DEPTH`: the cheapest split
+    may part off a single patch, over and over, but only on so many levels.
+    """
     n = len(low)
     order = np.arange(n)
     node_low, node_high = np.empty((2 * n, 3)), np.empty((2 * n, 3))
     first, count = np.zeros(2 * n, np.int32), np.zeros(2 * n, np.int32)
+    level = np.zeros(2 * n, np.int32)
     count[0] = n
     stack = [0]
     used = 1
@@ -90,10 +96,13 @@ def _build(low, high):  # type: ignore[no-untyped-def]
             node_low[node, axis], node_high[node, axis] = a, b
         if many <= LEAF:
             continue
-        middle = _split(low, high, order, begin, many)
+        middle = begin + many // 2
+        if level[node] < CHOSEN:
+            middle = _split(low, high, order, begin, many)
         first[used], count[used] = begin, middle - begin
         first[used + 1], count[used + 1] = middle, begin + many - middle
         first[node], count[node] = used, 0
+        level[used] = level[used + 1] = level[node] + 1
         stack.append(used)
         stack.append(used + 1)
         used += 2

@@ -17,8 +17,8 @@ SIZE = 4096  # [texels]
 def sun_matrix(scene: Scene) -> Floats:
     """Return the matrix from the scene to the sun's picture, clip space, for columns, (4, 4).
 
-    Of the ground, that part is covered which lies within the scene's box of named places and walks, or the
-    whole scene if it has none.
+    It covers three corners of every patch: of one that reaches far beyond all others, such as the ground, the
+    fourth corner may lie outside, and has no shadows.
     """
     assert scene.sun is not None
     ahead = -scene.sun.direction()

@@ -1,6 +1,7 @@
 """What a viewing session is refused for: one line that says what is wrong, and what was answered is kept."""
 
 import dataclasses
+import json
 import os
 import shutil
 import subprocess
@@ -162,6 +163,20 @@ class Screen:
 @pytest.fixture
 def screen(tmp_path: Path, virtual_screen: Callable[..., str]) -> Screen:
     return Screen(tmp_path, virtual_screen())
+
+
+def test_a_track_of_another_video_than_the_one_that_is_shown_is_refused(
+    screen: Screen, stimuli: Path, design: Path, tmp_path: Path
+) -> None:
+    """The same walk in another size has its details elsewhere on the visual field, and another loss."""
+    header = stimuli / "dark" / "track.json"
+    said = json.loads(header.read_text())
+    said["provenance"]["inputs"] = {"video": "0" * 64}
+    header.write_text(json.dumps(said))
+    ended = screen.run(stimuli, design)
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+    assert "the track was made from another video than video.mkv" in ended.stderr
+    assert not (tmp_path / "lab").exists()
 
 
 def test_a_video_that_does_not_fit_track_or_window_is_refused_before_anybody_is_asked(

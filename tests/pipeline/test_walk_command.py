@@ -1,0 +1,54 @@
+"""`evenlight play SCENE --walk` on a window under a virtual screen; the way it keeps can be rendered."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evenlight
+from stimuli.scenes.camera_path import path_named
+from stimuli.video_source import open_video
+
+ROOT = Path(evenlight.__file__).parent
+SPEED = 1.4  # [m/s] of somebody who walks straight on
+
+
+def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
+    virtual_screen: Callable[[], str], tmp_path: Path
+) -> None:
+    """At 60 Hz of a simulated clock, 0 to 1 s are 61 refreshes, or 62 if rounding puts the last before 1 s.
+
+    A second at 25 Hz has 25 frames. The first run on a machine reckons the light of the house: a minute.
+    """
+    way, video = tmp_path / "way.json", tmp_path / "x.mkv"
+    environment = os.environ | {"DISPLAY": virtual_screen(), "PYTHONPATH": str(ROOT)}
+
+    def evenlight_does(*words: object) -> str:
+        command = [sys.executable, "-m", "evenlight", *map(str, words)]
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=280, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    simulated = ("--walk", "--simulate", "--seconds", "1", "--size", "64x36")
+    said = evenlight_does("play", "house", *simulated, "--record", way)
+    assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; the way is in", said)
+    path, begin = path_named(str(way)), path_named("house").keypoints[0]
+    assert json.loads(way.read_text())["scene"] == "house"
+    assert path.duration == pytest.approx(1.0, abs=1.5 / 60)
+    assert path.position(0.0)[:2] == pytest.approx(begin.position[:2], abs=0.001)
+    # Nothing is in the way there; the keys are read after the first flip, a refresh late.
+    gone = float(np.linalg.norm(path.position(path.duration)[:2] - path.position(0.0)[:2]))
+    assert gone == pytest.approx(SPEED, abs=2 * SPEED / 60)
+
+    evenlight_does("render", way, "--size", "64x36", "--out", video, "--quiet")
+    pictures = [frame.pixel_values.copy() for frame in open_video(str(video)).frames()]
+    assert [picture.shape for picture in pictures] == [(36, 64, 3)] * 25
+    assert (pictures[0] != pictures[-1]).mean() > 0.5  # the view has changed

@@ -1,0 +1,53 @@
+"""What is kept between runs: whole or not at all, and for other versions of the software for a while."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stimuli.scenes.kept_files import OLD, cache_folder, keep, kept
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def names() -> list[str]:
+    return sorted(path.name for path in cache_folder().iterdir())
+
+
+def test_what_was_kept_comes_back_and_a_broken_file_is_as_none() -> None:
+    keep("light-a", np.arange(5), "light-*")
+    np.testing.assert_array_equal(kept("light-a"), np.arange(5))
+    (cache_folder() / "light-a.npy").write_bytes(b"torn")
+    assert kept("light-a") is None
+    assert kept("light-b") is None
+
+
+def test_another_versions_array_stays_until_it_is_old() -> None:
+    keep("light-theirs", np.arange(3), "light-*")
+    keep("light-ours", np.arange(4), "light-*")
+    assert names() == ["light-ours.npy", "light-theirs.npy"]
+    past = time.time() - OLD - 1
+    os.utime(cache_folder() / "light-theirs.npy", (past, past))
+    keep("light-ours", np.arange(4), "light-*")
+    assert names() == ["light-ours.npy"]
+
+
+def test_an_interrupted_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "save", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        keep("light-a", np.arange(5), "light-*")
+    assert names() == []
+
+
+def test_a_folder_that_cannot_be_written_to_is_no_failure(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file where the folder would be")
+    keep("light-a", np.arange(5), "light-*")
+    assert kept("light-a") is None
