@@ -6,13 +6,16 @@ import contextlib
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 OLD = 14 * 86400.0  # [s]
+LONGEST_WAIT = 300.0  # [s] for another process that makes the same
 
 
 def cache_folder() -> Path:
@@ -27,6 +30,21 @@ def kept(name: str) -> NDArray[Any] | None:
     except (OSError, ValueError, EOFError):
         return None
     return array
+
+
+@contextlib.contextmanager
+def one_at_a_time(group: str) -> Iterator[None]:
+    """Let one process at a time make what is kept under the names of a group; the next finds it made.
+
+    Where there can be no lock, or the other takes too long, both make it.
+    """
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError, Timeout):
+            cache_folder().mkdir(parents=True, exist_ok=True)
+            lock = FileLock(cache_folder() / f"{group}.lock")
+            lock.acquire(timeout=LONGEST_WAIT)
+            stack.callback(lock.release)
+        yield
 
 
 def keep(name: str, array: NDArray[Any], instead_of: str) -> None:

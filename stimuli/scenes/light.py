@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stimuli.scenes import bake
 from stimuli.scenes.charts import Charts, texels_of
 from stimuli.scenes.definition import light_sources
-from stimuli.scenes.kept_files import keep, kept
+from stimuli.scenes.kept_files import keep, kept, one_at_a_time
 from stimuli.scenes.light_quality import Quality
 from stimuli.scenes.material_textures import MaterialTextures
 from stimuli.scenes.scene import Floats, Scene
@@ -30,10 +30,12 @@ def light_picture(
     else:
         group = f"light-{scene.name}-{quality.name.lower()}"
         name = f"{group}-{_key(scene, surfaces, quality)}"
-        stored = _fitting(kept(name), int((charts.columns * charts.rows).sum()))
-        light = bake.baked(scene, charts, surfaces, quality).astype(np.float16) if stored is None else stored
-        if stored is None:
-            keep(name, light, instead_of=f"{group}-*")
+        with one_at_a_time(group):
+            stored = _fitting(kept(name), int((charts.columns * charts.rows).sum()))
+            if stored is None:
+                stored = bake.baked(scene, charts, surfaces, quality).astype(np.float16)
+                keep(name, stored, instead_of=f"{group}-*")
+            light = stored
     texels = texels_of(scene.patches, charts)
     picture = np.zeros((charts.size[1], charts.size[0], 3), dtype=np.float16)
     picture[charts.top[texels.patch] + texels.row, charts.left[texels.patch] + texels.column] = light

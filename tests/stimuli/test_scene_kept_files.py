@@ -1,13 +1,18 @@
 """What is kept between runs: whole or not at all, and for other versions of the software for a while."""
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stimuli.scenes.kept_files import OLD, cache_folder, keep, kept
+import evenlight
+from stimuli.scenes.kept_files import OLD, cache_folder, keep, kept, one_at_a_time
+
+ROOT = Path(evenlight.__file__).parent
 
 
 @pytest.fixture(autouse=True)
@@ -37,6 +42,23 @@ def test_another_versions_array_stays_until_it_is_old() -> None:
     assert names() == ["light-ours.npy"]
 
 
+def test_a_second_process_waits_until_the_first_has_made_it_and_then_finds_it() -> None:
+    """The first holds the lock until it is told; the second is started meanwhile and must not make it too."""
+    source = (
+        "import sys; from stimuli.scenes.kept_files import kept, keep, one_at_a_time; import numpy as np\n"
+        "print('asks', flush=True)\n"
+        "with one_at_a_time('light'):\n"
+        "    print('found' if kept('light-a') is not None else 'makes', flush=True)\n"
+    )
+    with one_at_a_time("light"):
+        second = subprocess.Popen([sys.executable, "-c", source], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        assert second.stdout is not None
+        assert second.stdout.readline() == "asks\n"
+        keep("light-a", np.arange(5), "light-*")
+    out, _ = second.communicate(timeout=60)
+    assert out == "found\n"
+
+
 def test_an_interrupted_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -49,5 +71,7 @@ def test_an_interrupted_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("a file where the folder would be")
+    with one_at_a_time("light"):
+        pass
     keep("light-a", np.arange(5), "light-*")
     assert kept("light-a") is None
