@@ -33,8 +33,12 @@ BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run
 | `dataset_description.json`, `README` | what the data set is, version of BIDS, provenance |
 | `participants.tsv`, `participants.json` | one row per participant (`sub-01`), and what the columns mean |
 | `sub-XX/ses-YY/manifest.json` | the [session manifest](#session-manifest), written before the first trial |
-| `sub-XX/ses-YY/trials.jsonl` | one trial per line ([ramp trial](#ramp-trial)), written as it is answered |
-| `sub-XX/ses-YY/frames.jsonl` | frames, a line per interval ([frame log](#frame-log)); of `run` only |
+| `sub-XX/ses-YY/trials.jsonl` | one trial per line, written as it is answered: \
+[ramp](#ramp-trial), [rating](#rating-trial), \
+[comparison](#comparison-trial) or [search trial](#search-trial) |
+| `sub-XX/ses-YY/frames.jsonl` | a line per interval, of `run` only: \
+[frame](#frame-log), [clip](#clip-log) or \
+[view log](#view-log) |
 | `sub-XX/ses-YY/events.jsonl` | what happened, as lines ([session event](#session-event)); of `run` only |
 | `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` where there is no value |
 | `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants |

@@ -27,6 +27,7 @@ from stimuli.scenes.tone import PEAK
 from stimuli.sequence_format import ENCODING_GAMMA
 from stimuli.viewing_geometry import focal_length_of
 
+LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
 VERSIONS = (Version.OURS, Version.BASELINE)
 LEAST_SHARE = 0.9  # of the contrast asked for that is to leave the display
 
@@ -137,10 +138,12 @@ def search_points(
     Raises
     ------
     InputError
-        If there is no such keypoint, a track ends before the path reaches it, a ring's gap would be too small
-        for the display, or less than `LEAST_SHARE` of its contrast would be left where it is dimmed.
+        If there is no such keypoint, a track is not as long as its path, a ring's gap would be too small for
+        the display, or less than `LEAST_SHARE` of its contrast would be left where it is dimmed.
     """
     require_drawable(Ring(0.0, 0.0, design.ring_gap, design.ring_contrast, ORIENTATIONS[0]), display)
+    for stimulus in stimuli:
+        _require_whole_path(stimulus)
     points = [
         _point(path_named(stimulus.name), rings, stimulus, display)
         for stimulus in stimuli
@@ -158,6 +161,16 @@ def search_points(
             known = ", ".join(rings.keypoint for rings in ring_places(path).keypoints)
             raise InputError(f"keypoint {wanted!r}: the path {path} has {known} for a search")
     return tuple(points)
+
+
+def _require_whole_path(stimulus: LoadedStimulus) -> None:
+    """Refuse a track that is not as long as its path: of an excerpt, or of something else."""
+    track, walk = stimulus.stimulus.duration, path_named(stimulus.name).duration
+    if abs(track - walk) > LONGEST_DIFFERENCE:
+        raise InputError(
+            f"{stimulus.folder}: its track lasts {track:g} s, and the path {stimulus.name} {walk:g} s; "
+            "make a track of the whole path"
+        )
 
 
 def _require_contrast(design: SearchDesign, point: SearchPoint, display: Display) -> None:
@@ -201,12 +214,6 @@ def _point(path: CameraPath, rings: KeypointRings, stimulus: LoadedStimulus, dis
     """Return one keypoint."""
     keypoint = path.keypoint(rings.keypoint)
     times = stimulus.track.times
-    if keypoint.time > stimulus.stimulus.duration + 1e-6:  # sums of frame durations round
-        raise InputError(
-            f"{stimulus.folder}: its track lasts {stimulus.stimulus.duration:g} s, and the path "
-            f"{stimulus.name} is at the keypoint {keypoint.name!r} after {keypoint.time:g} s; make a "
-            "track of the whole path"
-        )
     frame = max(int((times <= keypoint.time + 1e-9).sum()) - 1, 0)
     camera = Camera(
         keypoint.position, keypoint.azimuth, keypoint.altitude, focal_length=focal_length_of(display)

@@ -22,11 +22,9 @@ from data_schema.text_files import read_json_record
 from data_schema.viewing import Stimulus, Version
 from experiments.track_fit import require_fit
 from stimuli.ring_place_files import ring_places, search_sha256
-from stimuli.scenes.camera_path import path_named
 from stimuli.video_source import VideoSource, open_video, size_of
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
-LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
 DARKEST_NEUTRAL = 1.0  # [cd/m^2] below it nobody reads a page
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".mov", ".avi", ".webm")
 
@@ -111,16 +109,10 @@ def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]
     Raises
     ------
     InputError
-        If one is no built-in path with places of rings, or its track is not as long as the path.
+        If one is no built-in path with places of rings.
     """
     for each in stimuli:
         ring_places(each.name)
-        walk = path_named(each.name)
-        if abs(each.stimulus.duration - walk.duration) > LONGEST_DIFFERENCE:
-            raise InputError(
-                f"{each.folder}: its track lasts {each.stimulus.duration:g} s, and the path {each.name} "
-                f"{walk.duration:g} s; make a track of the whole path"
-            )
     return tuple(
         replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.name)))
         for each in stimuli

@@ -21,6 +21,7 @@ from experiments.search_schedule import (
 from method.preset_files import load_display
 from stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
 from stimuli.scenes.camera import Camera
+from stimuli.scenes.camera_path import path_named
 
 XR3 = load_display("varjo-xr3")
 N = 12
@@ -122,7 +123,7 @@ class Track:
 
     folder = "folder"
     track = SimpleNamespace(times=np.array([0.0]))
-    stimulus = SimpleNamespace(duration=1000.0)
+    stimulus = SimpleNamespace(duration=path_named("library").duration)
 
     def __init__(self, name: str, ours: float) -> None:
         self.name, self._factors = name, {Version.OURS: ours, Version.BASELINE: 0.9}
