@@ -14,6 +14,15 @@ BEHAVIOUR_FOLDER = "beh"
 LOCK = ".session.lock"
 DATASET_LOCK = ".dataset.lock"
 SIMULATED_TRUTH = "simulated_truth.json"
+SWEEPS = "sweeps"  # displays measured with instruments: nobody takes part
+SWEEP_MANIFEST = "sweep.json"
+READINGS = "readings.jsonl"
+# What a played video's power is measured on.
+POWER_LOG = "power_log.json"
+POWER_SAMPLES = "power.csv"
+CLOCK_PINGS = "clock.csv"
+FLIPS = "flips.csv"
+FLASHES = "flashes.csv"
 
 
 def session_folder(dataset: Path, participant_id: str, session_id: str) -> Path:
@@ -38,3 +47,17 @@ def behaviour_file(dataset: Path, participant_id: str, session_id: str, task: st
 def session_folders(dataset: Path) -> list[Path]:
     """Return the session folders of a data set that hold a manifest, in order of name."""
     return sorted(path.parent for path in dataset.glob(f"sub-*/ses-*/{MANIFEST}"))
+
+
+def sweep_folder(dataset: Path, task: str, session_id: str) -> Path:
+    """Return the folder of a sweep.
+
+    >>> sweep_folder(Path("lab"), "luminance-sweep", "01").as_posix()
+    'lab/sweeps/luminance-sweep_01'
+    """
+    return dataset / SWEEPS / f"{task}_{session_id}"
+
+
+def sweep_folders(dataset: Path, task: str) -> list[Path]:
+    """Return the folders of a data set's sweeps of one task, in order of name."""
+    return sorted(path.parent for path in dataset.glob(f"{SWEEPS}/{task}_*/{SWEEP_MANIFEST}"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from data_schema.mapping import mapping_from_record
 from data_schema.provenance import Provenance, sha256_of_bytes
-from data_schema.quantities import check_limits, described, quantity
+from data_schema.quantities import MOMENT, check_limits, described, quantity
 
 # Beyond these a number is a slip of the pen or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
@@ -34,6 +34,8 @@ class Display:
         Pixels per degree of visual angle; half of it is the highest spatial frequency [cpd] shown.
     source : str
         Where the figures come from.
+    measured : str
+        When it was measured, UTC (ISO 8601, the date at least); empty where nobody says.
     provenance : Provenance or None
         Of a measured display: software, inputs.
     """
@@ -55,6 +57,7 @@ class Display:
         default=0.0,
     )
     source: str = described("where the figures come from", default="")
+    measured: str = described("when it was measured, UTC (ISO 8601)", default="", pattern=MOMENT)
     provenance: Provenance | None = described("how the file was made", default=None)
 
     def __post_init__(self) -> None:

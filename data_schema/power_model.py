@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass
 
 from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
+from data_schema.quantities import MOMENT, check_limits, described, quantity
 
 LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a slip of the pen, and products of them overflow
 
@@ -42,6 +42,8 @@ class PowerModel:
         OLED: power of each channel at full drive over the whole panel [W].
     source : str
         Where the figures come from.
+    measured : str
+        When it was measured, UTC (ISO 8601, the date at least); empty where nobody says.
     """
 
     name: str = described("name of the power model")
@@ -63,6 +65,7 @@ class PowerModel:
         "W", "OLED: blue channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
     )
     source: str = described("where the figures come from", default="")
+    measured: str = described("when it was measured, UTC (ISO 8601)", default="", pattern=MOMENT)
     provenance: Provenance | None = described("how the file was made", default=None)
 
     def __post_init__(self) -> None:

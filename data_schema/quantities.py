@@ -27,6 +27,11 @@ UNIT_SUFFIX = {
     "Hz": "_hz",
     "pixels": "_px",
 }
+# A date, with or without a time of day and its zone (ISO 8601); or nothing.
+MOMENT = (
+    "^([0-9]{4}-[0-9]{2}-[0-9]{2}"
+    r"(T[0-9]{2}:[0-9]{2}(:[0-9]{2}(\.[0-9]+)?)?(Z|[+-][0-9]{2}:[0-9]{2})?)?)?$"
+)
 
 
 def quantity(

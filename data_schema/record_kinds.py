@@ -15,12 +15,21 @@ from data_schema.display import Display
 from data_schema.frame_log import FrameLog
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
+from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.power_model import PowerModel
 from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.session import SessionEvent, SessionManifest
+from data_schema.sweep import (
+    LuminanceReading,
+    LuminanceSweepDesign,
+    PowerReading,
+    PowerSweepDesign,
+    SweepManifest,
+)
+from data_schema.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
 from data_schema.threshold import Threshold
 from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign, RatingTrial
 
@@ -147,6 +156,56 @@ VIEW_LOG = RecordKind(
 SESSION_EVENT = RecordKind(
     "session_event", SessionEvent, FileFormat.JSON_LINES, ("events.jsonl",), "an experiment"
 )
+LUMINANCE_SWEEP_DESIGN = RecordKind(
+    "luminance_sweep_design", LuminanceSweepDesign, FileFormat.TOML,
+    ("*.design.toml", "*.luminance-sweep.design.toml"), "whoever measures a display",
+)  # fmt: skip
+POWER_SWEEP_DESIGN = RecordKind(
+    "power_sweep_design", PowerSweepDesign, FileFormat.TOML,
+    ("*.design.toml", "*.power-sweep.design.toml"), "whoever measures a display",
+)  # fmt: skip
+SWEEP_MANIFEST = RecordKind(
+    "sweep_manifest", SweepManifest, FileFormat.JSON, ("sweep.json",), "a sweep of `evenlight run`"
+)
+LUMINANCE_READING = RecordKind(
+    "luminance_reading",
+    LuminanceReading,
+    FileFormat.JSON_LINES,
+    ("readings.jsonl",),
+    "`evenlight run luminance-sweep`",
+)
+POWER_READING = RecordKind(
+    "power_reading", PowerReading, FileFormat.JSON_LINES, ("readings.jsonl",), "`evenlight run power-sweep`"
+)
+LUMINANCE_LEVEL = RecordKind(
+    "luminance_level",
+    LuminanceLevel,
+    FileFormat.CSV,
+    ("luminance_levels.csv", "brightness.csv"),
+    "`evenlight fit`",
+)
+POWER_LEVEL = RecordKind("power_level", PowerLevel, FileFormat.CSV, ("power_levels.csv",), "`evenlight fit`")
+DISPLAY_FIT = RecordKind("display_fit", DisplayFit, FileFormat.JSON, ("display_fit.json",), "`evenlight fit`")
+POWER_FIT = RecordKind("power_fit", PowerFit, FileFormat.JSON, ("power_fit.json",), "`evenlight fit`")
+POWER_LOG = RecordKind(
+    "power_log", PowerLog, FileFormat.JSON, ("power_log.json",), "`evenlight play --measure-power`"
+)
+POWER_SAMPLE = RecordKind(
+    "power_sample",
+    PowerSample,
+    FileFormat.CSV,
+    ("power.csv",),
+    "`evenlight play --measure-power`, `evenlight measure power`",
+)
+CLOCK_PING = RecordKind(
+    "clock_ping", ClockPing, FileFormat.CSV, ("clock.csv",), "`evenlight play --measure-power`"
+)
+PLAYED_FLIP = RecordKind(
+    "played_flip", PlayedFlip, FileFormat.CSV, ("flips.csv",), "`evenlight play --measure-power`"
+)
+FLASH_MARK = RecordKind(
+    "flash_mark", FlashMark, FileFormat.CSV, ("flashes.csv",), "`evenlight play --measure-power`"
+)
 
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
@@ -173,6 +232,20 @@ KINDS = (
     BRIGHTNESS_TRACK,
     TRACK_HEADER,
     OPTIMIZATION_SUMMARY,
+    LUMINANCE_SWEEP_DESIGN,
+    POWER_SWEEP_DESIGN,
+    SWEEP_MANIFEST,
+    LUMINANCE_READING,
+    POWER_READING,
+    LUMINANCE_LEVEL,
+    POWER_LEVEL,
+    DISPLAY_FIT,
+    POWER_FIT,
+    POWER_LOG,
+    POWER_SAMPLE,
+    CLOCK_PING,
+    PLAYED_FLIP,
+    FLASH_MARK,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {
@@ -181,6 +254,7 @@ TRIALS_OF_TASK = {
     "comparison": COMPARISON_TRIAL,
     "search": SEARCH_TRIAL,
 }
+READINGS_OF_SWEEP = {"luminance-sweep": LUMINANCE_READING, "power-sweep": POWER_READING}
 FRAMES_OF_TASK = {"ramp": FRAME_LOG, "rating": CLIP_LOG, "comparison": CLIP_LOG, "search": VIEW_LOG}
 
 

@@ -12,6 +12,7 @@ KEY = (
     "^([a-z0-9]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
     "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
 )
+METER = "^(none|simulated|manual|[a-z0-9]+:.+)$"  # an instrument: its driver and address
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
@@ -123,7 +124,18 @@ class Rig:
     actuator : Actuator
         What makes the brightness.
     backlight : str
-        "none", "simulated", or "sysfs:NAME" for /sys/class/backlight/NAME.
+        "none", "simulated", "sysfs:NAME" for /sys/class/backlight/NAME, "ddc:NUMBER" for a monitor over
+        DDC/CI, or "board:PORT".
+    backlight_curve : str
+        Measured luminance over the factor that the backlight is set to, a table of a luminance sweep
+        (relative to the rig's file); empty for a backlight that is linear in light.
+    luminance_meter, power_meter : str
+        "none", "simulated", or DRIVER:ADDRESS as `evenlight measure list` has them, e.g.
+        "ls100:/dev/ttyUSB0"; "simulated:DRIVER" is the driver on an emulated instrument.
+    calibration_age_limit : float or None
+        Days after which a measured display or power model is refused; None for no limit.
+    pixels_per_degree : float or None
+        Of a display that has no file yet; else that of its file.
     language : str
         Of the pages shown, e.g. "en".
     keys : Keys
@@ -143,9 +155,26 @@ class Rig:
     dither: Dither = described("how luminances between two codes are drawn", default=Dither.NOISY_BIT)
     actuator: Actuator = described("what makes the brightness", default=Actuator.PIXELS)
     backlight: str = described(
-        "none, simulated, or sysfs:NAME for /sys/class/backlight/NAME",
+        "none, simulated, sysfs:NAME for /sys/class/backlight/NAME, ddc:NUMBER, or board:PORT",
         default="none",
-        pattern="^(none|simulated|sysfs:[^/]+)$",
+        pattern="^(none|simulated|simulated:(ddc|board)|sysfs:[^/]+|ddc:[0-9]+|board:.+)$",
+    )
+    backlight_curve: str = described(
+        "its measured luminance over factor, a table of a luminance sweep; empty if linear", default=""
+    )
+    luminance_meter: str = described(
+        "none, simulated, manual, or DRIVER:ADDRESS", default="none", pattern=METER
+    )
+    power_meter: str = described("none, simulated, or DRIVER:ADDRESS", default="none", pattern=METER)
+    calibration_age_limit: float | None = quantity(
+        "1",
+        "days after which a calibration is refused",
+        above=0.0,
+        default=None,
+        key="calibration_age_limit_days",
+    )
+    pixels_per_degree: float | None = quantity(
+        "1/deg", "of a display that has no file yet", above=0.0, default=None
     )
     language: str = described("of the pages shown", default="en", pattern="^[A-Za-z0-9-]+$")
     keys: Keys = field(default_factory=Keys, metadata={"doc": "what is pressed"})
@@ -161,3 +190,5 @@ class Rig:
             )
         if self.actuator is Actuator.BACKLIGHT and self.backlight == "none":
             raise ValueError("the actuator is the backlight, so backlight must name one, got 'none'")
+        if self.backlight_curve and self.backlight == "none":
+            raise ValueError("backlight_curve is of a backlight, so backlight must name one, got 'none'")

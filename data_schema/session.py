@@ -107,6 +107,8 @@ class EventKind(enum.Enum):
     TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
     TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
     CHANGED = "changed"  # apparatus, software or pages are others than the manifest says
+    READING_FAILED = "reading_failed"  # of an instrument; tried again, or the reason for the stop
+    OLD_CALIBRATION = "old_calibration"  # used nevertheless: somebody asked for it
     LINE_TORN = "line_torn"  # what a crash left of a line; its text is kept here
     PAUSED = "paused"
     CONTINUED = "continued"

@@ -23,6 +23,7 @@ from data_schema.dataset_layout import (
     MANIFEST,
     PARTICIPANTS,
     SIMULATED_TRUTH,
+    SWEEPS,
     TRIALS,
     behaviour_file,
     session_folder,
@@ -86,15 +87,7 @@ def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Prove
         If the data set holds the other kind of participants, recorded or simulated, or a roster without this
         one; if it cannot be written.
     """
-    make_folder(dataset)
-    with FileLock(dataset / DATASET_LOCK, timeout=LONGEST_WAIT):
-        if not (dataset / DESCRIPTION).exists():
-            if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
-                raise InputError(
-                    f"{dataset}: holds other things than a data set; give a new or empty folder with --out"
-                )
-            write_description(dataset, "Evenlight sessions", simulated, provenance)
-        _refuse_other_kind(dataset, simulated)
+    with _data_set(dataset, simulated, provenance):
         header, rows = _participant_table(dataset)
         listed = [row[0] for row in rows]
         name = f"sub-{participant_id}"
@@ -110,6 +103,33 @@ def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Prove
         values = {"participant_id": name, "simulated": _cell(simulated)}
         _write_participant_table(dataset, header, [*rows, [values.get(column, MISSING) for column in header]])
         return len(rows)
+
+
+def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> None:
+    """Make a folder a data set if it is none yet.
+
+    Raises
+    ------
+    InputError
+        If it holds the other kind of data, recorded or simulated, or other things; if it cannot be written.
+    """
+    with _data_set(dataset, simulated, provenance):
+        pass
+
+
+@contextmanager
+def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterator[None]:
+    """Hold a data set, which is made if there is none, for this program alone."""
+    make_folder(dataset)
+    with FileLock(dataset / DATASET_LOCK, timeout=LONGEST_WAIT):
+        if not (dataset / DESCRIPTION).exists():
+            if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
+                raise InputError(
+                    f"{dataset}: holds other things than a data set; give a new or empty folder with --out"
+                )
+            write_description(dataset, "Evenlight sessions", simulated, provenance)
+        _refuse_other_kind(dataset, simulated)
+        yield
 
 
 def _refuse_likely_slip(name: str, listed: list[str], dataset: Path) -> None:
@@ -198,7 +218,11 @@ def write_description(dataset: Path, name: str, simulated: bool, provenance: Pro
         else "The participants are people."
     )
     write_whole(dataset / "README", README.format(kind=kind))
-    own_files = (*(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)), SIMULATED_TRUTH)
+    own_files = (
+        *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)),
+        SIMULATED_TRUTH,
+        SWEEPS,
+    )
     write_whole(dataset / ".bidsignore", "".join(f"{name}\n" for name in own_files))
 
 

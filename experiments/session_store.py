@@ -8,27 +8,24 @@ when the program ends, however it ends.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
-from datetime import UTC, datetime
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
-from data_schema.append_log import AppendLog, mend_last_line, sync_folder
-from data_schema.dataset_layout import EVENTS, FRAMES, LOCK, MANIFEST, TRIALS, session_folder
+from data_schema.append_log import mend_last_line
+from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS, session_folder
 from data_schema.errors import InputError
-from data_schema.mapping import record_from_mapping
 from data_schema.record_kinds import TRIALS_OF_TASK
 from data_schema.session import EventKind, SessionEvent, SessionManifest, SessionStatus
-from data_schema.text_files import parse_json, read_json_record, read_text, write_json_record
+from data_schema.text_files import read_json_record, write_json_record
 from experiments.dataset import export_behaviour
+from experiments.log_files import hold_folder, read_lines
+from experiments.timed_logs import TimedLogs, Utc, utc_now
 
-Clock = Callable[[], float]
-Utc = Callable[[], str]
 
-
-class SessionStore:
+class SessionStore(TimedLogs):
     """An open session: its manifest, what was recorded, and the only way to record more.
 
     Attributes
@@ -44,43 +41,11 @@ class SessionStore:
     """
 
     def __init__(self, dataset: Path, manifest: SessionManifest, lock: FileLock, utc: Utc) -> None:
+        folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
+        super().__init__(folder, (TRIALS, FRAMES), lock, utc)
         self.dataset = dataset
-        self.folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
         self.manifest = manifest
         self.trials: list[Any] = []
-        self.events: list[SessionEvent] = []
-        self._lock = lock
-        self._utc = utc
-        self._clock: Clock = float  # of 0.0 s, until there is one
-        self._started = 0.0
-        self._logs = {name: AppendLog(self.folder / name) for name in (TRIALS, FRAMES, EVENTS)}
-
-    def __enter__(self) -> SessionStore:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the files and let go of the session."""
-        for log in self._logs.values():
-            log.close()
-        self._lock.release()
-
-    def use_clock(self, clock: Clock) -> None:
-        """Count time with a clock [s] from now on, from where the session's last event was."""
-        self._clock = clock
-        self._started = clock() - self.last_time
-
-    def now(self) -> float:
-        """Return the time since the session began [s]."""
-        return max(self._clock() - self._started, 0.0)
-
-    def since_beginning(self, time: float) -> float:
-        """Return a time on the clock in use as the time since the session began [s]."""
-        return max(time - self._started, 0.0)
-
-    @property
-    def last_time(self) -> float:
-        """Time of the last event [s]."""
-        return max((event.time for event in self.events), default=0.0)
 
     def write_trial(self, trial: Any, frames: Iterable[Any] = ()) -> None:
         """Record an answered trial; when this returns it cannot be lost any more.
@@ -91,14 +56,6 @@ class SessionStore:
             self._logs[FRAMES].append(frame)
         self._logs[TRIALS].append(trial)
         self.trials.append(trial)
-
-    def note(
-        self, kind: EventKind, detail: str = "", trial_index: int | None = None, attempt: int | None = None
-    ) -> None:
-        """Record an event."""
-        event = SessionEvent(kind, self.now(), self._utc(), trial_index, attempt, detail)
-        self._logs[EVENTS].append(event)
-        self.events.append(event)
 
     def describe(self, apparatus: dict[str, str]) -> None:
         """Note in the manifest what the devices say of themselves."""
@@ -115,15 +72,6 @@ class SessionStore:
         """Return which attempt at a trial comes next: one more than were begun."""
         begun = (e for e in self.events if e.kind is EventKind.TRIAL_BEGUN and e.trial_index == trial_index)
         return 1 + sum(1 for _ in begun)
-
-    def happened(self, kind: EventKind) -> bool:
-        """Return whether something happened in this session already."""
-        return any(event.kind is kind for event in self.events)
-
-
-def utc_now() -> str:
-    """Return the time of day, UTC (ISO 8601)."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def begin_session(dataset: Path, manifest: SessionManifest, utc: Utc = utc_now) -> SessionStore:
@@ -144,7 +92,7 @@ def begin_session(dataset: Path, manifest: SessionManifest, utc: Utc = utc_now) 
         If it is there already: data are never overwritten; or another program writes it right now.
     """
     folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
-    lock = _locked(folder)
+    lock = hold_folder(folder)
     try:
         if (folder / MANIFEST).exists() or (folder / TRIALS).exists():
             raise InputError(
@@ -169,7 +117,7 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
     folder = session_folder(dataset, participant_id, session_id)
     if not (folder / MANIFEST).is_file():
         raise InputError(f"{folder}: there is no session to resume; {_known_sessions(dataset)}")
-    lock = _locked(folder)
+    lock = hold_folder(folder)
     try:
         manifest = read_json_record(SessionManifest, folder / MANIFEST)
         if manifest.status is SessionStatus.COMPLETE:
@@ -177,8 +125,8 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
         if manifest.status is SessionStatus.DECLINED:
             raise InputError(f"{folder}: the participant declined to take part; nothing is resumed")
         torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, EVENTS)}
-        trials = _read_lines(TRIALS_OF_TASK[manifest.task].record, folder / TRIALS)
-        events = _read_lines(SessionEvent, folder / EVENTS)
+        trials = read_lines(TRIALS_OF_TASK[manifest.task].record, folder / TRIALS)
+        events = read_lines(SessionEvent, folder / EVENTS)
         store = SessionStore(dataset, manifest, lock, utc)
     except BaseException:
         lock.release()
@@ -210,37 +158,6 @@ def _broken_trial(store: SessionStore) -> SessionEvent | None:
     if last is None or last.kind is EventKind.TRIAL_INTERRUPTED:
         return None
     return None if any(trial.trial_index == last.trial_index for trial in store.trials) else last
-
-
-def _locked(folder: Path) -> FileLock:
-    """Return the lock of a session, held."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for parent in (folder.parent, folder.parent.parent):
-            sync_folder(parent)
-        lock = FileLock(folder / LOCK)
-        lock.acquire(timeout=0)
-    except Timeout:
-        raise InputError(f"{folder}: another program is writing this session; wait until it ends") from None
-    except OSError as error:
-        raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
-        ) from error
-    return lock
-
-
-def _read_lines(cls: type[Any], path: Path) -> list[Any]:
-    """Return the records of a log, one per line."""
-    if not path.exists():
-        return []
-    text = read_text(path, f"one {cls.__name__} per line")
-    lines = ((number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip())
-    return [_record(cls, line, f"{path}, line {number}") for number, line in lines]
-
-
-def _record(cls: type[Any], line: str, where: str) -> Any:
-    """Return the record of one line."""
-    return record_from_mapping(cls, parse_json(line, where, f"a {cls.__name__}"), where)
 
 
 def _known_sessions(dataset: Path) -> str:

@@ -12,8 +12,8 @@ from data_schema.rig import Actuator, Rig
 from experiments.blind_stage import BlindStage
 from experiments.participants import PressKey
 from experiments.ring_views import OffscreenPainter
-from experiments.session_store import utc_now
 from experiments.stage import Stage
+from experiments.timed_logs import utc_now
 from experiments.window_stage import WindowStage
 from hardware.clocks import RefreshClock
 from hardware.rig import backlights_smallest_factor, open_backlight, open_keyboard, open_pointer, open_window

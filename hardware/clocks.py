@@ -1,4 +1,4 @@
-"""The clock of a rehearsal: it goes with the frames drawn, not with the time of day."""
+"""Clocks of rehearsals: they go with the frames drawn, or with the waiting asked for, not with the sun."""
 
 from __future__ import annotations
 
@@ -30,3 +30,26 @@ class RefreshClock:
         """Let some refreshes pass, and return the time then [s]."""
         self._refreshes += refreshes
         return self.now()
+
+
+class WaitingClock:
+    """A clock that goes only while somebody waits: half an hour of warm-up takes no time.
+
+    >>> clock = WaitingClock()
+    >>> clock.wait(1800.0)
+    >>> clock.now()
+    1800.0
+    """
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return self._now
+
+    def wait(self, seconds: float) -> None:
+        """Let some time pass [s]."""
+        if seconds < 0:
+            raise ValueError(f"cannot wait for {seconds:g} s")
+        self._now += seconds

@@ -1,18 +1,78 @@
-"""What a session needs of its devices: window, keys, backlight. Drivers are handed in by `hardware.rig`."""
+"""What is asked of devices: window, keys, backlight, meters. Drivers are handed in by `hardware.rig`."""
 
 from __future__ import annotations
 
+import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 if TYPE_CHECKING:  # every command imports this module, and shows its help without numpy
     import moderngl
     import numpy as np
     from numpy.typing import NDArray
 
+    from data_schema.power_log import ClockPing, PowerSample
+
+
+class Fault(enum.Enum):
+    """What went wrong with a device."""
+
+    NOT_FOUND = "not_found"  # no such port, file or program
+    BUSY = "busy"  # another program holds it
+    WRONG_INSTRUMENT = "wrong_instrument"  # what answers is another instrument
+    NO_REPLY = "no_reply"
+    GARBLED = "garbled"  # a reply, or a part of one, that cannot be read
+    DISCONNECTED = "disconnected"
+    OVER_RANGE = "over_range"
+    UNDER_RANGE = "under_range"
+    LOW_BATTERY = "low_battery"
+    REFUSED = "refused"  # the instrument's own error, or a value that it does not have
+
+
+TRANSIENT = (Fault.NO_REPLY, Fault.GARBLED)  # what may be right at the next try, over the same link
+
 
 class InstrumentError(RuntimeError):
-    """A device did not do what was asked of it; the message names the device and its own reason."""
+    """A device did not do what was asked of it; the message names the device and its own reason.
+
+    Attributes
+    ----------
+    fault : Fault
+        What went wrong.
+    code : str
+        The instrument's own code for it; empty where it gave none.
+    """
+
+    def __init__(self, message: str, fault: Fault = Fault.REFUSED, code: str = "") -> None:
+        super().__init__(message)
+        self.fault, self.code = fault, code
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One value that an instrument measured.
+
+    Attributes
+    ----------
+    value : float
+        The value, as the instrument gave it: never clipped, never a stand-in for one that failed.
+    unit : str
+        Its unit: "cd/m^2" or "W".
+    begun, ended : float
+        Right before the instrument was asked, and right after it had answered, on the computer's clock [s].
+    status : str
+        The instrument's own word or code on the reading, e.g. "OK00".
+    chromaticity : (float, float) or None
+        CIE 1931 x and y, of instruments that measure them.
+    """
+
+    value: float
+    unit: str
+    begun: float
+    ended: float
+    status: str = ""
+    chromaticity: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +164,12 @@ class HeldKeys(Protocol):
 class Backlight(Protocol):
     """A backlight whose brightness factor is set."""
 
+    def __enter__(self) -> Self:
+        """Return the device, open."""
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+
     def set_factor(self, factor: float) -> float:
         """Set the brightness factor b, and return the one achieved: the nearest step of the device.
 
@@ -127,3 +193,71 @@ class Backlight(Protocol):
 
     def close(self) -> None:
         """Leave the device as it was found."""
+
+
+class LuminanceMeter(Protocol):
+    """A spot meter aimed at the display."""
+
+    def __enter__(self) -> Self:
+        """Return the device, open."""
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+
+    def read_luminance(self) -> Reading:
+        """Return one reading [cd/m^2].
+
+        Raises
+        ------
+        InstrumentError
+            If there is none; the link is then fit for the next, or closed for good.
+        """
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the instrument says of itself: model, serial number, firmware, settings."""
+
+    def close(self) -> None:
+        """Let go of the instrument; more than once does nothing."""
+
+
+class PowerMeter(Protocol):
+    """An instrument that samples the power of a panel."""
+
+    def __enter__(self) -> Self:
+        """Return the device, open."""
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+
+    def start(self, rate: float) -> float:
+        """Begin to sample at a rate [Hz], and return the one achieved: the nearest that it has.
+
+        Raises
+        ------
+        InstrumentError
+            If the rate is outside what the instrument has, or it refuses.
+        """
+
+    def samples(self) -> Sequence[PowerSample]:
+        """Return the samples that came since the last call, in order; return at once.
+
+        Raises
+        ------
+        InstrumentError
+            If the link is broken, or nothing came for far longer than the rate says.
+        """
+
+    def stop(self) -> Sequence[PowerSample]:
+        """End the sampling, and return the samples that had not been taken."""
+
+    def ping(self) -> ClockPing | None:
+        """Return one comparison of the instrument's clock with the computer's; also while it samples.
+
+        None where the samples carry the computer's own time.
+        """
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the instrument says of itself: model, serial number, firmware, settings."""
+
+    def close(self) -> None:
+        """Let go of the instrument; more than once does nothing."""

@@ -15,6 +15,7 @@ from data_schema.brightness_track import OptimizationSummary
 from data_schema.display import Display
 from data_schema.frame_log import FrameLog
 from data_schema.mapping import type_hints
+from data_schema.power_log import ClockPing
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
 from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
@@ -22,6 +23,16 @@ from data_schema.rate_limit import RateLimit
 from data_schema.rig import Keys, Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.session import DESIGN_OF_TASK, SessionManifest
+from data_schema.sweep import (
+    DESIGN_OF_SWEEP,
+    LuminanceReading,
+    LuminanceSweepDesign,
+    PowerReading,
+    PowerSweepDesign,
+    ReadingStatus,
+    SweepManifest,
+)
+from data_schema.sweep_fit import DisplayFit, PowerFit
 from data_schema.threshold import Threshold
 from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 
@@ -207,6 +218,36 @@ def usable_rig(values: Values) -> Values:
     return values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
 
 
+def levels_once(values: Values) -> Values:
+    """No level twice; those measured again at the end are among those measured."""
+    swept = {
+        name: tuple(dict.fromkeys(values[name])) for name in ("pixel_values", "factors") if name in values
+    }
+    if "pixel_values" in swept:
+        swept["pixel_values"] = tuple(dict.fromkeys((0.0, 0.5, *swept["pixel_values"], 1.0)))
+        return values | swept | {"drift_pixel_values": swept["pixel_values"][:2]}
+    swept["factors"] = (0.25, 0.5, 1.0)
+    return values | swept | {"drift_factors": (1.0,)}
+
+
+def a_reading_that_ends(values: Values) -> Values:
+    status = "luminance_status" if "luminance_status" in values else "status"
+    there = values["luminance"] is not None
+    return values | {
+        "ended": values["begun"] + 1.0,
+        status: ReadingStatus.OK if there else ReadingStatus.UNDER_RANGE,
+    }
+
+
+def a_sweep_of_its_task(values: Values) -> Values:
+    return values | {"task": next(t for t, d in DESIGN_OF_SWEEP.items() if isinstance(values["design"], d))}
+
+
+def within_intervals(values: Values) -> Values:
+    intervals = [name for name in values if f"{name}_interval" in values and values[name] is not None]
+    return values | {f"{name}_interval": (values[name] - 1.0, values[name] + 1.0) for name in intervals}
+
+
 def bounded_objective(values: Values) -> Values:
     return values | {"lower_bound": min(values["lower_bound"], values["objective"])}
 
@@ -230,6 +271,14 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     ClipLog: a_clip,
     ViewLog: a_view,
     SessionManifest: a_session_of_its_task,
+    LuminanceSweepDesign: levels_once,
+    PowerSweepDesign: levels_once,
+    LuminanceReading: a_reading_that_ends,
+    PowerReading: a_reading_that_ends,
+    SweepManifest: a_sweep_of_its_task,
+    DisplayFit: within_intervals,
+    PowerFit: within_intervals,
+    ClockPing: lambda values: values | {"received": values["sent"] + 0.5},
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

@@ -1,0 +1,221 @@
+"""The link to an emulated instrument: a real socket or pseudo-terminal, where things go wrong on request."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import os
+import select
+import socket
+import threading
+import time
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol
+
+POLL = 0.002  # [s] between two looks at the link, and at what the instrument sends of itself
+ENOUGH = 4096  # bytes read at once
+GARBAGE = bytes([0x80, 0xFF, 0x00, 0x9C, 0x1B, 0x7F])  # neither text nor a number, whatever the protocol
+
+
+class Emulator(Protocol):
+    """The instrument's side of a dialogue."""
+
+    def receive(self, data: bytes) -> bytes:
+        """Take some bytes that were sent, any part of a command, and return what is answered at once."""
+
+    def stream(self) -> bytes:
+        """Return what the instrument sends of itself since the last call."""
+
+
+class LinkFault(enum.Enum):
+    """What can go wrong between an instrument and the computer."""
+
+    NO_REPLY = "no_reply"
+    LATE_REPLY = "late_reply"
+    PARTIAL_LINE = "partial_line"  # the first half, and no more
+    GARBAGE = "garbage"  # bytes that are no reply, with the reply's end
+    DISCONNECT = "disconnect"  # half of the reply, then the link is gone
+
+
+@dataclass(frozen=True, slots=True)
+class FaultPlan:
+    """Which replies go wrong, and how.
+
+    Attributes
+    ----------
+    fault : LinkFault
+        How.
+    first : int
+        The first reply that does, from 1; what is streamed counts as replies, too.
+    count : int
+        How many do, from there on.
+    delay : float
+        Of a late reply [s].
+    """
+
+    fault: LinkFault
+    first: int = 1
+    count: int = 1
+    delay: float = 0.5
+
+    def strikes(self, reply: int) -> bool:
+        """Return whether a reply, counted from 1, goes wrong."""
+        return self.first <= reply < self.first + self.count
+
+
+class EmulatedLink(AbstractContextManager["EmulatedLink"]):
+    """Serves an emulated instrument on the loopback, in a thread that ends with the context.
+
+    Parameters
+    ----------
+    emulator : Emulator
+        The instrument.
+    plan : FaultPlan, optional
+        What goes wrong.
+    pseudo_terminal : bool, optional
+        On a pseudo-terminal, which is a serial port of 8N1, instead of a socket, which is one of any setting.
+
+    Attributes
+    ----------
+    url : str
+        What a driver opens.
+    """
+
+    def __init__(
+        self, emulator: Emulator, plan: FaultPlan | None = None, *, pseudo_terminal: bool = False
+    ) -> None:
+        self._emulator, self._plan, self._replies = emulator, plan, 0
+        self._ended = threading.Event()
+        self._server: _Server = _TerminalServer() if pseudo_terminal else _SocketServer()
+        self.url = self._server.url
+        self.errors: list[Exception] = []  # of the emulator: a driver sees only silence then
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """Break the connection, as somebody who pulls the cable; the thread ends."""
+        self._ended.set()
+        self._thread.join(timeout=5)
+
+    def __exit__(self, *_: object) -> None:
+        self.unplug()
+        if self.errors:
+            raise self.errors[0]
+
+    def _serve(self) -> None:
+        """Answer until the end."""
+        try:
+            while not self._ended.is_set():
+                if (data := self._server.receive()) and (answer := self._emulator.receive(data)):
+                    self._reply(answer)
+                if streamed := self._emulator.stream():
+                    self._reply(streamed)
+        except OSError:
+            pass  # the client is gone, or the link was broken on purpose
+        except Exception as error:  # what a test is to see
+            self.errors.append(error)
+        finally:
+            self._server.close()
+
+    def _reply(self, data: bytes) -> None:
+        """Send some bytes, or what a fault makes of them."""
+        self._replies += 1
+        plan = self._plan
+        if plan is None or not plan.strikes(self._replies):
+            self._server.send(data)
+            return
+        half = data[: max(1, len(data) // 2)]
+        match plan.fault:
+            case LinkFault.NO_REPLY:
+                pass
+            case LinkFault.LATE_REPLY:
+                time.sleep(plan.delay)  # a slow instrument reads no commands in the meantime, either
+                self._server.send(data)
+            case LinkFault.PARTIAL_LINE:
+                self._server.send(half)
+            case LinkFault.GARBAGE:
+                ending = data[len(data.rstrip(b"\r\n")) :]
+                self._server.send(GARBAGE + ending)
+            case LinkFault.DISCONNECT:
+                self._server.send(half)
+                self._ended.set()
+
+
+class _Server(Protocol):
+    """One end of a link."""
+
+    url: str
+
+    def receive(self) -> bytes:
+        """Return what came within `POLL`."""
+
+    def send(self, data: bytes) -> None:
+        """Send all of some bytes."""
+
+    def close(self) -> None:
+        """Break the link."""
+
+
+class _SocketServer:
+    """A port on the loopback that serves one client; a second is turned away while the first is there."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._client: socket.socket | None = None
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def receive(self) -> bytes:
+        waiting = [self._listener] + ([self._client] if self._client else [])
+        ready, _, _ = select.select(waiting, [], [], POLL)
+        if self._listener in ready:
+            client, _ = self._listener.accept()
+            if self._client is None:
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._client = client
+            else:
+                client.close()
+        if self._client not in ready or self._client is None:
+            return b""
+        try:
+            data = self._client.recv(ENOUGH)
+        except ConnectionError:
+            data = b""
+        if not data:
+            self._client.close()
+            self._client = None
+        return data
+
+    def send(self, data: bytes) -> None:
+        if self._client is not None:
+            with contextlib.suppress(ConnectionError):  # a client that left wants no answer
+                self._client.sendall(data)
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._listener.close()
+
+
+class _TerminalServer:
+    """A pseudo-terminal: what a USB instrument of 8 data bits looks like."""
+
+    def __init__(self) -> None:
+        import tty
+
+        self._own, self._other = os.openpty()
+        tty.setraw(self._other)
+        self.url = os.ttyname(self._other)
+
+    def receive(self) -> bytes:
+        ready, _, _ = select.select([self._own], [], [], POLL)
+        return os.read(self._own, ENOUGH) if ready else b""
+
+    def send(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._own, data) :]
+
+    def close(self) -> None:
+        # The other end stays open until here, so that a port may be closed and opened again.
+        os.close(self._own)
+        os.close(self._other)
