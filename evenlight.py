@@ -19,6 +19,7 @@ from data_schema.files import results_folder, write_whole
 from data_schema.provenance import sha256_of_file
 from experiments import commands as experiment_commands
 from experiments import play_command, run_command
+from hardware import measure_command
 from hardware.protocols import InstrumentError
 from stimuli import commands as stimuli_commands
 
@@ -64,13 +65,29 @@ def _ramp_design(name_or_path: str) -> Any:
     return load_design(name_or_path)
 
 
+def _fit_sweep(folder: Path) -> list[str]:
+    """Write the results of a sweep into its folder, and return what is to be said of them."""
+    from analysis.sweep_results import fit_sweep
+
+    return fit_sweep(folder, folder)
+
+
+def _write_power(folder: Path, power_model: str | None) -> list[str]:
+    """Write the results of measured power into its folder, and return what is to be said of them."""
+    from analysis.power_table import write_power_results
+    from method.preset_files import load_power_model
+
+    return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
+
+
 app.command()(stimuli_commands.render)
-app.command()(play_command.play)
-app.command()(run_command.run)
+app.command()(play_command.play_command(_write_power))
+app.command()(run_command.run_command(_fit_sweep))
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(optimize_command.optimize)
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
+app.add_typer(measure_command.measure, name="measure")
 app.command()(validate_command.validate)
 app.command()(export_command.export)
 

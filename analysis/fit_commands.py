@@ -1,4 +1,4 @@
-"""The command that turns trials into thresholds and a rate limit."""
+"""The command that turns trials into thresholds and a rate limit, sweeps into display and power models."""
 
 from __future__ import annotations
 
@@ -19,12 +19,16 @@ if TYPE_CHECKING:
     from analysis.limit_choices import LimitChoices
     from analysis.loading import RampData
     from analysis.rate_limit_curve import RateLimitOptions
+    from analysis.sweep_loading import ChosenSweep
+    from analysis.sweep_results import SweepOutcome
     from stimuli.video_source import VideoSource
 
 
 def fit(
-    dataset: Annotated[Path, typer.Argument(help="Data set with ramp sessions.")],
-    out: Annotated[Path, typer.Option(help="Folder for thresholds.csv, rate_limit.json and the rest.")],
+    dataset: Annotated[
+        Path, typer.Argument(help="Data set with ramp sessions, sweeps of a display, or both.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the results; those of sweeps get folders in it.")],
     form: Annotated[
         RateLimitForm, typer.Option(help="What the polynomial describes.")
     ] = RateLimitForm.LN_RATE,
@@ -46,13 +50,14 @@ def fit(
     no_clip: Annotated[bool, typer.Option("--no-clip", help="Try the choice on no video.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
-    """Fit thresholds and the rate limit to the ramp sessions of a data set."""
+    """Fit thresholds and the rate limit to ramp sessions, and display and power models to sweeps."""
     from rich.console import Console
     from rich.progress import Progress
 
     from analysis.choice_on_clip import open_clip, require_budget
-    from analysis.loading import load_ramp_data
+    from analysis.loading import has_ramp_sessions, load_ramp_data
     from analysis.rate_limit_curve import RateLimitOptions
+    from analysis.sweep_loading import newest_sweeps
     from data_schema.errors import InputError
     from data_schema.files import results_folder
 
@@ -62,16 +67,31 @@ def fit(
         form=form, degree=degree, procedure=procedure, direction=direction, ramp_duration=ramp_duration
     )
     require_budget(budget)
-    source = None if no_clip else open_clip(clip)
-    data = load_ramp_data(dataset)
+    sweeps = newest_sweeps(dataset)
+    task = None
+    if not sweeps or has_ramp_sessions(dataset):
+        source = None if no_clip else open_clip(clip)
+        task = _Task(load_ramp_data(dataset), options, source, budget)
     console = Console(stderr=True)
     off = quiet or not console.is_terminal
     with results_folder(out) as folder, Progress(console=console, transient=True, disable=off) as progress:
-        results = _write_results(_Task(data, options, source, budget), folder, progress)
-    for warning in results.calibration.warnings:
+        results = _write_results(task, folder, progress) if task else None
+        measured = _write_sweeps(sweeps, folder, needed=task is None) if sweeps else None
+    warnings = (*(results.calibration.warnings if results else ()), *(measured.warnings if measured else ()))
+    for warning in warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
-        _tell(results, degree, out)
+        if results:
+            _tell(results, degree, out)
+        if measured:
+            typer.echo("\n".join((*measured.lines, f"the files of sweeps are in {out}")))
+
+
+def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepOutcome:
+    """Fit the sweeps and write their files."""
+    from analysis.sweep_results import write_chosen_sweeps
+
+    return write_chosen_sweeps(sweeps, folder, needed=needed)
 
 
 @dataclass(frozen=True, slots=True)

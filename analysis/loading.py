@@ -132,6 +132,14 @@ def load_ramp_data(dataset: Path) -> RampData:
     )
 
 
+def has_ramp_sessions(dataset: Path) -> bool:
+    """Return whether a data set holds anything that `load_ramp_data` would read or refuse."""
+    trials = dataset.glob(f"sub-*/ses-*/{TRIALS}")
+    if any(not (path.parent / MANIFEST).exists() for path in trials):
+        return True
+    return any(_task(folder / MANIFEST) == "ramp" for folder in session_folders(dataset))
+
+
 def _require_manifests(dataset: Path) -> None:
     """Refuse trials without a manifest, which nothing else would read or miss."""
     for trials in sorted(dataset.glob(f"sub-*/ses-*/{TRIALS}")):

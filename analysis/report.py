@@ -75,7 +75,7 @@ class Section:
     notes : tuple of str
         What a reader should be warned of.
     simulated : bool
-        Whether it rests on simulated participants; the heading says so.
+        Whether it rests on simulated data; the heading says so.
     """
 
     title: str
@@ -98,11 +98,14 @@ class Report:
         What came out, in a sentence or two.
     sections : tuple of Section
         In order.
+    simulated_note : str
+        What is said on top if any of them is simulated.
     """
 
     title: str
     lead: str
     sections: tuple[Section, ...] = field(default=())
+    simulated_note: str = SIMULATED_NOTE
 
 
 def probability(p: float) -> str:
@@ -138,7 +141,7 @@ def report_html(report: Report) -> str:
         f"<style>{_STYLE}</style></head><body><main>",
         f"<h1>{escape(report.title)}</h1>",
         f'<p class="lead">{escape(report.lead)}</p>',
-        f'<p class="simulated">{escape(SIMULATED_NOTE)}</p>' if simulated else "",
+        f'<p class="simulated">{escape(report.simulated_note)}</p>' if simulated else "",
         _contents(report.sections),
         *(_section(number, section) for number, section in enumerate(report.sections, start=1)),
         "</main></body></html>\n",

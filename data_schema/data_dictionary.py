@@ -41,13 +41,18 @@ BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run
 [view log](#view-log) |
 | `sub-XX/ses-YY/events.jsonl` | what happened, as lines ([session event](#session-event)); of `run` only |
 | `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` where there is no value |
+| `sweeps/TASK_SESSION/sweep.json` | what a [sweep](#sweep-manifest) of a display measured, and with what |
+| `sweeps/TASK_SESSION/readings.jsonl` | one reading per line, written as it is made: \
+[luminance](#luminance-reading) or [power reading](#power-reading) |
+| `sweeps/TASK_SESSION/events.jsonl` | what happened, as lines ([session event](#session-event)) |
 | `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants |
 
 Between the files: `participant_id` and `session_id` of manifest and trials are those of the folders; each
 `trial_index` is there once; a session of status `complete` has `n_trials` usable trials (neither practice nor
 flagged), but for those that stayed flagged; the table in `beh/` holds the same trials; `participants.tsv`
-lists every `sub-*` folder, and may list participants who have no session yet. `.bidsignore` names the files
-that are not part of BIDS.
+lists every `sub-*` folder, and may list participants who have no session yet; each `index` of a sweep's
+readings is there once, and a sweep of status `complete` has `n_readings` of them. `.bidsignore` names the
+files that are not part of BIDS.
 """
 
 

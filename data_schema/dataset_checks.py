@@ -12,6 +12,7 @@ from data_schema.dataset_layout import (
     FRAMES,
     MANIFEST,
     PARTICIPANTS,
+    SWEEPS,
     TRIALS,
     behaviour_file,
 )
@@ -22,6 +23,7 @@ from data_schema.provenance import Provenance
 from data_schema.ramp import TrialFlag
 from data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK, RecordKind
 from data_schema.session import SessionManifest, SessionStatus
+from data_schema.sweep_checks import check_sweep
 from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
 from data_schema.viewing import Version
 
@@ -41,7 +43,7 @@ def is_dataset(folder: Path) -> bool:
 def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
     """Yield every file of a data set that was checked, with the problems in it and with the others.
 
-    The description comes first, then the sessions, then the list of participants.
+    The description comes first, then the sessions, the sweeps, and the list of participants.
     """
     yield _check_description(dataset)
     simulated: dict[str, bool] = {}
@@ -54,9 +56,13 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
                 if isinstance(checked.record, SessionManifest):
                     simulated[folder.name] = checked.record.simulated
                 yield checked
-    yield _check_participants(dataset, simulated)
+    sweeps = sorted(path for path in (dataset / SWEEPS).glob("*") if path.is_dir())
+    for sweep in sweeps:
+        yield from check_sweep(sweep)
     columns = dataset / PARTICIPANTS
-    yield _check_column_descriptions(columns.with_suffix(".json"), ["participant_id"])
+    if simulated or columns.exists() or not sweeps:  # nobody takes part in a sweep
+        yield _check_participants(dataset, simulated)
+        yield _check_column_descriptions(columns.with_suffix(".json"), ["participant_id"])
 
 
 def _folders(parent: Path, pattern: re.Pattern[str]) -> list[Path]:

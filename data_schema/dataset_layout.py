@@ -23,6 +23,7 @@ POWER_SAMPLES = "power.csv"
 CLOCK_PINGS = "clock.csv"
 FLIPS = "flips.csv"
 FLASHES = "flashes.csv"
+BACKLIGHT_SETTINGS = "backlight.csv"
 
 
 def session_folder(dataset: Path, participant_id: str, session_id: str) -> Path:

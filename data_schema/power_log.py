@@ -95,6 +95,29 @@ class PlayedFlip:
 
 
 @dataclass(frozen=True, slots=True)
+class BacklightSetting:
+    """One setting of a backlight, a row of `backlight.csv`.
+
+    Attributes
+    ----------
+    begun, ended : float
+        Right before it was set, and right after the device had taken it, on the computer's clock [s].
+    commanded : float
+        Brightness factor b that was asked for.
+    achieved : float or None
+        The one that the device has taken; None where it refused.
+    """
+
+    begun: float = quantity("s", "right before it was set, on the computer's clock")
+    ended: float = quantity("s", "right after the device had taken it")
+    commanded: float = quantity("1", "brightness factor that was asked for")
+    achieved: float | None = quantity("1", "the one that the device has taken; empty where it refused")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
 class FlashMark:
     """One change of a flash marker, a row of `flashes.csv`: the whole brightness, up or down.
 

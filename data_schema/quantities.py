@@ -22,6 +22,7 @@ UNIT_SUFFIX = {
     "s": "_s",
     "m": "_m",
     "W": "_w",
+    "J": "_j",
     "W m^2/cd": "_w_m2_cd",
     "deg": "_deg",
     "Hz": "_hz",

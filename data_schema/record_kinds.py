@@ -12,10 +12,13 @@ from typing import Any
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
+from data_schema.frame_energy import FrameEnergy
 from data_schema.frame_log import FrameLog
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
-from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
+from data_schema.meter_reading import MeterReading
+from data_schema.played_power import PlayedPower, VersionPower
+from data_schema.power_log import BacklightSetting, ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.power_model import PowerModel
 from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
@@ -197,14 +200,38 @@ POWER_SAMPLE = RecordKind(
     ("power.csv",),
     "`evenlight play --measure-power`, `evenlight measure power`",
 )
+METER_READING = RecordKind(
+    "meter_reading", MeterReading, FileFormat.CSV, ("luminance.csv",), "`evenlight measure luminance`"
+)
 CLOCK_PING = RecordKind(
     "clock_ping", ClockPing, FileFormat.CSV, ("clock.csv",), "`evenlight play --measure-power`"
 )
 PLAYED_FLIP = RecordKind(
     "played_flip", PlayedFlip, FileFormat.CSV, ("flips.csv",), "`evenlight play --measure-power`"
 )
+BACKLIGHT_SETTING = RecordKind(
+    "backlight_setting",
+    BacklightSetting,
+    FileFormat.CSV,
+    ("backlight.csv",),
+    "`evenlight play --measure-power`",
+)
 FLASH_MARK = RecordKind(
     "flash_mark", FlashMark, FileFormat.CSV, ("flashes.csv",), "`evenlight play --measure-power`"
+)
+
+FRAME_ENERGY = RecordKind(
+    "frame_energy", FrameEnergy, FileFormat.CSV, ("frame_energy.csv",), "`evenlight play --measure-power`"
+)
+VERSION_POWER = RecordKind(
+    "version_power", VersionPower, FileFormat.CSV, ("power_table.csv",), "`evenlight play --measure-power`"
+)
+PLAYED_POWER = RecordKind(
+    "played_power",
+    PlayedPower,
+    FileFormat.JSON,
+    ("played_power.json",),
+    "`evenlight play --measure-power`",
 )
 
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
@@ -243,9 +270,14 @@ KINDS = (
     POWER_FIT,
     POWER_LOG,
     POWER_SAMPLE,
+    METER_READING,
     CLOCK_PING,
     PLAYED_FLIP,
     FLASH_MARK,
+    BACKLIGHT_SETTING,
+    FRAME_ENERGY,
+    VERSION_POWER,
+    PLAYED_POWER,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

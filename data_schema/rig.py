@@ -12,7 +12,7 @@ KEY = (
     "^([a-z0-9]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
     "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
 )
-METER = "^(none|simulated|manual|[a-z0-9]+:.+)$"  # an instrument: its driver and address
+METER = "^(none|simulated|manual|[a-z0-9]+:.*)$"  # an instrument: its driver and address
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
@@ -190,5 +190,10 @@ class Rig:
             )
         if self.actuator is Actuator.BACKLIGHT and self.backlight == "none":
             raise ValueError("the actuator is the backlight, so backlight must name one, got 'none'")
+        if self.actuator is Actuator.BACKLIGHT and self.backlight.startswith(("ddc:", "simulated:ddc")):
+            raise ValueError(
+                "a backlight over DDC/CI takes about 7 settings a second, too few for brightness that goes "
+                "smoothly: let pixels be the actuator; sweeps measure the backlight all the same"
+            )
         if self.backlight_curve and self.backlight == "none":
             raise ValueError("backlight_curve is of a backlight, so backlight must name one, got 'none'")

@@ -108,6 +108,9 @@ class PowerSweepDesign:
         As of `LuminanceSweepDesign`.
     drift_factors : tuple of float
         Factors that are measured again at the end, `repeats` times each.
+    reflected_luminance : float
+        L_refl, read with the display off in the light of the sweep; taken off what a luminance meter reads
+        [cd/m^2].
     """
 
     name: str = described("name of the design", default="standard")
@@ -124,6 +127,9 @@ class PowerSweepDesign:
         "1", "factors measured again at the end", above=0.0, maximum=1.0, default=(1.0,)
     )
     retries: int = quantity("1", "tries more of a reading that failed on its way", minimum=0, default=2)
+    reflected_luminance: float = quantity(
+        "cd/m^2", "read with the display off", minimum=0.0, maximum=HIGHEST_LUMINANCE, default=0.0
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -261,8 +261,11 @@ class PowerFit:
         Whether the line describes the panel.
     drift, drift_interval
         Power at the end over that in the sweep, less 1; None if nothing was repeated.
+    luminance_drift, luminance_drift_interval
+        The same of luminance; None also without a luminance meter.
     warm_up_change, warm_up_interval
-        Change of power towards the end of the warm-up, as a share per ten minutes; None of too few readings.
+        Change of luminance (without a luminance meter, of power) towards the end of the warm-up, as a share
+        per ten minutes; None of too few readings.
     flags : tuple of SweepFlag
         What to look at.
     provenance : Provenance
@@ -300,6 +303,8 @@ class PowerFit:
     is_linear: bool = described("whether the line describes the panel")
     drift: float | None = quantity("1", "power at the end over that in the sweep, less 1")
     drift_interval: tuple[float, float] | None = quantity("1", "its 95 % interval")
+    luminance_drift: float | None = quantity("1", "luminance at the end over that in the sweep, less 1")
+    luminance_drift_interval: tuple[float, float] | None = quantity("1", "its 95 % interval")
     warm_up_change: float | None = quantity("1", "share per ten minutes at the end of the warm-up")
     warm_up_interval: tuple[float, float] | None = quantity("1", "its 95 % interval")
     flags: tuple[SweepFlag, ...] = described("what to look at")

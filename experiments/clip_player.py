@@ -7,6 +7,8 @@ the display, frames are left out; the clip is neither longer nor shorter, and th
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,9 +28,25 @@ from stimuli.legibility import ink_on
 from stimuli.page_image import centred_image
 from stimuli.ramp import frame_count
 
+if TYPE_CHECKING:
+    import moderngl
+
 # [pixels] of the video's middle that is read back; the noise leaves a mean of so many within 0.01 cd/m^2.
 PROBE_SIZE = (256, 256)
 LABEL_SECONDS = 0.8  # that an interval's number is shown
+
+
+class Observer(Protocol):
+    """Who takes note of every refresh of a clip, as it is shown."""
+
+    def begin(self) -> None:
+        """Take note that a clip begins."""
+
+    def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
+        """Draw a mark over a frame that is about to be shown, or nothing."""
+
+    def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
+        """Take note of a frame that appeared [s], its brightness factor, and the one that was made of it."""
 
 
 class ClipPlayer:
@@ -48,6 +66,7 @@ class ClipPlayer:
         self._renderer = ImageRenderer(window.context(), showing.display, window.bits(), showing.rig.dither)
         self.recording: ClipRecording | None = None  # of the clip shown last, as far as it was
         self.caption: NDArray[np.uint8] | None = None  # coverage of text over the pictures
+        self.observer: Observer | None = None
         self._feeds = ClipFeeds(window.context(), self._renderer, showing.rig.refresh_rate)
         self._black = showing.display.black_level + showing.display.reflected_luminance
 
@@ -84,6 +103,8 @@ class ClipPlayer:
             self._show_label(clip.label, ground)
             settle(self._on, self._fields, float(clip.factors[frames[0]]), ground)
             self.recording = ClipRecording(self._on.rig.refresh_rate, waited)
+            if self.observer is not None:
+                self.observer.begin()
             self._show_frames(clip, feed, frames, self.recording)
         return self.recording.result()
 
@@ -134,12 +155,17 @@ class ClipPlayer:
         self._renderer.draw(window.framebuffer(), picture, refresh, clip.noise_seed)
         drawn = self._drawn(feed) if probe else None
         self._on.screenshots.take(window, "clip")
+        if self.observer is not None:
+            self.observer.before_flip(window.framebuffer(), frame)
         flip = window.flip()
         brightness.after_flip()
         probed = (
             None if drawn is None else Probe(brightness.seen(drawn), self._intended(feed, picture, factor))
         )
-        recording.note(flip, frame, factor, brightness.reported(), probed)
+        reported = brightness.reported()
+        recording.note(flip, frame, factor, reported, probed)
+        if self.observer is not None:
+            self.observer.after_flip(flip, frame, factor, factor if reported is None else reported)
 
     def _drawn(self, feed: Feed) -> float:
         """Return the mean luminance drawn in the middle of the video, before its flip [cd/m^2]."""

@@ -106,7 +106,7 @@ def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Prove
 
 
 def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> None:
-    """Make a folder a data set if it is none yet.
+    """Make a folder a data set that may hold sweeps, if it is none yet.
 
     Raises
     ------
@@ -114,7 +114,10 @@ def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> N
         If it holds the other kind of data, recorded or simulated, or other things; if it cannot be written.
     """
     with _data_set(dataset, simulated, provenance):
-        pass
+        ignored = dataset / ".bidsignore"
+        lines = read_text(ignored, "what BIDS is to ignore").splitlines() if ignored.exists() else []
+        if SWEEPS not in lines:  # a data set of before there were sweeps
+            write_whole(ignored, "".join(f"{line}\n" for line in (*lines, SWEEPS)))
 
 
 @contextmanager

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from data_schema.errors import InputError
 from data_schema.ramp import RampDesign
 from data_schema.session import DESIGN_OF_TASK, Design
+from data_schema.sweep import DESIGN_OF_SWEEP, SweepDesign
 from data_schema.text_files import read_toml_record
 
 DESIGNS = Path(__file__).parent / "designs"
@@ -35,9 +36,14 @@ def load_task_design(task: str, name_or_path: str) -> Design:
     >>> load_task_design("search", "paper").ring_gap
     10.0
     """
+    return cast(Design, _load(DESIGN_OF_TASK[task], task, name_or_path))
+
+
+def _load(cls: type[Any], task: str, name_or_path: str) -> Any:
+    """Return the design of a preset, or of a toml file, for a task or sweep."""
     known = design_names(task)
     if name_or_path in known:
-        return read_toml_record(DESIGN_OF_TASK[task], DESIGNS / f"{name_or_path}{_suffix(task)}")
+        return read_toml_record(cls, DESIGNS / f"{name_or_path}{_suffix(task)}")
     path = Path(name_or_path)
     if not path.exists():
         hint = difflib.get_close_matches(name_or_path, known, n=1)
@@ -45,7 +51,16 @@ def load_task_design(task: str, name_or_path: str) -> Design:
         raise InputError(
             f"{name_or_path}: no such design; {guess}give a preset ({', '.join(known)}) or a toml file"
         )
-    return read_toml_record(DESIGN_OF_TASK[task], path)
+    return read_toml_record(cls, path)
+
+
+def load_sweep_design(task: str, name_or_path: str) -> SweepDesign:
+    """Return the design of a preset, or of a toml file, for a sweep; errors as `load_design`.
+
+    >>> load_sweep_design("power-sweep", "quick").repeats
+    3
+    """
+    return cast(SweepDesign, _load(DESIGN_OF_SWEEP[task], task, name_or_path))
 
 
 def design_names(task: str = "ramp") -> list[str]:

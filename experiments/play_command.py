@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+import functools
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,9 +17,11 @@ from data_schema.errors import InputError
 if TYPE_CHECKING:
     from data_schema.display import Display
     from data_schema.rig import Rig
+    from experiments.measured_play import Measurement
     from experiments.play_log import Pass
     from experiments.playback import Playback
 
+DEFAULT_PASSES = 3
 FREE_RUNNING = 1.1  # times as many refreshes as the display makes
 
 
@@ -73,11 +77,43 @@ def play(
     simulate: Annotated[
         bool, typer.Option("--simulate", help="As fast as it goes, on a clock that counts the refreshes.")
     ] = False,
+    measure_power: Annotated[
+        bool,
+        typer.Option(
+            "--measure-power",
+            help="Measure the panel's power while ours, baseline and full are played in turn.",
+        ),
+    ] = False,
+    passes: Annotated[
+        int | None, typer.Option(help="How often each version is played for its power; else 3.", min=1)
+    ] = None,
+    sample_rate_hz: Annotated[
+        float | None, typer.Option(help="Samples of the power meter per second; else up to 1000.", min=0.1)
+    ] = None,
+    sync_patch: Annotated[
+        bool,
+        typer.Option(
+            "--sync-patch", help="A corner that changes with every frame, for a photodiode at the meter."
+        ),
+    ] = False,
+    power_model: Annotated[
+        str | None, typer.Option(help="Power model to compare the measured power with.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for measured power: samples, table, figure, report.")
+    ] = None,
+    old_calibration_ok: Annotated[
+        bool,
+        typer.Option("--old-calibration-ok", help="Accept a display that was measured too long ago."),
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing of what is shown.")] = False,
-) -> None:
+) -> Path | None:
     """Show a video with its brightness track (keys: 1 ours, 2 baseline, 3 undimmed), or walk; escape ends."""
-    of_videos = {"TRACK": track, "--version": version, "--log": log, "--loop": loop, "--label": label}
-    of_videos["--other-display-ok"] = other_display_ok
+    of_power: dict[str, object] = {"--passes": passes, "--sample-rate-hz": sample_rate_hz, "--out": out}
+    of_power |= {"--sync-patch": sync_patch, "--power-model": power_model}
+    of_passes: dict[str, object] = {"--version": version, "--loop": loop, "--label": label, "--log": log}
+    of_videos: dict[str, object] = {"TRACK": track, "--other-display-ok": other_display_ok}
+    of_videos |= {"--measure-power": measure_power} | of_passes | of_power
     of_walks = {"--factor": factor, "--record": record, "--seconds": seconds}
     if walk:
         _refuse(
@@ -90,10 +126,13 @@ def play(
         said = walk_as_asked(asked)
         if not quiet:
             typer.echo(said)
-        return
+        return None
     _refuse(of_walks, "{} is for walks through a scene: give it with --walk, or leave it out")
+    if not measure_power:
+        _refuse(of_power, "{} is for measured power: give it with --measure-power, or leave it out")
     if track is None:
         raise InputError("play needs a TRACK: the folder that `evenlight optimize` wrote, or its track.csv")
+    from experiments.calibration_age import require_young
     from experiments.play_log import require_log_file
     from experiments.play_request import playback_of, rig_of, video_of
     from experiments.track_fit import load_track, require_display, require_fit
@@ -108,6 +147,26 @@ def play(
     used, panel = rig_of(rig, display, loaded.track.header.display_name, pixels)
     if not other_display_ok:
         require_display(loaded.track, panel)
+    if rig is not None and not simulate:
+        require_young(panel, used.calibration_age_limit, accepted=old_calibration_ok)
+    if measure_power:
+        _refuse(of_passes, "{} does not go with --measure-power, which plays every version in turn")
+        from experiments.measured_play import Measurement, require_output, require_power_meter
+        from method.preset_files import load_power_model
+
+        require_power_meter(used)
+        if power_model is not None:
+            load_power_model(power_model)  # a slip is told before anything is played
+        measurement = Measurement(
+            folder=require_output(out),
+            sample_rate=sample_rate_hz,
+            passes=passes or DEFAULT_PASSES,
+            sync_patch=sync_patch,
+            track_sha256=loaded.sha256,
+            simulated=simulate,
+        )
+        playback = replace(playback_of(source, loaded, ("ours",)), screenshots=screenshots)
+        return _measure(playback, used, panel, measurement, quiet)
     version = version or Version.OURS
     if not quiet and version in (Version.BASELINE, Version.BOTH):
         typer.echo(f"baseline: constant factor {loaded.baseline:.4g}, {loaded.source_of_baseline}")
@@ -115,6 +174,66 @@ def play(
     playback = playback_of(source, loaded, versions)
     playback = replace(playback, loop=loop, captions=label, screenshots=screenshots)
     _play(playback, used, panel, _How(simulate, rig is None, quiet, log))
+    return None
+
+
+def play_command(write_power: Callable[[Path, str | None], list[str]]) -> Callable[..., None]:
+    """Return the command `play`, which hands the folder of measured power to an analysis.
+
+    Parameters
+    ----------
+    write_power : callable
+        Writes the results into the folder, beside the prediction of a power model if one is named, and
+        returns what is to be said of them.
+    """
+
+    @functools.wraps(play)
+    def play_then_analyse(**asked: Any) -> None:
+        folder = play(**asked)
+        if folder is None:
+            return
+        said = write_power(folder, asked["power_model"])
+        if not asked["quiet"]:
+            for line in said:
+                typer.echo(line)
+
+    return play_then_analyse
+
+
+def _measure(
+    playback: Playback, rig: Rig, display: Display, measurement: Measurement, quiet: bool
+) -> Path | None:
+    """Play every version in turn and record the power; return the folder if nobody ended it."""
+    from data_schema.dataset_layout import BACKLIGHT_SETTINGS
+    from data_schema.power_log import BacklightSetting
+    from data_schema.text_files import write_rows
+    from experiments.measured_play import play_measured, with_passes
+    from experiments.playback import Player, open_devices
+
+    playback = with_passes(playback, measurement.passes)
+    turn = 0
+
+    def say(words: str) -> None:
+        nonlocal turn
+        turn += 1
+        if not quiet:
+            typer.echo(f"measuring {words}, {turn} of {len(playback.order)}")
+
+    settings: list[BacklightSetting] = []
+    simulated = measurement.simulated
+    try:
+        with open_devices(rig, display, simulated=simulated, any_rate=False, settings=settings) as devices:
+            player = Player(devices, playback, say)
+            whole = play_measured(devices, player, playback, measurement)
+    finally:
+        if settings:
+            write_rows(measurement.folder / BACKLIGHT_SETTINGS, BacklightSetting, settings)
+    if not whole:
+        print(
+            f"evenlight: ended before its end; what was measured is in {measurement.folder}", file=sys.stderr
+        )
+        return None
+    return measurement.folder
 
 
 def _refuse(options: Mapping[str, object], because: str) -> None:

@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schema.display import Display
+from data_schema.power_log import BacklightSetting
 from data_schema.rig import Rig
 from experiments.brightness import Brightness
-from experiments.clip_player import ClipPlayer
+from experiments.clip_player import ClipPlayer, Observer
 from experiments.play_log import Pass
 from experiments.screenshots import Screenshots
 from experiments.showing import Showing
 from experiments.stage import Clip, PausePressed
+from hardware.backlight_log import LoggedBacklight
 from hardware.clocks import RefreshClock
 from hardware.protocols import Backlight, ResponseDevice, Window
 from hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
@@ -89,7 +91,14 @@ class Devices:
 
 
 @contextmanager
-def open_devices(rig: Rig, display: Display, *, simulated: bool, any_rate: bool) -> Iterator[Devices]:
+def open_devices(
+    rig: Rig,
+    display: Display,
+    *,
+    simulated: bool,
+    any_rate: bool,
+    settings: list[BacklightSetting] | None = None,
+) -> Iterator[Devices]:
     """Yield the devices of a rig, open.
 
     Parameters
@@ -102,6 +111,8 @@ def open_devices(rig: Rig, display: Display, *, simulated: bool, any_rate: bool)
         Whether time goes with the flips, and nobody sits at the keys.
     any_rate : bool
         Whether the rig takes the refresh rate that the window is found to have.
+    settings : list, optional
+        Takes every setting of the backlight.
     """
     with ExitStack() as stack:
         if simulated:
@@ -116,6 +127,8 @@ def open_devices(rig: Rig, display: Display, *, simulated: bool, any_rate: bool)
         backlight = open_backlight(rig, window.now)
         if backlight is not None:
             stack.callback(backlight.close)
+            if settings is not None:
+                backlight = LoggedBacklight(backlight, window.now, settings.append)
         yield Devices(window, keyboard, backlight, rig, display)
 
 
@@ -137,13 +150,17 @@ class Player:
         self._devices, self._playback, self._tell = devices, playback, tell
         brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
         screenshots = Screenshots(playback.screenshots)
-        showing = Showing(window, rig, display, brightness, screenshots, self._take_keys)
-        fields = FieldRenderer(window.context(), display, window.bits(), rig.dither)
-        self._player = ClipPlayer(showing, fields)
+        self.showing = Showing(window, rig, display, brightness, screenshots, self._take_keys)
+        self.fields = FieldRenderer(window.context(), display, window.bits(), rig.dither)
+        self._player = ClipPlayer(self.showing, self.fields)
         self._dimming = playback.order[0]
         self._factors = np.empty(len(playback.times))
         self._versions: list[str] = []
         self.passes: list[Pass] = []
+
+    def observe(self, observer: Observer) -> None:
+        """Let somebody take note of every refresh; how the video is dimmed is not switched any more."""
+        self._player.observer = observer
 
     def play(self) -> bool:
         """Play all of it, and return whether nobody ended it before."""
@@ -186,7 +203,7 @@ class Player:
         for press in self._devices.keyboard.pressed():
             if press.name == self._devices.rig.keys.pause:
                 raise PausePressed
-            if press.name in SWITCHES:
+            if press.name in SWITCHES and self._player.observer is None:
                 self._dim(SWITCHES[press.name])
 
 

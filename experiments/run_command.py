@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
+import functools
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +19,9 @@ if TYPE_CHECKING:
     from experiments.conduct_session import Progress as SessionProgress
     from experiments.run_session import SessionOutcome, SessionRequest
 
-TASKS = ("ramp", "rating", "comparison", "search")
+EXPERIMENTS = ("ramp", "rating", "comparison", "search")
+SWEEPS = ("luminance-sweep", "power-sweep")
+TASKS = (*EXPERIMENTS, *SWEEPS)
 ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
@@ -29,11 +34,19 @@ class Simulation(enum.Enum):
 
 
 def run(
-    task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
-    participant: Annotated[str, typer.Option(help="Participant: letters and digits, no name.")],
+    task: Annotated[
+        str,
+        typer.Argument(
+            help="Experiment: ramp, rating, comparison, search; or luminance-sweep, power-sweep of a display."
+        ),
+    ],
     session: Annotated[str, typer.Option(help="Session: letters and digits, e.g. 01.")],
     rig: Annotated[str, typer.Option(help="Rig: a toml file, or the preset simulated.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set; sessions are added to it.")],
+    participant: Annotated[
+        str | None,
+        typer.Option(help="Participant: letters and digits, no name; of a sweep, who measures (optional)."),
+    ] = None,
     design: Annotated[
         str | None,
         typer.Option(help="Design: a preset (paper, quick, ...) or a toml file; default paper."),
@@ -60,13 +73,19 @@ def run(
     screenshots: Annotated[
         Path | None, typer.Option(help="Folder for a picture of every kind of screen, as it was drawn.")
     ] = None,
+    old_calibration_ok: Annotated[
+        bool,
+        typer.Option("--old-calibration-ok", help="Accept a display that was measured too long ago."),
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
-) -> None:
-    """Run one session of an experiment with a participant, or rehearse it."""
+) -> Path | None:
+    """Run one session of an experiment with a participant, or a sweep of a display, or rehearse it."""
     if task not in TASKS:
         raise InputError(f"task {task!r} cannot be run; there is {', '.join(map(repr, TASKS))}")
+    if participant is None and task not in SWEEPS:
+        raise InputError(f"--participant is missing: the task {task} is a session with one, such as 01")
     for option, value in (("--participant", participant), ("--session", session)):
-        if not ID.fullmatch(value):
+        if value is not None and not ID.fullmatch(value):
             raise InputError(
                 f"{option} must be letters and digits, a digit among them, such as 01, got {value!r}"
             )
@@ -76,6 +95,7 @@ def run(
         raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
     if simulate is Simulation.DATA and screenshots is not None:
         raise InputError("--screenshots needs a window, which --simulate data does not open")
+    from experiments.calibration_age import require_young
     from experiments.design_files import load_task_design
     from experiments.pages import load_pages
     from experiments.run_session import SessionRequest
@@ -83,6 +103,17 @@ def run(
     from hardware.rig import load_rig
     from method.preset_files import load_display
 
+    staging = Staging(simulate.value if simulate else None, real_time, screenshots)
+    if task in SWEEPS:
+        of_people: dict[str, object] = {"--stimuli": stimuli, "--pages": pages, "--language": language}
+        of_people |= {"--real-time": real_time or None, "--screenshots": screenshots}
+        for option, given in of_people.items():
+            if given is not None:
+                raise InputError(f"{option} is for sessions with people; leave it out of {task}")
+        from experiments.sweep_request import run_sweep_as_asked, sweep_request
+
+        asked = sweep_request(task, rig, design, staging, (out, session, participant or ""), seed)
+        return run_sweep_as_asked(dataclasses.replace(asked, resume=resume), quiet)
     loaded, display_name = load_rig(rig)
     try:
         display = load_display(display_name)
@@ -94,20 +125,47 @@ def run(
     request = SessionRequest(
         task=task,
         dataset=out,
-        participant_id=participant,
+        participant_id=participant or "",
         session_id=session,
         rig=loaded,
         display=display,
         design=load_task_design(task, design) if design else None,
         pages=load_pages(language or loaded.language, pages),
-        staging=Staging(simulate.value if simulate else None, real_time, screenshots),
+        staging=staging,
         seed=seed,
         resume=resume,
         stimuli=stimuli,
+        # A rehearsal is the same whenever it is run: the calibration's age does not matter to it.
+        old_calibration=""
+        if staging.simulated
+        else require_young(display, loaded.calibration_age_limit, accepted=old_calibration_ok),
     )
     outcome = _run_with_progress(request, quiet)
     if not quiet:
         _close(outcome)
+    return None
+
+
+def run_command(fit_sweep: Callable[[Path], list[str]]) -> Callable[..., None]:
+    """Return the command `run`, which hands the folder of a sweep that is complete to a fit.
+
+    Parameters
+    ----------
+    fit_sweep : callable
+        Writes the results of a sweep into its folder, and returns what is to be said of them.
+    """
+
+    @functools.wraps(run)
+    def run_then_fit(**asked: Any) -> None:
+        complete = run(**asked)
+        if complete is None:
+            return
+        said = fit_sweep(complete)
+        if not asked["quiet"]:
+            for line in said:
+                typer.echo(line)
+
+    return run_then_fit
 
 
 def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:

@@ -11,9 +11,9 @@ from pathlib import Path
 from data_schema.dataset_layout import MANIFEST, TRIALS, session_folder
 from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_record
+from data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file, sha256_of_record
 from data_schema.rig import Keys, Rig
-from data_schema.session import DESIGN_OF_TASK, Design, SessionManifest, SessionStatus
+from data_schema.session import DESIGN_OF_TASK, Design, EventKind, SessionManifest, SessionStatus
 from data_schema.text_files import read_json_record
 from experiments.conduct_session import Cast, Progress, conduct_session
 from experiments.dataset import enrol
@@ -58,6 +58,8 @@ class SessionRequest:
         Whether a session that is there already is to be gone on with.
     stimuli : Path or None
         Folder with the sequences of a viewing experiment.
+    old_calibration : str
+        What is wrong with the age of the display's calibration, which was accepted; else empty.
     """
 
     task: str
@@ -72,6 +74,7 @@ class SessionRequest:
     seed: int | None = None
     resume: bool = False
     stimuli: Path | None = None
+    old_calibration: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +129,8 @@ def run_session(
         setting = dataclasses.replace(setting, manifest=store.manifest)
         task = make_task(setting)
         with store:
+            if request.old_calibration:
+                store.note(EventKind.OLD_CALIBRATION, request.old_calibration)
             participant = _participant(setting, simulated, press)
             cast = Cast(task, stage, participant, request.pages, request.rig.keys)
             status = conduct_session(store, cast, report)
@@ -163,6 +168,8 @@ def _new_manifest(
             "with --resume, or give another --session"
         )
     inputs = {"rig": sha256_of_record(request.rig), "display": sha256_of_record(request.display)}
+    if request.rig.backlight_curve:
+        inputs["backlight_curve"] = sha256_of_file(Path(request.rig.backlight_curve))
     return SessionManifest(
         participant_id=request.participant_id,
         session_id=request.session_id,
@@ -181,8 +188,9 @@ def _new_manifest(
 
 
 def _essence(rig: Rig) -> Rig:
-    """Return a rig without what may be another when a session is resumed: language and keys."""
-    return dataclasses.replace(rig, language="en", keys=Keys())
+    """Return a rig without what may be another when a session is resumed: language, keys, paths, meters."""
+    plain = dataclasses.replace(rig, language="en", keys=Keys(), backlight_curve="")
+    return dataclasses.replace(plain, luminance_meter="none", power_meter="none")
 
 
 def _session_seed(request: SessionRequest) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, read_track
 from data_schema.display import Display
 from data_schema.errors import InputError
+from data_schema.provenance import sha256_of_file
 from data_schema.text_files import read_json_record
 from experiments.video_feed import LARGEST_DEVIATION, wrong_count, wrong_time
 from stimuli.video_file import VideoFile
@@ -42,11 +43,14 @@ class LoadedTrack:
         Factor of constant dimming at equal power.
     source_of_baseline : str
         Where that comes from.
+    sha256 : str
+        Of its track.csv.
     """
 
     track: BrightnessTrack
     baseline: float
     source_of_baseline: str
+    sha256: str = ""
 
 
 def load_track(path: Path) -> LoadedTrack:
@@ -58,13 +62,13 @@ def load_track(path: Path) -> LoadedTrack:
         A track.csv, or the folder it is in.
     """
     file = track_file(path)
-    track = read_track(file)
+    track, digest = read_track(file), sha256_of_file(file)
     summary = file.with_name(SUMMARY)
     if summary.is_file():
         factor = read_json_record(OptimizationSummary, summary).baseline_factor
-        return LoadedTrack(track, factor, f"as {summary} has it")
+        return LoadedTrack(track, factor, f"as {summary} has it", digest)
     said = f"the track's mean, for there is no {summary}: of equal power where a backlight makes the light"
-    return LoadedTrack(track, mean_factor(track), said)
+    return LoadedTrack(track, mean_factor(track), said, digest)
 
 
 def mean_factor(track: BrightnessTrack) -> float:

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from data_schema.errors import InputError
-from hardware.protocols import InstrumentError
+from hardware.protocols import Fault, InstrumentError
 
 SYSFS = Path("/sys/class/backlight")
 ROUNDING = 1e-9  # of a factor that was computed
@@ -29,6 +29,8 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         Where the folders are.
     min_interval : float, optional
         Shortest time between two settings [s]; drivers take a few ms.
+    curve_known : bool, optional
+        Whether its luminance over steps was measured, so that steps which are not linear in light will do.
 
     Raises
     ------
@@ -36,18 +38,20 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         If there is no such backlight, it may not be set, or its steps are not linear in light.
     """
 
-    def __init__(self, name: str, root: Path = SYSFS, min_interval: float = 0.01) -> None:
-        self._folder, self._min_interval = root / name, min_interval
+    def __init__(
+        self, name: str, root: Path = SYSFS, min_interval: float = 0.01, *, curve_known: bool = False
+    ) -> None:
+        self._folder, self._min_interval, self._closed = root / name, min_interval, False
         if not (self._folder / "max_brightness").is_file():
             names = sorted(path.name for path in root.glob("*")) if root.is_dir() else []
             raise InputError(
                 f"{self._folder}: no such backlight; there is {', '.join(names) or 'none'} on this computer"
             )
         scale = self._folder / "scale"
-        if scale.is_file() and scale.read_text().strip() == "non-linear":
+        if not curve_known and scale.is_file() and scale.read_text().strip() == "non-linear":
             raise InputError(
-                f"{self._folder}: its steps are not linear in light, so they are no brightness factors; let "
-                "pixels make the brightness"
+                f"{self._folder}: its steps are not linear in light, so they are no brightness factors; name "
+                "their measured curve as `backlight_curve`, or let pixels make the brightness"
             )
         self._highest = self._read("max_brightness")
         self._found = self._read("brightness")
@@ -61,12 +65,16 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         InstrumentError
             If the device has no such factor, or refuses.
         """
+        if self._closed:
+            raise InstrumentError(f"{self._folder}: is closed", Fault.DISCONNECTED)
         require_factor(factor, self.smallest_factor(), str(self._folder))
         step = max(1, round(factor * self._highest))
         try:
             self._write(step)
         except InputError as error:
             raise InstrumentError(str(error)) from None
+        if (taken := self._read("brightness")) != step:
+            raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
         return step / self._highest
 
     def read_factor(self) -> float:
@@ -87,8 +95,10 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         return self._min_interval
 
     def close(self) -> None:
-        """Leave the device as it was found."""
-        self._write(self._found)
+        """Leave the device as it was found; more than once does nothing."""
+        if not self._closed:
+            self._closed = True
+            self._write(self._found)
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -99,14 +109,14 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         try:
             return int(path.read_text())
         except (OSError, ValueError) as error:
-            raise InstrumentError(f"{path}: expected a whole number, got {error}") from None
+            raise InstrumentError(f"{path}: expected a whole number, got {error}", Fault.GARBLED) from None
 
     def _write(self, step: int) -> None:
         """Set the device to a step."""
         path = self._folder / "brightness"
         try:
             # Not Path.write_text: the file is never to be made, only written to.
-            descriptor = os.open(path, os.O_WRONLY)
+            descriptor = os.open(path, os.O_WRONLY | os.O_TRUNC)
             try:
                 os.write(descriptor, f"{step}\n".encode())
             finally:
@@ -135,6 +145,8 @@ class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
         In which 63 % of a change is made [s].
     min_interval : float, optional
         Shortest time between two settings [s].
+    follow : callable, optional
+        Is told each factor that is set: a simulated panel, which the light comes from.
 
     >>> time = [0.0]
     >>> backlight = SimulatedBacklight(lambda: time[0], steps=100, time_constant=0.01)
@@ -151,9 +163,10 @@ class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
         steps: int = 4095,
         time_constant: float = 0.005,
         min_interval: float = 0.01,
+        follow: Callable[[float], None] | None = None,
     ) -> None:
-        self._clock, self._steps = clock, steps
-        self._time_constant, self._min_interval = time_constant, min_interval
+        self._clock, self._steps, self._follow = clock, steps, follow
+        self._time_constant, self._min_interval, self._closed = time_constant, min_interval, False
         self._start, self._target, self._set_at = 1.0, 1.0, clock()
 
     def set_factor(self, factor: float) -> float:
@@ -164,9 +177,13 @@ class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
         InstrumentError
             If the device has no such factor.
         """
+        if self._closed:
+            raise InstrumentError("the simulated backlight: is closed", Fault.DISCONNECTED)
         require_factor(factor, self.smallest_factor(), "the simulated backlight")
         self._start, self._set_at = self.read_factor(), self._clock()
         self._target = max(1, round(factor * self._steps)) / self._steps
+        if self._follow is not None:
+            self._follow(self._target)
         return self._target
 
     def read_factor(self) -> float:
@@ -187,8 +204,10 @@ class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
         return self._min_interval
 
     def close(self) -> None:
-        """Leave the device as it was found."""
-        self.set_factor(1.0)
+        """Leave the device as it was found; more than once does nothing."""
+        if not self._closed:
+            self.set_factor(1.0)
+            self._closed = True
 
     def __exit__(self, *_: object) -> None:
         self.close()

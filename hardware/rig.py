@@ -5,15 +5,105 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from data_schema.errors import InputError
 from data_schema.rig import SLOWEST_DISPLAY, Rig
 from data_schema.text_files import read_toml_record
 from hardware.clocks import RefreshClock
-from hardware.protocols import Backlight, HeldKeys, Pointer, ResponseDevice, Window
+from hardware.driver_table import SIMULATED, Driver, LinkKind, NamedDriver, named_driver, own_simulation
+from hardware.protocols import (
+    Backlight,
+    HeldKeys,
+    LuminanceMeter,
+    Pointer,
+    PowerMeter,
+    ResponseDevice,
+    Window,
+)
+
+if TYPE_CHECKING:
+    from hardware.board_link import PowerBoard
+    from hardware.simulated_panel import Simulation
 
 RIGS = Path(__file__).parent / "rigs"
+BOARD = "board"  # one link, which a power meter and a backlight share
+
+LUMINANCE_METERS = {  # what they are for the person at the bench stands in hardware/luminance_meters.py
+    "ls100": Driver("hardware.konica_minolta:Ls100", "hardware.emulators.konica_minolta:EmulatedLs100"),
+    "ls110": Driver("hardware.konica_minolta:Ls110", "hardware.emulators.konica_minolta:EmulatedLs110"),
+    "cs100a": Driver("hardware.konica_minolta:Cs100a", "hardware.emulators.konica_minolta:EmulatedCs100a"),
+    "pr655": Driver(
+        "hardware.photo_research:Pr655",
+        "hardware.emulators.photo_research:EmulatedPr655",
+        LinkKind.TERMINAL,
+    ),
+    "pr670": Driver(
+        "hardware.photo_research:Pr670",
+        "hardware.emulators.photo_research:EmulatedPr670",
+        LinkKind.TERMINAL,
+    ),
+    "pr650": Driver(
+        "hardware.photo_research_650:Pr650",
+        "hardware.emulators.photo_research:EmulatedPr650",
+        LinkKind.TERMINAL,
+    ),
+    "colorcal": Driver(
+        "hardware.colorcal:ColorCal", "hardware.emulators.colorcal:EmulatedColorCal", LinkKind.TERMINAL
+    ),
+    "spotread": Driver(
+        "hardware.spotread:Spotread",
+        "hardware.emulators.spotread:EmulatedSpotread",
+        LinkKind.OWN,
+        needs_address=False,
+    ),
+    "manual": Driver("hardware.manual_meter:ManualMeter", needs_address=False),
+    "csv": Driver("hardware.luminance_table:CsvMeter"),
+    SIMULATED: Driver("hardware.simulated_luminance_meter:SimulatedLuminanceMeter", needs_address=False),
+}
+POWER_METERS = {  # hardware/power_meters.py
+    BOARD: Driver(
+        "hardware.power_board:BoardPowerMeter",
+        "hardware.emulators.power_board:PowerBoardEmulator",
+        LinkKind.TERMINAL,
+    ),
+    "hwmon": Driver(
+        "hardware.hwmon_power:HwmonPowerMeter", "hardware.emulators.hwmon:HwmonEmulator", LinkKind.OWN
+    ),
+    "ppk2": Driver(
+        "hardware.nordic_ppk2:Ppk2PowerMeter",
+        "hardware.emulators.ppk2:Ppk2Emulator",
+        LinkKind.TERMINAL,
+        address="{url}?voltage=5.0",
+    ),
+    "scpi": Driver(
+        "hardware.scpi_power:ScpiPowerMeter",
+        "hardware.emulators.scpi_instrument:ScpiEmulator",
+        address="{host}:{port}",
+    ),
+    "visa": Driver(
+        "hardware.scpi_power:VisaPowerMeter",
+        "hardware.emulators.scpi_instrument:ScpiEmulator",
+        address="TCPIP::{host}::{port}::SOCKET",
+    ),
+    SIMULATED: Driver("hardware.simulated_power_meter:SimulatedPowerMeter", needs_address=False),
+}
+BACKLIGHTS = {  # hardware/backlight_notes.py
+    "sysfs": Driver("hardware.backlights:SysfsBacklight"),
+    "ddc": Driver(
+        "hardware.ddc_backlight:DdcBacklight",
+        "hardware.emulators.ddc_monitor:EmulatedMonitor",
+        on_link="hardware.emulators.ddc_monitor:backlight_on",
+    ),
+    BOARD: Driver(
+        "hardware.power_board:BoardBacklight",
+        "hardware.emulators.power_board:PowerBoardEmulator",
+        LinkKind.TERMINAL,
+    ),
+    SIMULATED: Driver("hardware.backlights:SimulatedBacklight", needs_address=False),
+}
 FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
 LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
 
@@ -32,6 +122,7 @@ def load_rig(name_or_path: str) -> tuple[Rig, str]:
         The rig, as the file has it.
     display : str
         Its display, to be loaded: a preset's name, or a path, which a rig gives relative to its own file.
+        The rig's `backlight_curve` is a path from there, too, and is returned as one from here.
 
     Raises
     ------
@@ -44,6 +135,8 @@ def load_rig(name_or_path: str) -> tuple[Rig, str]:
     """
     path = _rig_file(name_or_path)
     rig = read_toml_record(Rig, path)
+    if rig.backlight_curve:
+        rig = dataclasses.replace(rig, backlight_curve=str(path.parent / rig.backlight_curve))
     is_file = rig.display.endswith(".toml") or "/" in rig.display
     return rig, str(path.parent / rig.display) if is_file else rig.display
 
@@ -123,15 +216,145 @@ def open_held_keys(window: Window) -> HeldKeys | None:
     return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
 
-def open_backlight(rig: Rig, clock: Callable[[], float]) -> Backlight | None:
-    """Return the rig's backlight on a clock [s], or None if it names none."""
-    if rig.backlight == "none":
-        return None
-    from hardware import backlights
+def open_luminance_meter(
+    name: str,
+    clock: Callable[[], float],
+    simulation: Simulation | None = None,
+    ask: Callable[[str], str] | None = None,
+) -> LuminanceMeter:
+    """Return a luminance meter, open.
 
-    if rig.backlight == "simulated":
-        return backlights.SimulatedBacklight(clock)
-    return backlights.SysfsBacklight(rig.backlight.removeprefix("sysfs:"))
+    Parameters
+    ----------
+    name : str
+        "simulated", "manual", DRIVER:ADDRESS, or "simulated:DRIVER" for a driver on its emulated instrument.
+    clock : callable
+        Of the readings' times [s].
+    simulation : Simulation, optional
+        What a simulated one looks at.
+    ask : callable, optional
+        Asks the person at the bench, and returns what was typed; else the terminal does.
+
+    Raises
+    ------
+    InputError
+        If there is no such driver.
+    InstrumentError
+        If the instrument is not there, or does not answer as it should.
+    """
+    named = named_driver(name, LUMINANCE_METERS, "luminance meter")
+    if named.emulated:
+        from hardware.emulated_instruments import EmulatedLuminanceMeter
+
+        return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
+    driver = named.driver.load()
+    meter: LuminanceMeter
+    if name == SIMULATED:
+        meter = driver(simulation or own_simulation(clock))
+    elif name == "manual":
+        meter = driver(ask or input, clock)
+    else:
+        meter = driver(named.address, clock)
+    return meter
+
+
+def open_power_meter(
+    name: str, clock: Callable[[], float], simulation: Simulation | None = None
+) -> PowerMeter:
+    """Return a power meter, open; a board that is open as a backlight is shared.
+
+    Parameters
+    ----------
+    name : str
+        "simulated", DRIVER:ADDRESS, or "simulated:DRIVER" for a driver on its emulated instrument.
+    clock : callable
+        The computer's clock, for the times at which samples arrive [s].
+    simulation : Simulation, optional
+        What a simulated one measures.
+
+    Raises
+    ------
+    InputError
+        If there is no such driver.
+    InstrumentError
+        If the instrument is not there, or does not answer as it should.
+    """
+    named = named_driver(name, POWER_METERS, "power meter")
+    if named.emulated:
+        from hardware.emulated_instruments import EmulatedPowerMeter
+
+        return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
+    driver = named.driver.load()
+    meter: PowerMeter
+    if name == SIMULATED:
+        meter = driver(simulation or own_simulation(clock))
+    elif named.name == BOARD:
+        meter = driver(_shared_board(named.address, clock), clock)
+    else:
+        meter = driver(named.address, clock)
+    return meter
+
+
+def open_backlight(
+    rig: Rig, clock: Callable[[], float], simulation: Simulation | None = None
+) -> Backlight | None:
+    """Return the rig's backlight on a clock [s], or None if it names none.
+
+    Its factors are shares of luminance: where the rig has a `backlight_curve`, by that.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig, from `load_rig`.
+    clock : callable
+        The window's clock [s].
+    simulation : Simulation, optional
+        Whose panel a simulated one dims.
+
+    Raises
+    ------
+    InputError
+        If there is no such backlight, or its curve is none.
+    InstrumentError
+        If it does not answer as it should.
+    """
+    if not rig.backlight_curve or rig.backlight == "none":
+        return _open_device(rig, clock, simulation, curve_known=False)
+    from hardware.backlight_curve import read_backlight_curve
+    from hardware.linear_backlight import LinearizedBacklight
+
+    curve = read_backlight_curve(Path(rig.backlight_curve))
+    device = _open_device(rig, clock, simulation, curve_known=True)
+    return device and LinearizedBacklight(device, curve)
+
+
+def open_swept_backlight(
+    rig: Rig, clock: Callable[[], float], simulation: Simulation | None = None
+) -> Backlight | None:
+    """Return the rig's backlight by its own factors, for a sweep that measures what light they make.
+
+    As `open_backlight`, but for the curve: a known one is not used, and none is needed.
+    """
+    return _open_device(rig, clock, simulation, curve_known=True)
+
+
+def is_simulated(name: str) -> bool:
+    """Return whether the name of an instrument or a backlight is that of a simulated one.
+
+    >>> is_simulated("simulated:ls100"), is_simulated("ls100:/dev/ttyUSB0")
+    (True, False)
+    """
+    return name.partition(":")[0] == SIMULATED
+
+
+def simulated_devices(rig: Rig) -> list[str]:
+    """Return which of a rig's meters and backlight are simulated.
+
+    >>> simulated_devices(load_rig("simulated")[0])
+    ['luminance_meter', 'power_meter']
+    """
+    keys = ("luminance_meter", "power_meter", "backlight")
+    return [key for key in keys if is_simulated(getattr(rig, key))]
 
 
 def backlights_smallest_factor(rig: Rig) -> float:
@@ -177,3 +400,47 @@ def _rig_file(name_or_path: str) -> Path:
             f"{name_or_path}: no such rig; {guess}give a preset ({', '.join(rig_names())}) or a toml file"
         )
     return path
+
+
+def _open_device(
+    rig: Rig, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
+) -> Backlight | None:
+    """Return the rig's backlight by its own factors."""
+    if rig.backlight == "none":
+        return None
+    named = named_driver(rig.backlight, BACKLIGHTS, "backlight")
+    if named.emulated:
+        from hardware.emulated_instruments import EmulatedBacklight
+
+        return EmulatedBacklight(*_on_emulator(named, clock, simulation))
+    driver = named.driver.load()
+    backlight: Backlight
+    if rig.backlight == SIMULATED:
+        backlight = driver(clock, follow=simulation.panel.set_backlight if simulation else None)
+    elif named.name == BOARD:
+        backlight = driver(_shared_board(named.address, clock), clock)
+    elif named.name == "sysfs":
+        backlight = driver(named.address, curve_known=curve_known)
+    else:
+        backlight = driver(int(named.address))
+    return backlight
+
+
+def _on_emulator(
+    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None
+) -> tuple[Any, AbstractContextManager[Any]]:
+    """Return a driver on an emulated instrument, and the link to that."""
+    simulation = simulation or own_simulation(clock)
+    if named.name != BOARD:
+        return named.driver.open_emulated(clock, simulation)
+    from hardware.shared_boards import emulated_board
+
+    # The link to an emulated board is closed with the board, after the last of its devices.
+    return named.driver.load()(emulated_board(simulation, clock), clock), nullcontext()
+
+
+def _shared_board(address: str, clock: Callable[[], float]) -> PowerBoard:
+    """Return the power board at a port; one that is open already is shared."""
+    from hardware.shared_boards import board_at
+
+    return board_at(address, clock)

@@ -7,6 +7,7 @@ asked and what came.
 
 from __future__ import annotations
 
+import select
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -14,6 +15,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hardware.protocols import Fault, InstrumentError
+
+try:
+    import termios
+
+    BROKEN: tuple[type[Exception], ...] = (OSError, termios.error)  # of a port that is gone
+except ImportError:  # on Windows
+    BROKEN = (OSError,)
+GONE: tuple[type[Exception], ...] = (*BROKEN, TypeError)  # pyserial's, where the file is gone in between
+NOT_OPENED: tuple[type[Exception], ...] = (*BROKEN, ValueError)
 
 if TYPE_CHECKING:
     import serial
@@ -92,7 +102,7 @@ class SerialLink(AbstractContextManager["SerialLink"]):
             try:
                 self._open_port().write(part)
                 self._open_port().flush()
-            except OSError as error:
+            except BROKEN as error:
                 raise self._broken(error) from None
 
     def read_line(self, timeout: float | None = None) -> str:
@@ -108,12 +118,7 @@ class SerialLink(AbstractContextManager["SerialLink"]):
         InstrumentError
             NO_REPLY if nothing comes; GARBLED if a line breaks off, or is not ASCII; DISCONNECTED.
         """
-        end = self._clock() + (self._settings.timeout if timeout is None else timeout)
-        while self._settings.terminator not in self._came:
-            if self._clock() >= end:
-                raise self._missing()
-            self._came += self._take()
-        line, _, self._came = self._came.partition(self._settings.terminator)
+        line = self.read_until(self._settings.terminator, timeout)
         try:
             return line.decode("ascii")
         except UnicodeDecodeError:
@@ -121,6 +126,19 @@ class SerialLink(AbstractContextManager["SerialLink"]):
                 f"{self.name}: sent what is no text, {_quoted(line)}; are baud rate and parity right?",
                 Fault.GARBLED,
             ) from None
+
+    def read_until(self, end_of_it: bytes, timeout: float | None = None) -> bytes:
+        """Return what comes before some bytes, which are taken, too: of a reply that has no terminator.
+
+        It takes as long, and raises the same errors, as `read_line`.
+        """
+        end = self._clock() + (self._settings.timeout if timeout is None else timeout)
+        while end_of_it not in self._came:
+            if self._clock() >= end:
+                raise self._missing()
+            self._came += self._take()
+        came, _, self._came = self._came.partition(end_of_it)
+        return came
 
     def lines_waiting(self) -> list[str]:
         """Return the whole lines that are there; return at once. What is no text keeps its place as "?"."""
@@ -147,7 +165,10 @@ class SerialLink(AbstractContextManager["SerialLink"]):
         """Close the port; more than once does nothing."""
         if self._port is not None:
             port, self._port = self._port, None
+            own_socket = getattr(port, "_socket", None)  # pyserial leaves it open where the other end is gone
             port.close()
+            if own_socket is not None:
+                own_socket.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -157,10 +178,10 @@ class SerialLink(AbstractContextManager["SerialLink"]):
         try:
             came = self._open_port().read(AT_ONCE)
             if not came and not at_once:
-                time.sleep(POLL)
+                _await_bytes(self._open_port(), POLL)
                 came = self._open_port().read(AT_ONCE)
             return bytes(came)
-        except (OSError, TypeError) as error:  # TypeError: pyserial's, where the file is gone in between
+        except GONE as error:
             raise self._broken(error) from None
 
     def _open_port(self) -> serial.SerialBase:
@@ -182,9 +203,17 @@ class SerialLink(AbstractContextManager["SerialLink"]):
         """Close the port, and return the error of a connection that is gone."""
         try:
             self.close()
-        except OSError:  # a port that is gone may not even close
+        except BROKEN:  # a port that is gone may not even close
             self._port = None
         return InstrumentError(f"{self.name}: the connection broke ({error})", Fault.DISCONNECTED)
+
+
+def _await_bytes(port: serial.SerialBase, seconds: float) -> None:
+    """Wait until a port has something to read, and no longer than some time [s]."""
+    try:
+        select.select([port.fileno()], [], [], seconds)
+    except (AttributeError, OSError, ValueError):  # a port that is no file, as on Windows
+        time.sleep(seconds)
 
 
 def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
@@ -203,11 +232,11 @@ def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
             write_timeout=settings.timeout,
             **own,
         )
-    except (OSError, ValueError) as error:
-        raise _refusal(name, error) from None
+    except NOT_OPENED as error:
+        raise refusal(name, error) from None
 
 
-def _refusal(name: str, error: OSError | ValueError) -> InstrumentError:
+def refusal(name: str, error: Exception) -> InstrumentError:
     """Return the error of a port that cannot be opened, with what to do about it."""
     words = str(error).lower()
     if "exclusively lock" in words or "busy" in words or "access is denied" in words:

@@ -53,7 +53,7 @@ class PanelPhysics:
     reflected_luminance: float = 0.0
     backlight_exponent: float = 1.0
     warm_up_share: float = -0.06
-    warm_up_time: float = 400.0
+    warm_up_time: float = 300.0
     drift_per_hour: float = 0.0
     lag: float = 0.005
     base_power: float = 0.2945

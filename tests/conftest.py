@@ -2,6 +2,8 @@
 
 import shutil
 import subprocess
+import time
+import types
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,6 +148,14 @@ def write_gray_video(
         frames.append(Frame(k / frames_per_second, 1 / frames_per_second, pixels))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_video(path, iter(frames), frames_per_second, bits=10)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def prompt_sockets() -> None:
+    """Let pyserial close a socket sooner: it sleeps 0.3 s each time, for servers that are far away."""
+    from serial.urlhandler import protocol_socket
+
+    protocol_socket.time = types.SimpleNamespace(time=time.time, sleep=lambda seconds: time.sleep(0.03))
 
 
 @pytest.fixture(scope="session")

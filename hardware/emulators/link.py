@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import enum
 import os
 import select
@@ -15,6 +14,7 @@ from typing import Protocol
 
 POLL = 0.002  # [s] between two looks at the link, and at what the instrument sends of itself
 ENOUGH = 4096  # bytes read at once
+AT_ONCE = 1024  # bytes written to a pseudo-terminal at once: fewer than it holds
 GARBAGE = bytes([0x80, 0xFF, 0x00, 0x9C, 0x1B, 0x7F])  # neither text nor a number, whatever the protocol
 
 
@@ -123,7 +123,7 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
         self._replies += 1
         plan = self._plan
         if plan is None or not plan.strikes(self._replies):
-            self._server.send(data)
+            self._send(data)
             return
         half = data[: max(1, len(data) // 2)]
         match plan.fault:
@@ -131,15 +131,20 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
                 pass
             case LinkFault.LATE_REPLY:
                 time.sleep(plan.delay)  # a slow instrument reads no commands in the meantime, either
-                self._server.send(data)
+                self._send(data)
             case LinkFault.PARTIAL_LINE:
-                self._server.send(half)
+                self._send(half)
             case LinkFault.GARBAGE:
                 ending = data[len(data.rstrip(b"\r\n")) :]
-                self._server.send(GARBAGE + ending)
+                self._send(GARBAGE + ending)
             case LinkFault.DISCONNECT:
-                self._server.send(half)
+                self._send(half)
                 self._ended.set()
+
+    def _send(self, data: bytes) -> None:
+        """Send all of some bytes, as fast as they are read; what nobody reads ends with the link."""
+        while data and not self._ended.is_set():
+            data = data[self._server.send(data) :]
 
 
 class _Server(Protocol):
@@ -150,8 +155,8 @@ class _Server(Protocol):
     def receive(self) -> bytes:
         """Return what came within `POLL`."""
 
-    def send(self, data: bytes) -> None:
-        """Send all of some bytes."""
+    def send(self, data: bytes) -> int:
+        """Send some bytes, as many as the link takes within `POLL`, and return how many."""
 
     def close(self) -> None:
         """Break the link."""
@@ -172,6 +177,7 @@ class _SocketServer:
             client, _ = self._listener.accept()
             if self._client is None:
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                client.settimeout(POLL)
                 self._client = client
             else:
                 client.close()
@@ -186,10 +192,15 @@ class _SocketServer:
             self._client = None
         return data
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes) -> int:
         if self._client is not None:
-            with contextlib.suppress(ConnectionError):  # a client that left wants no answer
-                self._client.sendall(data)
+            try:
+                return self._client.send(data)
+            except TimeoutError:
+                return 0
+            except ConnectionError:
+                pass
+        return len(data)  # a client that left wants no answer
 
     def close(self) -> None:
         if self._client is not None:
@@ -205,15 +216,16 @@ class _TerminalServer:
 
         self._own, self._other = os.openpty()
         tty.setraw(self._other)
+        os.set_blocking(self._own, False)
         self.url = os.ttyname(self._other)
 
     def receive(self) -> bytes:
         ready, _, _ = select.select([self._own], [], [], POLL)
         return os.read(self._own, ENOUGH) if ready else b""
 
-    def send(self, data: bytes) -> None:
-        while data:
-            data = data[os.write(self._own, data) :]
+    def send(self, data: bytes) -> int:
+        _, ready, _ = select.select([], [self._own], [], POLL)
+        return os.write(self._own, data[:AT_ONCE]) if ready else 0
 
     def close(self) -> None:
         # The other end stays open until here, so that a port may be closed and opened again.

@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 
 from data_schema.brightness_track import OptimizationSummary
 from data_schema.display import Display
+from data_schema.frame_energy import LEFT_OUT, FrameEnergy
 from data_schema.frame_log import FrameLog
 from data_schema.mapping import type_hints
+from data_schema.meter_reading import MeterReading
+from data_schema.played_power import PassPower, VersionPower
 from data_schema.power_log import ClockPing
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
@@ -252,6 +255,20 @@ def bounded_objective(values: Values) -> Values:
     return values | {"lower_bound": min(values["lower_bound"], values["objective"])}
 
 
+def an_energy_unless_left_out(values: Values) -> Values:
+    left_out = values["flag"] in LEFT_OUT
+    return values | {"energy": None if left_out else 0.01, "power": None if left_out else 0.6}
+
+
+def used_if_measured(values: Values) -> Values:
+    return values | {"used": values["used"] and values["mean_power"] is not None}
+
+
+def a_whole_interval(values: Values) -> Values:
+    low = values["ci_low"]
+    return values | {"ci_high": None if low is None else low + 0.1}
+
+
 RULES: dict[type[Any], Callable[[Values], Values]] = {
     Display: darker_black,
     PowerModel: some_power,
@@ -278,7 +295,11 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     SweepManifest: a_sweep_of_its_task,
     DisplayFit: within_intervals,
     PowerFit: within_intervals,
+    MeterReading: lambda values: values | {"ended": values["begun"] + 0.4},
     ClockPing: lambda values: values | {"received": values["sent"] + 0.5},
+    FrameEnergy: an_energy_unless_left_out,
+    PassPower: used_if_measured,
+    VersionPower: a_whole_interval,
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

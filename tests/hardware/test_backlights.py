@@ -69,6 +69,7 @@ def test_steps_that_are_not_linear_in_light_are_no_factors(panel: Path) -> None:
     (panel / "scale").write_text("non-linear\n")
     with pytest.raises(InputError, match="not linear in light"):
         SysfsBacklight("intel_backlight", panel.parent)
+    SysfsBacklight("intel_backlight", panel.parent, curve_known=True).close()
     (panel / "scale").write_text("linear\n")
     SysfsBacklight("intel_backlight", panel.parent).close()
 
@@ -81,6 +82,26 @@ def test_a_panel_that_fails_meanwhile_is_an_instrument_error(panel: Path) -> Non
     (panel / "brightness").unlink()
     with pytest.raises(InstrumentError, match="cannot be set to 51"):
         backlight.set_factor(0.2)
+
+
+def test_a_setting_that_the_driver_does_not_take_fails_loudly(panel: Path, monkeypatch) -> None:
+    """The kernel of some panels keeps them above a lowest step."""
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, b"40\n" if int(data) < 40 else data))
+    with (
+        SysfsBacklight("intel_backlight", panel.parent) as backlight,
+        pytest.raises(InstrumentError, match="was set to step 26, and took 40"),
+    ):
+        backlight.set_factor(0.1)
+
+
+def test_a_closed_backlight_is_set_no_more(panel: Path) -> None:
+    for backlight in (SysfsBacklight("intel_backlight", panel.parent), SimulatedBacklight(lambda: 0.0)):
+        backlight.close()
+        backlight.close()
+        with pytest.raises(InstrumentError, match="is closed"):
+            backlight.set_factor(0.5)
+    assert (panel / "brightness").read_text() == "180\n"
 
 
 @pytest.mark.parametrize("factor", [0.0, -0.5, 1.01, float("nan"), 0.0001])

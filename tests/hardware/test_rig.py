@@ -1,11 +1,14 @@
 """The rig file: presets, paths, and one clear line for whatever is wrong with it."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from data_schema.errors import InputError
-from data_schema.rig import Actuator, Dither
+from data_schema.mapping import keys_of
+from data_schema.rig import Rig
 from hardware.backlights import SimulatedBacklight
 from hardware.rig import RIGS, load_rig, open_backlight, require_refresh_rate
 
@@ -34,11 +37,15 @@ def test_a_rigs_display_may_be_a_preset(tmp_path: Path) -> None:
     assert load_rig(written(tmp_path, RIG.replace("lab.display.toml", "varjo-xr3")))[1] == "varjo-xr3"
 
 
-def test_the_example_of_a_desk_shows_every_key_at_its_default() -> None:
+def test_the_example_of_a_desk_shows_every_key_at_its_default_but_for_the_age_limit() -> None:
     rig, display = load_rig("desk")
     assert display == str(RIGS / "desk.display.toml")
     assert not Path(display).exists()  # a rig of another lab's monitor would be a trap
-    assert (rig.bits, rig.dither, rig.actuator) == (8, Dither.NOISY_BIT, Actuator.PIXELS)
+    plain = Rig("desk", "desk.display.toml", 0.6, 60.0)
+    assert rig == replace(plain, calibration_age_limit=30.0)
+    shown = (RIGS / "desk.rig.toml").read_text()
+    for key in keys_of(Rig)[0]:
+        assert re.search(rf"^(# )?{key} =|^\[{key}\]", shown, re.MULTILINE) or key == "window_size_px"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,125 @@
+"""What the figures of sweeps share: panels on a page, shares over time, and points with error bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import ArrayLike
+
+from analysis.figure_style import (
+    FAINT,
+    INK,
+    MUTED,
+    OURS,
+    Medium,
+    heading_lines,
+    new_figure,
+    text_at,
+    text_size,
+)
+from data_schema.sweep import SweepPhase
+
+PHASE_MARKS = {
+    SweepPhase.WARM_UP: ("s", MUTED, "warm-up"),
+    SweepPhase.SWEEP: ("o", INK, "sweep"),
+    SweepPhase.DRIFT: ("D", OURS, "repeat at the end"),
+}
+
+
+def page_of_panels(
+    medium: Medium, heading: tuple[str, str], rows: int, height: float
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a heading and rows of two panels each, and the panels in reading order.
+
+    Parameters
+    ----------
+    medium : Medium
+        Where it is shown.
+    heading : (str, str)
+        Title, and the line below it.
+    rows : int
+        Rows of panels.
+    height : float
+        Of a row, with its names of axes [inch].
+    """
+    em = medium.em
+    lines, above = heading_lines(*heading, medium.width - 6 * em, em)
+    whole = above + rows * height
+    figure = new_figure(medium, whole)
+    for words, top, style in lines:
+        text_at(figure, 5.5 * em, top, words, **style)
+    grid = figure.add_gridspec(
+        rows, 2, left=5.5 * em / medium.width, right=1 - 1.5 * em / medium.width,
+        top=1 - (above + 2.6 * em) / whole, bottom=4.2 * em / whole,
+        wspace=0.26, hspace=0.46,
+    )  # fmt: skip
+    return figure, [figure.add_subplot(grid[row, column]) for row in range(rows) for column in (0, 1)]
+
+
+def name_panel(axes: Axes, letter: str, words: str) -> None:
+    """Write the letter of a panel and what it shows above it."""
+    axes.set_title(f"{letter}  {words}", loc="left", pad=0.7 * text_size(), fontweight="bold")
+
+
+def draw_points(axes: Axes, x: ArrayLike, y: ArrayLike, half: ArrayLike, label: str) -> None:
+    """Draw measured points with their error bars."""
+    size = text_size()
+    axes.errorbar(x, y, yerr=half, fmt="o", color=INK, ms=0.42 * size, capsize=0.2 * size,
+                  elinewidth=size / 10, capthick=size / 10, label=label, zorder=4)  # fmt: skip
+
+
+def draw_over_time(
+    axes: Axes, readings: Sequence[tuple[SweepPhase, float, float, float]], quantity: str
+) -> None:
+    """Draw readings over time, each as a percentage of its level's mean in the sweep, less 100 %.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    readings : sequence of (SweepPhase, float, float, float)
+        What for, when [s], what was read, and the mean of its level in the sweep.
+    quantity : str
+        What was read.
+    """
+    if not readings:
+        axes.set_axis_off()
+        words = "neither a warm-up nor a repeat at the end was read"
+        axes.text(0.0, 0.5, words, color=MUTED, transform=axes.transAxes)
+        return
+    for phase, (mark, colour, name) in PHASE_MARKS.items():
+        own = [r for r in readings if r[0] is phase]
+        if own:
+            minutes = [time / 60 for _, time, _, _ in own]
+            percent = [100 * (value / mean - 1) for _, _, value, mean in own]
+            axes.plot(
+                minutes, percent, mark, color=colour, ms=0.36 * text_size(), mew=0, label=name, zorder=3
+            )
+    axes.axhline(0, color=FAINT, linewidth=text_size() / 11, zorder=1)
+    axes.set(xlabel="time since the sweep began [min]", ylabel=f"{quantity}, from its level's mean [%]")
+    widen(axes, 1.2)
+    legend_in(axes, "best")
+
+
+def widen(axes: Axes, least: float) -> None:
+    """Let the vertical axis reach at least so far to both sides of 0, so that noise does not look large."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -least), max(high, least))
+
+
+Corner = Literal["best", "lower right", "upper left", "upper right"]
+
+
+def legend_in(axes: Axes, place: Corner, columns: int = 1) -> None:
+    """Put the legend into a corner of some axes, clear of their frame."""
+    axes.legend(loc=place, ncols=columns, borderaxespad=0.6)
+
+
+def plain_log_scale(axes: Axes) -> None:
+    """Give some axes a logarithmic vertical scale with plain numbers."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,0 +1,53 @@
+"""How old a calibration is, and whether a rig still takes it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.power_model import PowerModel
+from experiments.timed_logs import utc_now
+
+SECONDS_A_DAY = 86400.0
+
+
+def too_old(calibration: Display | PowerModel, age_limit: float | None, now: str) -> str:
+    """Return what is wrong with a calibration's age, in words; empty if it may be used.
+
+    Parameters
+    ----------
+    calibration : Display or PowerModel
+        What was measured.
+    age_limit : float or None
+        In days; None for no limit.
+    now : str
+        Time of day, UTC (ISO 8601).
+
+    >>> lab = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0, measured="2026-10-01")
+    >>> too_old(lab, 30.0, "2026-11-15T12:00:00+00:00")
+    "'lab' was measured 46 days ago (2026-10-01), and the rig takes calibrations of at most 30 days"
+    """
+    if age_limit is None:
+        return ""
+    wanted = f"and the rig takes calibrations of at most {age_limit:g} days"
+    if not calibration.measured:
+        return f"{calibration.name!r} does not say when it was measured (`measured`), {wanted}"
+    days = (_moment(now) - _moment(calibration.measured)).total_seconds() / SECONDS_A_DAY
+    if days <= age_limit:
+        return ""
+    return f"{calibration.name!r} was measured {days:.0f} days ago ({calibration.measured[:10]}), {wanted}"
+
+
+def require_young(display: Display, age_limit: float | None, *, accepted: bool) -> str:
+    """Return what is wrong with the age of a display's calibration, if that is accepted; refuse it else."""
+    problem = too_old(display, age_limit, utc_now())
+    if problem and not accepted:
+        raise InputError(f"{problem}; measure it again, or give --old-calibration-ok")
+    return problem
+
+
+def _moment(text: str) -> datetime:
+    """Return a time of day; one without a zone is UTC."""
+    moment = datetime.fromisoformat(text)
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -1,0 +1,37 @@
+"""Three flashes of the whole screen, which are found again in the power of a meter that has no other mark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from experiments.showing import Showing
+from method.luminance import dimmed_luminance
+from stimuli.field_renderer import Field, FieldRenderer
+from stimuli.ramp import frame_count
+
+FLASHES = 3
+FLASH_SECONDS = 0.5  # bright, and dark between
+DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
+
+
+def flash(on: Showing, fields: FieldRenderer, told: Callable[[float], None]) -> None:
+    """Show three flashes of white, dark before and after each.
+
+    Parameters
+    ----------
+    on : Showing
+        What is shown on.
+    fields : FieldRenderer
+        Draws the field.
+    told : callable
+        Is told each brightness factor b right after it first appeared.
+    """
+    refresh = 0
+    for factor in (*(DARK, BRIGHT) * FLASHES, DARK):
+        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
+            pixels = on.brightness.of_picture(factor)
+            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
+            on.show(fields, Field(white), refresh)
+            refresh += 1
+            if number == 0:
+                told(factor)

@@ -1,0 +1,73 @@
+"""A luminance sweep whose readings were made elsewhere, and are there as a table."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from pathlib import Path
+
+from data_schema.errors import InputError
+from data_schema.session import EventKind, SessionStatus
+from data_schema.sweep import FEWEST_READINGS, LuminanceReading, LuminanceSweepDesign, SweepManifest
+from experiments.dataset import require_dataset
+from experiments.sweep_store import begin_sweep
+from hardware.luminance_table import luminance_readings_from_csv
+
+PREFIX = "csv:"
+
+
+def is_imported(luminance_meter: str, task: str) -> bool:
+    """Return whether a sweep is imported: its rig names a table in place of a luminance meter."""
+    return task == "luminance-sweep" and luminance_meter.startswith(PREFIX)
+
+
+def import_sweep(dataset: Path, manifest: SweepManifest) -> tuple[int, Path]:
+    """Write the readings of a table as a sweep; return how many there are, and the sweep's folder.
+
+    When the readings were made nobody says, so the sweep and what is fitted to it carry no date.
+
+    Parameters
+    ----------
+    dataset : Path
+        Where to.
+    manifest : SweepManifest
+        What the sweep is, but for its design, which is the table's.
+
+    Raises
+    ------
+    InputError
+        If the table has too few readings of a level, or is none.
+    """
+    path = Path(manifest.rig.luminance_meter.removeprefix(PREFIX))
+    readings = luminance_readings_from_csv(path)
+    manifest = dataclasses.replace(
+        manifest, design=_design(readings, path), n_readings=len(readings), started=""
+    )
+    require_dataset(dataset, manifest.simulated, manifest.provenance)
+    with begin_sweep(dataset, manifest, str) as store:
+        store.note(EventKind.STARTED, f"readings made elsewhere, from {path.name}")
+        for reading in readings:
+            store.write(reading)
+        store.note(EventKind.COMPLETED)
+        store.change(status=SessionStatus.COMPLETE, apparatus={"luminance meter: table": path.name})
+        return len(readings), store.folder
+
+
+def _design(readings: list[LuminanceReading], path: Path) -> LuminanceSweepDesign:
+    """Return the design that a table followed."""
+    counts = Counter((reading.pixel_value, reading.factor) for reading in readings)
+    (value, factor), fewest = min(counts.items(), key=lambda item: item[1])
+    if fewest < FEWEST_READINGS:
+        level = f"pixel value {value:g}" + ("" if factor is None else f" at brightness factor {factor:g}")
+        raise InputError(
+            f"{path}: has {fewest} reading(s) of {level}; give at least {FEWEST_READINGS} of each level, so "
+            "that noise can be told from what the display does"
+        )
+    values = tuple(sorted({value for value, factor in counts if factor is None}))
+    factors = tuple(sorted({factor for _, factor in counts if factor is not None}))
+    try:
+        return LuminanceSweepDesign(
+            path.stem, values, factors, fewest, settle=0.0, warm_up=0.0, drift_pixel_values=()
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None

@@ -1,0 +1,187 @@
+"""Plays a video in its versions, time and again, with a power meter in the panel's supply."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from data_schema.errors import InputError
+from data_schema.power_log import PlayedFlip, PowerLog
+from data_schema.provenance import provenance_now
+from data_schema.rig import Rig
+from experiments.dataset import make_folder
+from experiments.flash_marker import flash
+from experiments.playback import Devices, Dimming, Playback, Player
+from experiments.power_recording import RATES, PowerRecording
+from experiments.stage import PausePressed
+from experiments.timed_logs import utc_now
+from hardware.rig import open_power_meter
+from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+
+if TYPE_CHECKING:
+    import moderngl
+
+SEED = 1  # of a simulated meter's noise
+PATCH = 64  # [pixels] of the corner that a photodiode looks at
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """How power is measured.
+
+    Attributes
+    ----------
+    folder : Path
+        Where samples, clocks and flips go.
+    sample_rate : float or None
+        Of the meter [Hz]; None for the highest up to 1000 that it has.
+    passes : int
+        How often each version is played.
+    sync_patch : bool
+        Whether a corner of the picture changes between black and white with every frame, for a photodiode on
+        the meter's synchronisation input.
+    track_sha256 : str
+        Of the track.
+    simulated : bool
+        Whether time goes with the flips.
+    """
+
+    folder: Path
+    sample_rate: float | None
+    passes: int
+    sync_patch: bool
+    track_sha256: str
+    simulated: bool
+
+
+def require_power_meter(rig: Rig) -> None:
+    """Refuse a rig without a power meter."""
+    if rig.power_meter == "none":
+        raise InputError(
+            f"the rig {rig.name!r} names no power meter, and --measure-power needs one: add `power_meter`, "
+            "as `evenlight measure list` has them"
+        )
+
+
+def require_output(folder: Path | None) -> Path:
+    """Return the folder of a measurement, made; refuse one with other things in it."""
+    if folder is None:
+        raise InputError("--measure-power needs --out: a new folder for samples, table, figure and report")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            f"{folder}: holds something already, and measurements are never overwritten; give a new folder "
+            "with --out"
+        )
+    make_folder(folder)
+    return folder
+
+
+def measured_order(passes: int) -> tuple[Dimming, ...]:
+    """Return the versions in the order in which they are played: each time round begins with another.
+
+    So a slow drift of the panel falls on all versions alike.
+
+    >>> [dimming.value for dimming in measured_order(2)]
+    ['ours', 'baseline', 'full', 'baseline', 'full', 'ours']
+    """
+    versions = (Dimming.OURS, Dimming.BASELINE, Dimming.FULL)
+    turns = [turn % len(versions) for turn in range(passes)]
+    return tuple(version for turn in turns for version in (*versions[turn:], *versions[:turn]))
+
+
+def play_measured(devices: Devices, player: Player, playback: Playback, measurement: Measurement) -> bool:
+    """Play a video in the order of its playback, with its power recorded; return whether nobody ended it.
+
+    Raises
+    ------
+    InputError
+        If the folder holds a measurement already.
+    InstrumentError
+        If the meter fails; what came before is in the folder.
+    """
+    rig, window = devices.rig, devices.window
+    with ExitStack() as stack:
+        simulation = None
+        if measurement.simulated or rig.power_meter.startswith("simulated"):
+            simulation = _simulation(devices)
+        name = "simulated" if measurement.simulated else rig.power_meter
+        meter = stack.enter_context(open_power_meter(name, window.now, simulation))
+        log = _log(playback, devices, measurement, meter.apparatus())
+        panel = simulation.panel if simulation else None
+        recording = stack.enter_context(
+            PowerRecording(measurement.folder, log, measurement.sample_rate, meter, window.now, panel)
+        )
+        player.observe(_Watcher(recording, playback.order, measurement.sync_patch))
+        try:
+            flash(player.showing, player.fields, recording.flashed)
+            whole = player.play()
+            if whole:
+                flash(player.showing, player.fields, recording.flashed)
+        except PausePressed:
+            whole = False
+        return whole
+
+
+class _Watcher:
+    """Tells a recording what each refresh showed."""
+
+    def __init__(self, recording: PowerRecording, order: Sequence[Dimming], patch: bool) -> None:
+        self._recording, self._order, self._patch = recording, order, patch
+        self._pass = -1
+
+    def begin(self) -> None:
+        """Take note that the video begins, once more."""
+        self._pass += 1
+
+    def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
+        """Draw the corner that a photodiode looks at."""
+        level = self._recording.next_sync(self._pass, video_frame)
+        if self._patch:
+            framebuffer.clear(*(float(level),) * 3, 1.0, viewport=(0, 0, PATCH, PATCH))
+
+    def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
+        """Record a refresh."""
+        version = self._order[self._pass].value
+        shown = (flip, video_frame, factor, achieved, self._recording.sync)
+        self._recording.showed(PlayedFlip(self._pass, version, *shown))
+
+
+def _simulation(devices: Devices) -> Simulation:
+    """Return a simulated panel that is dimmed by its backlight, and has the display's luminances."""
+    window, display = devices.window, devices.display
+    physics = PanelPhysics(
+        peak_luminance=display.peak_luminance, black_level=display.black_level, gamma=display.gamma
+    )
+    panel = SimulatedPanel(physics, window.now)
+    return Simulation(panel, np.random.default_rng(SEED), window.now, lambda seconds: None)
+
+
+def _log(playback: Playback, devices: Devices, measurement: Measurement, meter: dict[str, str]) -> PowerLog:
+    """Return what a measurement is."""
+    said = devices.window.apparatus() | {f"power meter: {key}": value for key, value in meter.items()}
+    simulated = measurement.simulated or devices.rig.power_meter.startswith("simulated")
+    return PowerLog(
+        simulated=simulated,
+        video=playback.video.name,
+        duration=playback.duration,
+        passes=tuple(dimming.value for dimming in playback.order),
+        refresh_rate=devices.rig.refresh_rate,
+        sample_rate=measurement.sample_rate or RATES[0],
+        mean_factor=float(np.mean(playback.factors[Dimming.OURS])),
+        baseline_factor=float(playback.factors[Dimming.BASELINE][0]),
+        sync_connected=simulated or measurement.sync_patch,
+        apparatus=said,
+        provenance=provenance_now(inputs={"track": measurement.track_sha256}),
+        started="" if measurement.simulated else utc_now(),
+    )
+
+
+def with_passes(playback: Playback, passes: int) -> Playback:
+    """Return a playback of every version, some times each."""
+    return dataclasses.replace(playback, order=measured_order(passes), loop=False)

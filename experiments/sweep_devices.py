@@ -1,0 +1,190 @@
+"""What a sweep runs on: a screen that shows levels, and the instruments that look at it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.rig import Rig
+from experiments.staging import Staging
+from experiments.sweep_screen import SweepScreen
+from hardware.backlights import SimulatedBacklight
+from hardware.clocks import RefreshClock, WaitingClock
+from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, ResponseDevice, Window
+from hardware.rig import (
+    open_keyboard,
+    open_luminance_meter,
+    open_power_meter,
+    open_swept_backlight,
+    open_window,
+)
+from hardware.simulated_keyboard import SimulatedKeyboard
+from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class SweepDevices:
+    """The screen and the instruments of a sweep.
+
+    Attributes
+    ----------
+    screen : SweepScreen
+        What shows the levels.
+    luminance_meter : LuminanceMeter or None
+        Aimed at the screen.
+    power_meter : PowerMeter or None
+        In the panel's supply.
+    apparatus : dict of str to str
+        What they say of themselves.
+    """
+
+    screen: SweepScreen
+    luminance_meter: LuminanceMeter | None
+    power_meter: PowerMeter | None
+    apparatus: dict[str, str]
+
+
+def names_of_meters(rig: Rig, task: str, *, rehearsed: bool) -> tuple[str, str]:
+    """Return the luminance meter and the power meter that a sweep opens; in a rehearsal, simulated ones.
+
+    Raises
+    ------
+    InputError
+        If the rig has not the meter that the sweep needs.
+    """
+    needed, key = (
+        (rig.luminance_meter, "luminance_meter")
+        if task == "luminance-sweep"
+        else (rig.power_meter, "power_meter")
+    )
+    if needed == "none":
+        raise InputError(
+            f"the rig {rig.name!r} names no {key.replace('_', ' ')}, and {task} needs one: add `{key}`, as "
+            "`evenlight measure list` has them"
+        )
+    if task == "power-sweep" and rig.luminance_meter.startswith("csv:"):
+        raise InputError(
+            f"the rig {rig.name!r} has a table in place of a luminance meter, and no table has readings of a "
+            "power sweep: set `luminance_meter` to a meter, or to none"
+        )
+    power = rig.power_meter if task == "power-sweep" else "none"
+    if not rehearsed:
+        return rig.luminance_meter, power
+    kept = ("none", "simulated")
+    rehearse = [
+        n if n in kept or n.startswith("simulated:") else "simulated" for n in (rig.luminance_meter, power)
+    ]
+    return rehearse[0], rehearse[1]
+
+
+@contextmanager
+def open_sweep_devices(
+    rig: Rig, task: str, staging: Staging, display: Display | None, seed: int
+) -> Iterator[SweepDevices]:
+    """Yield the devices of a sweep, open.
+
+    Parameters
+    ----------
+    rig : Rig
+        What they are.
+    task : str
+        "luminance-sweep" or "power-sweep".
+    staging : Staging
+        In earnest, or rehearsed with or without a window.
+    display : Display or None
+        As it was measured before; a simulated panel has its luminances.
+    seed : int
+        Of simulated noise.
+
+    Raises
+    ------
+    InputError
+        If the rig has not what the sweep needs.
+    InstrumentError
+        If an instrument does not answer as it should.
+    """
+    luminance_name, power_name = names_of_meters(rig, task, rehearsed=staging.simulated)
+    with ExitStack() as stack:
+        clock = RefreshClock(rig.refresh_rate) if staging.simulation == "visual" else None
+        window = None
+        if staging.simulation != "data":
+            window = open_window(rig, clock, rehearsal=True)  # any rate will do: nothing moves
+            stack.callback(window.close)
+        now, wait = _time(window, clock, rig.refresh_rate)
+        simulation = None
+        if staging.simulated or any(n.startswith("simulated") for n in (luminance_name, power_name)):
+            simulation = Simulation(_panel(display, now), np.random.default_rng(seed), now, wait)
+        backlight = _backlight(rig, staging, simulation, now)
+        if backlight is not None:
+            stack.callback(backlight.close)
+        keyboard = _keyboard(staging, now)
+        stack.callback(keyboard.close)
+        luminance_meter = power_meter = None
+        if luminance_name != "none":
+            luminance_meter = stack.enter_context(open_luminance_meter(luminance_name, now, simulation))
+        if power_name != "none":
+            power_meter = stack.enter_context(open_power_meter(power_name, now, simulation))
+        screen = SweepScreen(
+            rig,
+            (now, wait),
+            window=window,
+            keyboard=keyboard,
+            backlight=backlight,
+            display=display,
+            panel=simulation.panel if simulation else None,
+            rehearsed=staging.simulated,
+        )
+        apparatus = window.apparatus() if window else {}
+        for kind, meter in (("luminance meter", luminance_meter), ("power meter", power_meter)):
+            apparatus |= {f"{kind}: {k}": v for k, v in (meter.apparatus() if meter else {}).items()}
+        yield SweepDevices(screen, luminance_meter, power_meter, apparatus)
+
+
+def _time(
+    window: Window | None, clock: RefreshClock | None, refresh_rate: float
+) -> tuple[Callable[[], float], Callable[[float], None]]:
+    """Return the clock of a sweep, and what waits on it: in a rehearsal, waiting takes no time."""
+    if window is None:
+        waiting = WaitingClock()
+        return waiting.now, waiting.wait
+    if clock is None:
+        return window.now, time.sleep
+
+    def let_pass(seconds: float) -> None:
+        clock.advance(math.ceil(seconds * refresh_rate))
+
+    return clock.now, let_pass
+
+
+def _panel(display: Display | None, now: Callable[[], float]) -> SimulatedPanel:
+    """Return a simulated panel with the luminances of a display, where it is known."""
+    if display is None:
+        return SimulatedPanel(PanelPhysics(), now)
+    physics = PanelPhysics(
+        peak_luminance=display.peak_luminance,
+        black_level=display.black_level,
+        gamma=display.gamma,
+        reflected_luminance=display.reflected_luminance,
+    )
+    return SimulatedPanel(physics, now)
+
+
+def _backlight(
+    rig: Rig, staging: Staging, simulation: Simulation | None, now: Callable[[], float]
+) -> Backlight | None:
+    """Return the backlight of a sweep: the rig's; in a rehearsal, that of the simulated panel."""
+    if simulation is not None and (staging.simulated or rig.backlight == "none"):
+        return SimulatedBacklight(now, follow=simulation.panel.set_backlight)
+    return open_swept_backlight(rig, now, simulation)
+
+
+def _keyboard(staging: Staging, now: Callable[[], float]) -> ResponseDevice:
+    """Return the keys: nobody sits at those of a rehearsal."""
+    return SimulatedKeyboard(now) if staging.simulated else open_keyboard()

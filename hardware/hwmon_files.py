@@ -1,0 +1,188 @@
+"""The files under which Linux shows a power sensor: hwmon's and iio's, in their units."""
+
+from __future__ import annotations
+
+import errno
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware.protocols import Fault, InstrumentError
+
+SYS = Path("/sys")
+FOLDERS = ("class/hwmon", "bus/iio/devices")  # under /sys
+
+# Largest voltage over the shunt that a sensor tells [mV]; at it, current and power are cut off.
+# Data sheets of Texas Instruments: INA219 SBOS448 (PGA /8), INA226 SBOS547, INA230 SBOS601, INA228 SLYS021.
+SHUNT_FULL_SCALE = {
+    "ina219": 320.0,
+    "ina220": 320.0,
+    "ina226": 81.92,
+    "ina230": 81.92,
+    "ina231": 81.92,
+    "ina228": 163.84,
+    "ina238": 163.84,
+}
+
+FAULTS = {
+    errno.ENOENT: (Fault.DISCONNECTED, "is gone; was the sensor unplugged, or its driver unloaded?"),
+    errno.ENODEV: (Fault.DISCONNECTED, "is gone; was the sensor unplugged, or its driver unloaded?"),
+    errno.EACCES: (Fault.NOT_FOUND, "may not be read; ask an administrator for a udev rule, or run as root"),
+    errno.EPERM: (Fault.NOT_FOUND, "may not be read; ask an administrator for a udev rule, or run as root"),
+    errno.EBUSY: (Fault.BUSY, "is in use by another program"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFiles:
+    """The files that a sensor's power is read from.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the sensor.
+    name : str
+        Of its chip.
+    factors : tuple of (Path, float)
+        Files whose numbers, each times its unit, make the power [W] when multiplied.
+    shunt : Path or None
+        File of the voltage over the shunt [mV], where there is one.
+    slowest_update : float
+        Time between two conversions of the sensor [s]; 0 where it is not told.
+    """
+
+    folder: Path
+    name: str
+    factors: tuple[tuple[Path, float], ...]
+    shunt: Path | None
+    slowest_update: float
+
+
+def find_sensor(place: str, channel: int, root: Path = SYS) -> SensorFiles:
+    """Return the files of a sensor.
+
+    Parameters
+    ----------
+    place : str
+        Its folder, or the name of its chip.
+    channel : int
+        Which of its inputs, from 1.
+    root : Path, optional
+        Where Linux shows its devices.
+
+    Raises
+    ------
+    InstrumentError
+        If there is no such sensor, more than one of the name, or it measures no power.
+    """
+    folder = Path(place) if "/" in place else _named(place, root)
+    if not folder.is_dir():
+        raise InstrumentError(f"{folder}: there is no such sensor; {_there_is(root)}", Fault.NOT_FOUND)
+    name = read_text(folder / "name") if (folder / "name").exists() else folder.name
+    factors = _hwmon_factors(folder, channel) or _iio_factors(folder)
+    if not factors:
+        raise InstrumentError(
+            f"{folder}: {name} measures no power on channel {channel}: there is neither power{channel}_input "
+            f"nor curr{channel}_input with in{channel}_input, nor the like of iio",
+            Fault.WRONG_INSTRUMENT,
+        )
+    shunt = folder / "in0_input"
+    interval = folder / "update_interval"
+    return SensorFiles(
+        folder,
+        name,
+        factors,
+        shunt if shunt.exists() and name in SHUNT_FULL_SCALE else None,
+        read_number(interval) / 1000 if interval.exists() else 0.0,
+    )
+
+
+def sensors(root: Path = SYS) -> list[Path]:
+    """Return the folders of all sensors that have a power, or current and voltage, to read."""
+    folders = [folder for place in FOLDERS for folder in sorted((root / place).glob("*"))]
+    return [folder for folder in folders if _hwmon_factors(folder, 1) or _iio_factors(folder)]
+
+
+def read_number(path: Path) -> float:
+    """Return the number that a file of a sensor holds.
+
+    Raises
+    ------
+    InstrumentError
+        If it cannot be read, or holds none; in words.
+    """
+    text = read_text(path)
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InstrumentError(f"{path}: expected a number, got {text[:60]!r}", Fault.GARBLED)
+    return number
+
+
+def read_text(path: Path) -> str:
+    """Return what a file of a sensor holds, without the line's end."""
+    try:
+        return path.read_bytes().decode("ascii", errors="replace").strip()
+    except OSError as error:
+        fault, words = FAULTS.get(
+            error.errno or 0, (Fault.NO_REPLY, f"cannot be read ({error.strerror}); does the sensor answer?")
+        )
+        raise InstrumentError(f"{path}: {words}", fault, errno.errorcode.get(error.errno or 0, "")) from None
+
+
+def _named(name: str, root: Path) -> Path:
+    """Return the folder of the one sensor whose chip has a name."""
+    found = [folder for folder in sensors(root) if _name_of(folder) == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        folders = ", ".join(str(folder) for folder in found)
+        raise InstrumentError(f"{name}: there are {len(found)} of them; name one's folder: {folders}")
+    raise InstrumentError(f"{name}: there is no such power sensor; {_there_is(root)}", Fault.NOT_FOUND)
+
+
+def _name_of(folder: Path) -> str:
+    """Return the name of a sensor's chip; its folder's where it tells none."""
+    name = folder / "name"
+    return read_text(name) if name.exists() else folder.name
+
+
+def _there_is(root: Path) -> str:
+    """Return which sensors there are, in words."""
+    found = [f"{_name_of(folder)} ({folder})" for folder in sensors(root)]
+    return f"there is {', '.join(found)}" if found else "Linux shows none on this computer"
+
+
+def _hwmon_factors(folder: Path, channel: int) -> tuple[tuple[Path, float], ...]:
+    """Return the files of hwmon: power in µW, else current in mA and voltage in mV."""
+    power = folder / f"power{channel}_input"
+    if power.exists():
+        return ((power, 1e-6),)
+    current, voltage = folder / f"curr{channel}_input", folder / f"in{channel}_input"
+    return ((current, 1e-3), (voltage, 1e-3)) if current.exists() and voltage.exists() else ()
+
+
+def _iio_factors(folder: Path) -> tuple[tuple[Path, float], ...]:
+    """Return the files of iio: raw numbers, whose scales make mW, or mA and mV."""
+    if power := _first(folder, "in_power*_raw"):
+        return ((power, _scale_of(power)),)
+    current = _first(folder, "in_current*_raw")
+    # Of two voltages, 0 is the one over the shunt, and 1 that of the panel.
+    voltage = _first(folder, "in_voltage1_raw") or _first(folder, "in_voltage*_raw")
+    if current is None or voltage is None:
+        return ()
+    return ((current, _scale_of(current)), (voltage, _scale_of(voltage)))
+
+
+def _first(folder: Path, pattern: str) -> Path | None:
+    """Return the first file of a pattern."""
+    return next(iter(sorted(folder.glob(pattern))), None)
+
+
+def _scale_of(raw: Path) -> float:
+    """Return what makes W, A or V of a raw number of iio; its own scale makes thousandths."""
+    stem = raw.name.removesuffix("_raw")
+    own, shared = raw.with_name(f"{stem}_scale"), raw.with_name(f"{stem.rstrip('0123456789')}_scale")
+    return read_number(own if own.exists() else shared) / 1000

@@ -1,0 +1,111 @@
+"""A luminance meter that somebody reads by eye: what it shows is typed in."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+from data_schema.display import HIGHEST_LUMINANCE
+from hardware.protocols import Fault, InstrumentError, Reading
+
+QUESTION = "Luminance [cd/m^2] (u: under range, o: over range, stop: end): "
+NUMBER_AND_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+UNITS = ("", "cd/m2", "cd/m^2", "cd/m²", "cd/qm", "nit", "nits", "nt")
+FACTORS = {"fl": 3.426, "ftl": 3.426, "kcd/m2": 1000.0, "mcd/m2": 0.001}  # [cd/m^2], for the advice
+DEVICE = "the meter that is read by eye"
+
+
+class ManualMeter(AbstractContextManager["ManualMeter"]):
+    """A meter whose readings are typed in.
+
+    Parameters
+    ----------
+    ask : callable
+        Shows a question, and returns the line that was typed.
+    clock : callable, optional
+        Of the readings' times [s].
+    instrument : str, optional
+        What it is, for the record.
+    """
+
+    def __init__(
+        self,
+        ask: Callable[[str], str],
+        clock: Callable[[], float] = time.monotonic,
+        instrument: str = "",
+    ) -> None:
+        self._ask, self._clock, self._instrument = ask, clock, instrument
+        self._is_open = True
+
+    def read_luminance(self) -> Reading:
+        """Return one reading [cd/m^2]; what is no luminance is asked for again, and so is an empty line.
+
+        Raises
+        ------
+        InstrumentError
+            If the meter shows that it is out of range, or the person stops.
+        """
+        if not self._is_open:
+            raise InstrumentError(f"{DEVICE}: is closed", Fault.DISCONNECTED)
+        begun, question = self._clock(), QUESTION
+        while True:
+            typed = self._typed(question)
+            match typed.lower():
+                case "":
+                    question = QUESTION
+                case "u":
+                    raise InstrumentError(f"{DEVICE}: too dark for it", Fault.UNDER_RANGE, "u")
+                case "o":
+                    raise InstrumentError(f"{DEVICE}: too bright for it", Fault.OVER_RANGE, "o")
+                case "stop":
+                    raise InstrumentError(
+                        f"{DEVICE}: stopped by the person who reads it", Fault.REFUSED, "stop"
+                    )
+                case _:
+                    problem = _problem(typed)
+                    if not problem:
+                        value = float(NUMBER_AND_UNIT.fullmatch(typed)[1])  # type: ignore[index]  # no problem
+                        return Reading(value, "cd/m^2", begun, self._clock(), "typed")
+                    question = f"{problem}\n{QUESTION}"
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what is known of the instrument."""
+        return {"model": self._instrument or "read by eye, and typed in"}
+
+    def close(self) -> None:
+        """Ask no more; more than once does nothing."""
+        self._is_open = False
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _typed(self, question: str) -> str:
+        """Return what was typed."""
+        try:
+            return self._ask(question).strip()
+        except EOFError:
+            raise InstrumentError(f"{DEVICE}: nobody types any more", Fault.DISCONNECTED) from None
+
+
+def _problem(typed: str) -> str:
+    """Return what is wrong with what was typed, in one line; nothing if it is a luminance.
+
+    >>> _problem("12.5 cd/m2")
+    ''
+    >>> _problem("29.2 fL")
+    "'fL' is not cd/m^2: 29.2 fL are 100.039 cd/m^2."
+    """
+    match = NUMBER_AND_UNIT.fullmatch(typed)
+    if match is None or match[2].startswith(","):
+        point = " Write a decimal point, not a comma." if "," in typed else ""
+        return f"{typed!r} is no luminance; type a number, such as 12.5.{point}"
+    value, unit = float(match[1]), match[2].strip()
+    if unit.lower() not in UNITS:
+        factor = FACTORS.get(unit.lower())
+        advice = f"{value:g} {unit} are {value * factor:g} cd/m^2" if factor else "type it in cd/m^2"
+        return f"{unit!r} is not cd/m^2: {advice}."
+    if not 0 <= value <= HIGHEST_LUMINANCE:
+        return f"{typed!r} is no luminance of a display, which is from 0 to {HIGHEST_LUMINANCE:g} cd/m^2."
+    return ""

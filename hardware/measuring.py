@@ -1,0 +1,266 @@
+"""Readings at the bench: of a luminance meter one by one, of a power meter over some seconds."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from data_schema.append_rows import AppendedRows
+from data_schema.errors import InputError
+from data_schema.meter_reading import MeterReading
+from data_schema.power_log import PowerSample
+from hardware.clocks import WaitingClock
+from hardware.power_average import POLL, SHORTEST_POLL, PowerAverage, averaged
+from hardware.protocols import PowerMeter, Reading
+from hardware.rig import open_luminance_meter, open_power_meter
+from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+
+WARM = 3600.0  # [s] since a simulated panel was switched on: nine times its warm-up time
+SEED = 1  # of simulated noise
+TOLD_EVERY = 1.0  # [s]
+KEPT_EVERY = 0.25  # [s] samples are brought to the disk
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Time, and what simulated instruments look at.
+
+    Attributes
+    ----------
+    clock : callable
+        The computer's clock [s].
+    wait : callable
+        Waits for some time [s].
+    simulation : Simulation or None
+        A warm white panel; None where the instrument is a real one.
+    timed : bool
+        Whether time is the world's.
+    """
+
+    clock: Callable[[], float]
+    wait: Callable[[float], None]
+    simulation: Simulation | None
+    timed: bool
+
+    def utc(self) -> str:
+        """Return the time of day; empty where time goes only while somebody waits."""
+        return datetime.now(UTC).isoformat(timespec="milliseconds") if self.timed else ""
+
+
+def bench_for(name: str) -> Bench:
+    """Return the bench for an instrument: waiting takes no time where the instrument is in this process."""
+    if name == "simulated":
+        waiting = WaitingClock()
+        waiting.wait(WARM)
+        return Bench(waiting.now, waiting.wait, _simulation(waiting.now, waiting.wait), timed=False)
+    if not name.startswith("simulated:"):
+        return Bench(time.monotonic, time.sleep, None, timed=True)
+    begun = time.monotonic()
+
+    def since_switched_on() -> float:
+        return time.monotonic() - begun + WARM
+
+    return Bench(since_switched_on, time.sleep, _simulation(since_switched_on, time.sleep), timed=True)
+
+
+def measure_luminance(name: str, count: int, interval: float, out: Path | None, tell: Tell) -> str:
+    """Read a luminance meter some times, and return the closing line.
+
+    Parameters
+    ----------
+    name : str
+        The instrument.
+    count : int
+        How many readings.
+    interval : float
+        From the begin of one to that of the next, if the meter is fast enough [s].
+    out : Path or None
+        A new table of `MeterReading`.
+    tell : callable
+        Shows a line for each reading.
+    """
+    bench = bench_for(name)
+    with ExitStack() as stack:
+        rows = _rows(stack, out, MeterReading)
+        meter = stack.enter_context(open_luminance_meter(name, bench.clock, bench.simulation))
+        _introduce(meter.apparatus(), tell)
+        readings: list[Reading] = []
+        for index in range(1, count + 1):
+            if readings:
+                bench.wait(max(0.0, readings[-1].begun + interval - bench.clock()))
+            reading = meter.read_luminance()
+            readings.append(reading)
+            rows([_row(index, reading, readings[0].begun, name, bench.utc())])
+            tell(_shown(index, reading, readings[0].begun))
+    return _closing([reading.value for reading in readings], name)
+
+
+def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell: Tell) -> str:
+    """Average the power of a meter over some seconds, and return the closing line.
+
+    Parameters
+    ----------
+    name : str
+        The instrument.
+    seconds : float
+        How long [s].
+    rate : float
+        Samples each second [Hz].
+    out : Path or None
+        A new table of `PowerSample`.
+    tell : callable
+        Shows the mean so far, once a second.
+    """
+    if rate <= 0 or seconds * rate < 2:
+        raise InputError(
+            f"an average needs at least 2 samples; {seconds:g} s at {rate:g} Hz have {seconds * rate:g}: "
+            "give more --seconds or --rate-hz"
+        )
+    if out and name.startswith("simulated") and "simulated" not in out.name:
+        raise InputError(
+            f"--out {out}: these samples are simulated, so their file says so: simulated-{out.name}"
+        )
+    bench = bench_for(name)
+    with ExitStack() as stack:
+        rows = _rows(stack, out, PowerSample)
+        meter = stack.enter_context(open_power_meter(name, bench.clock, bench.simulation))
+        _introduce(meter.apparatus(), tell)
+        begun = bench.clock()
+        achieved = meter.start(rate)
+        tell(f"{achieved:g} samples a second" + ("" if achieved == rate else f" instead of {rate:g}"))
+        taken = _Taken(rows, tell, bench.clock)
+        try:
+            _collect(meter, begun + seconds, max(min(POLL, 1 / achieved), SHORTEST_POLL), bench, taken)
+            taken.add(meter.stop())
+        finally:
+            taken.keep()
+        average = averaged(taken.samples, begun, bench.clock())
+    return _average_line(average, name)
+
+
+class _Taken:
+    """The samples of a power meter so far, kept and told of now and then.
+
+    Parameters
+    ----------
+    rows : callable
+        Keeps samples on the disk.
+    tell : callable
+        Shows a line.
+    clock : callable
+        The computer's clock [s].
+    """
+
+    def __init__(self, rows: Callable[[Iterable[Any]], None], tell: Tell, clock: Callable[[], float]) -> None:
+        self._rows, self._tell, self._clock = rows, tell, clock
+        self.samples: list[PowerSample] = []
+        self._kept, self._sum = 0, 0.0
+        self._begun = self._kept_at = self._told_at = clock()
+
+    def add(self, samples: Iterable[PowerSample]) -> None:
+        """Take in the samples that came."""
+        for sample in samples:
+            self.samples.append(sample)
+            self._sum += sample.power
+        now = self._clock()
+        if now - self._kept_at >= KEPT_EVERY:
+            self._kept_at = now
+            self.keep()
+        if now - self._told_at >= TOLD_EVERY and self.samples:
+            self._told_at = now
+            mean, count = self._sum / len(self.samples), len(self.samples)
+            self._tell(f"{now - self._begun:7.1f} s  {mean:.4f} W  mean so far, {count} samples")
+
+    def keep(self) -> None:
+        """Bring what came to the disk."""
+        new, self._kept = self.samples[self._kept :], len(self.samples)
+        self._rows(new)
+
+
+def _collect(meter: PowerMeter, end: float, poll: float, bench: Bench, taken: _Taken) -> None:
+    """Take samples until a time, with some time between two looks [s]."""
+    while (left := end - bench.clock()) > 0:
+        bench.wait(min(poll, left))
+        taken.add(meter.samples())
+
+
+def _simulation(clock: Callable[[], float], wait: Callable[[float], None]) -> Simulation:
+    """Return a white panel to look at."""
+    import numpy as np
+
+    panel = SimulatedPanel(PanelPhysics(), clock)
+    panel.show(1.0)
+    return Simulation(panel, np.random.default_rng(SEED), clock, wait)
+
+
+def _rows(stack: ExitStack, out: Path | None, cls: type[Any]) -> Callable[[Iterable[Any]], None]:
+    """Return what keeps records in a table, if there is to be one; it is made with the first of them."""
+    if out is None:
+        return lambda _: None
+    if out.suffix != ".csv":
+        raise InputError(f"--out {out}: give a file that ends in .csv")
+    if out.exists():
+        raise InputError(f"--out {out}: is there already, and measured data are never overwritten")
+    if not out.absolute().parent.is_dir():
+        raise InputError(f"--out {out}: there is no folder {out.parent}")
+    opened: list[AppendedRows] = []
+
+    def keep(records: Iterable[Any]) -> None:
+        if not (records := list(records)):
+            return
+        if not opened:
+            opened.append(stack.enter_context(AppendedRows(out, cls)))
+        opened[0].append(records)
+
+    return keep
+
+
+def _introduce(apparatus: dict[str, str], tell: Tell) -> None:
+    """Show what an instrument says of itself."""
+    if apparatus:
+        tell(", ".join(f"{key.replace('_', ' ')}: {value}" for key, value in apparatus.items()))
+
+
+def _row(index: int, reading: Reading, first: float, name: str, utc: str) -> MeterReading:
+    """Return a reading as a row."""
+    x, y = reading.chromaticity or (None, None)
+    begun, ended = reading.begun - first, reading.ended - first
+    return MeterReading(index, utc, begun, ended, reading.value, name, reading.status, x, y)
+
+
+def _shown(index: int, reading: Reading, first: float) -> str:
+    """Return a reading as one line."""
+    colour = "" if reading.chromaticity is None else "  x {:.4f}  y {:.4f}".format(*reading.chromaticity)
+    took = f"{reading.begun - first:8.1f} s  (took {reading.ended - reading.begun:.1f} s)"
+    return f"{index:4d}  {took}  {reading.value:10.4g} {reading.unit}{colour}  {reading.status}".rstrip()
+
+
+def _closing(values: list[float], name: str) -> str:
+    """Return mean and standard deviation of readings, in words."""
+    spread = f", standard deviation {statistics.stdev(values):.3g} cd/m^2" if len(values) > 1 else ""
+    plural = "s" if len(values) > 1 else ""
+    return _labelled(f"{statistics.fmean(values):.5g} cd/m^2, {len(values)} reading{plural}{spread}", name)
+
+
+def _average_line(average: PowerAverage, name: str) -> str:
+    """Return an average of power, in words."""
+    lost = average.n_lost / (average.n_samples + average.n_lost)
+    return _labelled(
+        f"{average.power:.5g} W over {average.duration:.3g} s, weighted by time; standard deviation of the "
+        f"{average.n_samples} samples {average.power_sd:.3g} W; {average.n_lost} lost ({lost:.1%}), "
+        f"{average.n_duplicated} came twice",
+        name,
+    )
+
+
+def _labelled(line: str, name: str) -> str:
+    """Return a line that says so where the instrument was a simulated one."""
+    return f"SIMULATED: {line}" if name.startswith("simulated") else line

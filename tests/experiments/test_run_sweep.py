@@ -1,0 +1,250 @@
+"""Sweeps lose no reading, whatever happens to instruments, person or program."""
+
+import dataclasses
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import evenlight
+from data_schema.dataset_layout import EVENTS, READINGS
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.rig import Rig
+from data_schema.session import SessionStatus
+from data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
+from experiments import sweep_devices
+from experiments.run_sweep import SweepRequest, run_sweep
+from experiments.stage import PausePressed
+from experiments.staging import Staging
+from hardware.protocols import Fault, InstrumentError
+
+DISPLAY = Display("bench", 120.0, 0.3, 2.2, pixels_per_degree=40.0, reflected_luminance=0.05)
+RIG = Rig("bench", "bench.display.toml", 0.6, 60.0, luminance_meter="simulated", power_meter="simulated")
+LUMINANCE = LuminanceSweepDesign(
+    pixel_values=(0.0, 0.5, 1.0), factors=(0.5,), warm_up=120.0, drift_pixel_values=(1.0,)
+)
+POWER = PowerSweepDesign(factors=(0.2, 0.6, 1.0), warm_up=60.0, average=0.5)
+N_LUMINANCE = 3 + 3 * 4 + 3  # of warm-up, of levels, at the end
+N_POWER = 2 + 3 * 3 + 3
+
+
+def request(folder, task="luminance-sweep", **changes):
+    design = LUMINANCE if task == "luminance-sweep" else POWER
+    made = SweepRequest(task, folder / "lab", "01", RIG, DISPLAY, design, Staging("data"))
+    return dataclasses.replace(made, **changes)
+
+
+def lines(folder, name=READINGS, task="luminance-sweep"):
+    text = (folder / "lab" / "sweeps" / f"{task}_01" / name).read_text()
+    return [json.loads(line) for line in text.splitlines()]
+
+
+class Faulty:
+    """A meter that fails at some calls."""
+
+    def __init__(self, inner, faults):
+        self._inner, self._faults, self._calls = inner, faults, 0
+
+    def __enter__(self):
+        self._inner.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self._inner.__exit__(*error)
+
+    def __getattr__(self, name):
+        return getattr(self._inner, name)
+
+    def read_luminance(self):
+        self._calls += 1
+        if failure := self._faults.get(self._calls):
+            raise failure
+        return self._inner.read_luminance()
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Let the luminance meter fail at some calls, counted from 1."""
+    opened = sweep_devices.open_luminance_meter
+
+    def make(faults):
+        monkeypatch.setattr(sweep_devices, "open_luminance_meter", lambda *a: Faulty(opened(*a), faults))
+
+    return make
+
+
+@pytest.mark.parametrize(("task", "n"), [("luminance-sweep", N_LUMINANCE), ("power-sweep", N_POWER)])
+def test_a_sweep_makes_every_reading(tmp_path, task, n):
+    outcome = run_sweep(request(tmp_path, task))
+    assert (outcome.status, outcome.done, outcome.planned) == (SessionStatus.COMPLETE, n, n)
+    rows = lines(tmp_path, task=task)
+    assert [row["index"] for row in rows] == list(range(n))
+    assert all(a["ended_s"] <= b["begun_s"] for a, b in itertools.pairwise(rows))
+
+
+def test_what_is_read_is_what_the_panel_shows(tmp_path):
+    run_sweep(request(tmp_path))
+    white = [r["luminance_cd_m2"] for r in lines(tmp_path) if r["phase"] == "drift"]
+    half = [r["luminance_cd_m2"] for r in lines(tmp_path) if r["factor"] == 0.5]
+    # The panel is within a hundredth of warm after two minutes more of sweep; the meter's noise is smaller.
+    assert all(abs(value / (120.0 + 0.05) - 1) < 0.06 for value in white)
+    assert all(abs(value / (60.0 + 0.05) - 1) < 0.06 for value in half)
+
+
+def test_the_warm_up_lasts_as_long_as_the_design_says(tmp_path):
+    run_sweep(request(tmp_path))
+    warm = [row["ended_s"] for row in lines(tmp_path) if row["phase"] == "warm_up"]
+    assert [round(time - warm[0]) for time in warm] == [0, 60, 120]
+
+
+@pytest.mark.parametrize("fault", [Fault.NO_REPLY, Fault.GARBLED])
+def test_what_fails_on_its_way_is_tried_again_and_noted(tmp_path, failing, fault):
+    failing({5: InstrumentError("meter: silent", fault), 6: InstrumentError("meter: silent", fault)})
+    outcome = run_sweep(request(tmp_path))
+    assert outcome.status is SessionStatus.COMPLETE
+    assert [row["attempts"] for row in lines(tmp_path)].count(3) == 1
+    failed = [event for event in lines(tmp_path, EVENTS) if event["kind"] == "reading_failed"]
+    assert [event["attempt"] for event in failed] == [1, 2]
+    assert all(fault.value in event["detail"] and "tried again" in event["detail"] for event in failed)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {5: Fault.DISCONNECTED},
+        {5: Fault.LOW_BATTERY},
+        {5: Fault.OVER_RANGE},
+        {5: Fault.NO_REPLY, 6: Fault.NO_REPLY, 7: Fault.GARBLED},  # more often than the design allows
+    ],
+)
+def test_what_fails_for_good_stops_the_sweep_which_goes_on_where_it_was(tmp_path, failing, faults):
+    failing({call: InstrumentError("meter: its own words", fault) for call, fault in faults.items()})
+    with pytest.raises(InstrumentError, match=r"its own words.*4 of 18 readings are safe.*--resume") as error:
+        run_sweep(request(tmp_path))
+    assert error.value.fault is list(faults.values())[-1]
+    before = (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).read_text()
+    failing({})
+    outcome = run_sweep(request(tmp_path, resume=True))
+    assert (outcome.status, outcome.done) == (SessionStatus.COMPLETE, N_LUMINANCE)
+    assert (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).read_text().startswith(before)
+    assert [row["index"] for row in lines(tmp_path)] == list(range(N_LUMINANCE))
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), PausePressed()])
+@pytest.mark.parametrize("call", [1, 2, 9, N_LUMINANCE])
+def test_a_sweep_interrupted_anywhere_resumes(tmp_path, failing, stop, call):
+    failing({call: stop})
+    if isinstance(stop, KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(request(tmp_path))
+    else:
+        assert run_sweep(request(tmp_path)).status is SessionStatus.ABORTED
+    assert len(lines(tmp_path)) == call - 1
+    failing({})
+    run_sweep(request(tmp_path, resume=True))
+    uninterrupted = tmp_path / "again"
+    run_sweep(request(uninterrupted))
+    shown = [(row["pixel_value"], row["factor"], row["repeat"]) for row in lines(tmp_path)]
+    assert shown == [(row["pixel_value"], row["factor"], row["repeat"]) for row in lines(uninterrupted)]
+
+
+def test_a_program_that_is_killed_in_the_midst_of_a_reading_loses_none(tmp_path):
+    script = f"""
+import dataclasses, os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import test_run_sweep as t
+opened = t.sweep_devices.open_luminance_meter
+class Killed(t.Faulty):
+    def read_luminance(self):
+        self._calls += 1
+        if self._calls == 8:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self._inner.read_luminance()
+t.sweep_devices.open_luminance_meter = lambda *a: Killed(opened(*a), {{}})
+t.run_sweep(t.request(Path({str(tmp_path)!r})))
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=Path(evenlight.__file__).parent, env=os.environ, timeout=100
+    )
+    assert ended.returncode == -signal.SIGKILL
+    assert len(lines(tmp_path)) == 7
+    with (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).open("a") as log:
+        log.write('{"index": 7, "phase": "swe')  # as a crash of the system may leave it
+    run_sweep(request(tmp_path, resume=True))
+    assert [row["index"] for row in lines(tmp_path)] == list(range(N_LUMINANCE))
+    assert any(event["kind"] == "line_torn" for event in lines(tmp_path, EVENTS))
+
+
+def test_a_screen_too_dark_for_the_meter_is_a_reading_without_a_value(tmp_path, failing):
+    failing({4: InstrumentError("meter: too dark", Fault.UNDER_RANGE, "OK13")})
+    run_sweep(request(tmp_path))
+    row = lines(tmp_path)[3]
+    assert (row["luminance_cd_m2"], row["status"], row["meter_status"]) == (None, "under_range", "OK13")
+    assert len(lines(tmp_path)) == N_LUMINANCE
+
+
+def test_a_sweep_that_was_away_warms_the_display_up_again(tmp_path, failing):
+    failing({5: PausePressed()})
+    run_sweep(request(tmp_path))
+    failing({})
+    run_sweep(request(tmp_path, resume=True))
+    again = [event for event in lines(tmp_path, EVENTS) if event["kind"] == "continued"]
+    assert len(again) == 1
+    assert "120 s of white" in again[0]["detail"]
+    times = [row["begun_s"] for row in lines(tmp_path)]
+    assert times == sorted(times)
+    assert times[4] - times[3] > 120
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 5}, "--seed"),
+        ({"design": dataclasses.replace(LUMINANCE, repeats=4)}, "--design"),
+        ({"rig": dataclasses.replace(RIG, bits=10)}, "--rig"),
+    ],
+)
+def test_what_is_not_as_it_was_is_refused(tmp_path, failing, change, words):
+    failing({5: PausePressed()})
+    run_sweep(request(tmp_path))
+    with pytest.raises(InputError, match=words):
+        run_sweep(request(tmp_path, resume=True, **change))
+
+
+def test_nothing_is_overwritten(tmp_path):
+    run_sweep(request(tmp_path))
+    with pytest.raises(InputError, match="never overwritten"):
+        run_sweep(request(tmp_path))
+    with pytest.raises(InputError, match="is complete"):
+        run_sweep(request(tmp_path, resume=True))
+
+
+def test_without_backlight_and_display_file_factors_are_left_out_and_the_log_says_so(tmp_path):
+    # In a rehearsal the simulated panel's backlight makes them; the screen alone is asked here.
+    screen = sweep_devices.SweepScreen(RIG, (lambda: 0.0, lambda seconds: None))
+    assert not screen.makes_factors
+    assert sweep_devices.SweepScreen(RIG, (lambda: 0.0, lambda s: None), display=DISPLAY).makes_factors
+
+
+@pytest.mark.parametrize(
+    ("task", "rig", "display", "words"),
+    [
+        ("luminance-sweep", {"luminance_meter": "none"}, DISPLAY, "no luminance meter"),
+        ("power-sweep", {"power_meter": "none"}, DISPLAY, "no power meter"),
+        ("luminance-sweep", {}, None, "pixels_per_degree"),
+        ("power-sweep", {"luminance_meter": "none"}, None, "run luminance-sweep first"),
+    ],
+)
+def test_a_rig_that_lacks_what_a_sweep_needs_is_refused_before_a_file_is_written(
+    tmp_path, task, rig, display, words
+):
+    with pytest.raises(InputError, match=words):
+        run_sweep(request(tmp_path, task, rig=dataclasses.replace(RIG, **rig), display=display))
+    assert not (tmp_path / "lab").exists()

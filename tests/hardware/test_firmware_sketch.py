@@ -1,0 +1,99 @@
+"""The firmware sketch of docs/power-board.md speaks to the driver, with stand-ins for Arduino's functions."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hardware.board_link import PowerBoard
+from hardware.power_average import averaged
+from hardware.power_board import BoardBacklight, BoardPowerMeter
+from hardware.protocols import InstrumentError
+
+ROOT = Path(__file__).parents[2]
+STAND_INS = Path(__file__).parent / "firmware"
+ROLLOVER = 2**32 * 1e-6  # [s]
+
+pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler here")
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory) -> Path:
+    """Return the sketch, compiled for this computer."""
+    folder = tmp_path_factory.mktemp("firmware")
+    sketch = (ROOT / "docs/power-board.md").read_text().split("```cpp\n")[1].split("```")[0]
+    (folder / "sketch.cpp").write_text(sketch)
+    sources = [folder / "sketch.cpp", STAND_INS / "computer.cpp"]
+    command = ["g++", "-Wall", "-Wextra", "-Werror", f"-I{STAND_INS}", "-o", folder / "board", *sources]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return folder / "board"
+
+
+@pytest.fixture
+def board(program) -> Iterator[PowerBoard]:
+    """Return a link to the sketch, which runs on the other end of a pseudo-terminal."""
+    own, other = os.openpty()
+    tty.setraw(other)
+    process = subprocess.Popen([program, str(own)], pass_fds=[own])
+    try:
+        with PowerBoard(os.ttyname(other)) as link:
+            yield link
+    finally:
+        process.kill()
+        process.wait()
+        os.close(own)
+        os.close(other)
+
+
+def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
+    meter = BoardPowerMeter(board)
+    assert meter.start(200.0) == 200.0
+    begun, samples, offsets = time.monotonic(), [], []
+    while time.monotonic() < begun + 1.5:
+        time.sleep(0.05)
+        samples += meter.samples()
+        ping = meter.ping()
+        offsets.append(ping.device_time - (ping.sent + ping.received) / 2)
+    samples += meter.stop()
+    times = np.array([sample.device_time for sample in samples])
+    assert times[0] < ROLLOVER < times[-1] < ROLLOVER + 2
+    assert np.all(np.diff(times) > 0)
+    assert np.ptp(offsets) < 2.0  # a round of the clock would be 4295 s
+    average = averaged(samples, begun, time.monotonic())
+    # P = 0.3 + 1.5 W at full PWM; a count of the shunt is 0.125 mW
+    assert average.power == pytest.approx(1.8, abs=0.0005)
+    assert average.n_samples + average.n_lost == round(average.duration * 200) + 1
+    assert board.corrupted_lines() == 0
+    assert {sample.sync for sample in samples} == {False, True}
+
+
+def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
+    meter, backlight = BoardPowerMeter(board), BoardBacklight(board)
+    assert backlight.set_factor(0.5) == backlight.read_factor() == 128 / 255
+    for command, words in {
+        "NONE": "error 2: unknown command",
+        "START": "error 3: number missing",
+        "START 0.1": "error 4: out of range",
+        "B 256": "error 4: out of range",
+        "B x": "error 3: number missing",
+        "ZERO": "error 8: not zero",
+    }.items():
+        with pytest.raises(InstrumentError, match=words):
+            board.ask(command)
+    board.ask("B 0")
+    assert meter.zero() == pytest.approx(0.0005)  # [A]
+    board.ask("B 255")
+    meter.start(100.0)
+    with pytest.raises(InstrumentError, match="error 5: sampling"):
+        board.ask("START 100")
+    time.sleep(0.2)
+    power = averaged(meter.stop(), 0.0, 0.2).power
+    assert power == pytest.approx(1.8 - 5 * 0.0005, abs=0.0005)

@@ -1,0 +1,195 @@
+"""SCPI instruments: what they are asked, their overloads and errors, and answers that take their time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from data_schema.errors import InputError
+from hardware.clocks import WaitingClock
+from hardware.emulators.link import EmulatedLink
+from hardware.emulators.scpi_instrument import ALL, ScpiEmulator
+from hardware.emulators.scripted import ScriptedInstrument
+from hardware.power_average import average_power
+from hardware.protocols import Fault, InstrumentError
+from hardware.scpi_answers import number_in
+from hardware.scpi_power import ScpiPowerMeter
+from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from hardware.simulated_power_sensor import PowerMeterPhysics
+
+FULL = 0.2945 + 0.001858 * 200  # [W]
+TIMEOUT = 0.6  # [s]
+
+
+@pytest.fixture
+def simulation() -> Simulation:
+    clock = WaitingClock()
+    panel = SimulatedPanel(PanelPhysics(), clock.now)
+    return Simulation(panel, np.random.default_rng(2), clock.now, clock.wait)
+
+
+@pytest.fixture
+def emulator(simulation) -> ScpiEmulator:
+    return ScpiEmulator(simulation)
+
+
+@pytest.fixture
+def meter(emulator, simulation) -> Iterator[ScpiPowerMeter]:
+    with EmulatedLink(emulator) as link, ScpiPowerMeter(link.url, simulation.clock, TIMEOUT) as opened:
+        yield opened
+
+
+def averaged(meter: ScpiPowerMeter, simulation: Simulation) -> float:
+    return average_power(meter, 0.5, 100.0, simulation.clock, simulation.wait).power
+
+
+@pytest.mark.parametrize(
+    ("known", "options", "asked"),
+    [
+        (ALL, "", "MEAS:POW?"),
+        (("MEAS:VOLT?", "MEAS:CURR?"), "", "MEAS:VOLT? and MEAS:CURR?"),
+        (("MEAS:CURR?",), "?voltage=5.0", "MEAS:CURR? times 5 V"),
+    ],
+)
+def test_it_is_asked_for_what_it_measures(simulation, known, options, asked) -> None:
+    with (
+        EmulatedLink(ScpiEmulator(simulation, known=known)) as link,
+        ScpiPowerMeter(link.url + options, simulation.clock, TIMEOUT) as meter,
+    ):
+        assert meter.apparatus()["power_meter_asked"] == asked
+        # 50 samples of 2 mW noise: 0.28 mW for their mean, five times that is allowed
+        assert averaged(meter, simulation) == pytest.approx(FULL, abs=0.0014)
+
+
+def test_an_instrument_that_measures_no_power_is_refused(simulation) -> None:
+    with (
+        EmulatedLink(ScpiEmulator(simulation, known=("MEAS:VOLT?",))) as link,
+        pytest.raises(
+            InstrumentError, match=r"does not measure power, nor voltage and current; give ?"
+        ) as told,
+    ):
+        ScpiPowerMeter(link.url, simulation.clock, TIMEOUT)
+    assert told.value.fault is Fault.WRONG_INSTRUMENT
+
+
+def test_an_overload_is_an_error_and_no_power(simulation) -> None:
+    with (
+        EmulatedLink(ScpiEmulator(simulation, PowerMeterPhysics(highest_power=0.5))) as link,
+        ScpiPowerMeter(link.url, simulation.clock, TIMEOUT) as meter,
+    ):
+        with pytest.raises(InstrumentError, match=r"overload \(9.9E37\): the panel takes more") as told:
+            averaged(meter, simulation)
+        assert told.value.fault is Fault.OVER_RANGE
+        simulation.panel.set_backlight(0.25)  # 0.387 W
+        simulation.wait(1.0)
+        assert averaged(meter, simulation) == pytest.approx(0.2945 + 0.3716 / 4, abs=0.0014)
+
+
+@pytest.mark.parametrize(
+    ("answer", "fault"),
+    [
+        ("9.9E37", Fault.OVER_RANGE),
+        ("-9.9e+37", Fault.OVER_RANGE),
+        ("+9.90000000E+37", Fault.OVER_RANGE),
+        ("9.91E37", Fault.REFUSED),
+        ("nan", Fault.GARBLED),
+        ("1e999", Fault.GARBLED),
+        ("", Fault.GARBLED),
+        ("0.672W", Fault.GARBLED),
+        ("1.2,3.4", Fault.GARBLED),
+    ],
+)
+def test_what_is_no_measurement_is_an_error(answer, fault) -> None:
+    with pytest.raises(InstrumentError) as told:
+        number_in(answer, "the meter")
+    assert told.value.fault is fault
+
+
+def test_the_instruments_own_error_is_told_in_its_words(meter, emulator, simulation) -> None:
+    meter.start(100.0)
+    emulator.errors.append('-222,"Data out of range; current limit"')
+    with pytest.raises(InstrumentError, match="execution error -222: Data out of range; current") as told:
+        meter.stop()
+    assert (told.value.fault, told.value.code) == (Fault.REFUSED, "-222")
+    assert averaged(meter, simulation) > 0  # it is cleared with the telling
+
+
+def test_a_current_that_flows_backwards_is_no_power() -> None:
+    clock = WaitingClock()
+    panel = SimulatedPanel(PanelPhysics(base_power=-0.5, power_per_luminance=0.0), clock.now)
+    simulation = Simulation(panel, np.random.default_rng(2), clock.now, clock.wait)
+    with (
+        EmulatedLink(ScpiEmulator(simulation)) as link,
+        ScpiPowerMeter(link.url, clock.now, TIMEOUT) as meter,
+        pytest.raises(InstrumentError, match="flows backwards; swap the leads"),
+    ):
+        meter.start(10.0)
+
+
+class Slow:
+    """A multimeter that takes 60 ms for an answer, as most of them do."""
+
+    def __init__(self, emulator: ScpiEmulator) -> None:
+        self._emulator, self._answers = emulator, list[tuple[float, bytes]]()
+
+    def receive(self, data: bytes) -> bytes:
+        if answer := self._emulator.receive(data):
+            self._answers.append((time.monotonic() + 0.06, answer))
+        return b""
+
+    def stream(self) -> bytes:
+        if self._answers and time.monotonic() >= self._answers[0][0]:
+            return self._answers.pop(0)[1]
+        return b""
+
+
+def test_nobody_waits_for_a_slow_answer() -> None:
+    panel = SimulatedPanel(PanelPhysics(), time.monotonic)
+    simulation = Simulation(panel, np.random.default_rng(2), time.monotonic, time.sleep)
+    with EmulatedLink(Slow(ScpiEmulator(simulation))) as link, ScpiPowerMeter(link.url) as meter:
+        rate = meter.start(100.0)
+        assert 5 < rate < 1 / 0.06  # what it keeps up with
+        longest, samples, begun = 0.0, [], time.monotonic()
+        while time.monotonic() < begun + 0.6:
+            before = time.monotonic()
+            samples += meter.samples()
+            longest = max(longest, time.monotonic() - before)
+            time.sleep(0.002)
+        samples += meter.stop()
+    assert longest < 0.05  # far less than an answer takes
+    assert len(samples) >= 4
+    times = [sample.device_time for sample in samples]
+    assert times == sorted(times)
+    for sample in samples:  # the middle of question and answer
+        assert 0.03 <= sample.received - sample.device_time < 0.15
+
+
+def test_the_dialogue_is_the_one_that_is_written_down() -> None:
+    script = ScriptedInstrument(
+        [
+            (b"*IDN?\n", b"RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16\r\n"),
+            (b"*CLS\n", b""),
+            (b"MEAS:POW?\n", b"0.672\r\n"),
+            (b"SYST:ERR?\n", b'0,"No error"\r\n'),
+            (b"MEAS:POW?\n", b"0.672\r\n"),
+            (b"MEAS:POW?\n", b"0.500\r\n"),
+            (b"SYST:ERR?\n", b'0,"No error"\r\n'),
+        ]
+    )
+    with EmulatedLink(script) as link:
+        with ScpiPowerMeter(link.url, lambda: 3.0, TIMEOUT) as meter:
+            assert meter.apparatus()["power_meter"] == "RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16"
+            meter.start(10.0)
+            samples = [*meter.samples(), *meter.stop()]
+        script.finish()
+    assert [sample.power for sample in samples] == [0.5]
+    assert meter.apparatus()["power_meter_asked"] == "MEAS:POW?"
+
+
+@pytest.mark.parametrize("address", ["", "?voltage=5", "host:5025?volts=5", "host:5025?voltage=-5"])
+def test_an_address_that_says_nothing_of_use_is_refused(address) -> None:
+    with pytest.raises(InputError, match="scpi:"):
+        ScpiPowerMeter(address)

@@ -1,0 +1,108 @@
+"""`evenlight play --measure-power`: the power of a played video, in its versions, on a simulated panel."""
+
+import csv
+import itertools
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evenlight
+from data_schema.power_log import FlashMark, PlayedFlip, PowerSample
+from data_schema.text_files import read_rows
+from hardware.simulated_panel import PanelPhysics
+from method.preset_files import load_display
+
+ROOT = Path(evenlight.__file__).parent
+FRAMES, RATE = 30, 20.0
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory, virtual_screen, make_stimulus, make_video):
+    """A video of a second and a half with its track, and the folder of its measured power."""
+    folder = tmp_path_factory.mktemp("measured")
+    factors = np.linspace(0.9, 0.3, FRAMES)
+    make_stimulus(folder / "track", factors, frames_per_second=RATE)
+    make_video(folder / "clip.mkv", np.linspace(0.2, 0.9, FRAMES), (64, 48), RATE)
+    words = ["play", folder / "clip.mkv", folder / "track", "--rig", "simulated", "--simulate"]
+    words += ["--measure-power", "--passes", "2", "--out", folder / "power"]
+    done = subprocess.run(
+        [sys.executable, "-m", "evenlight", *map(str, words)],
+        cwd=ROOT,
+        env=os.environ | {"DISPLAY": virtual_screen(24)},
+        capture_output=True,
+        text=True,
+        timeout=200,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "power", done.stdout, factors
+
+
+def panel_power(factor):
+    """P of the simulated panel, by hand: base + slope · b · peak."""
+    physics = PanelPhysics()
+    peak = load_display("varjo-xr3").peak_luminance
+    return physics.base_power + physics.power_per_luminance * factor * peak
+
+
+def test_every_version_is_played_as_often_and_each_round_begins_with_another(measured):
+    flips = read_rows(PlayedFlip, measured[0] / "flips.csv")
+    order = {flip.pass_index: flip.version for flip in flips}
+    assert list(order.values()) == ["ours", "baseline", "full", "baseline", "full", "ours"]
+    shown = [flip.video_frame for flip in flips if flip.pass_index == 5]
+    assert sorted(set(shown)) == list(range(FRAMES))
+
+
+def test_the_sync_line_changes_with_every_new_video_frame(measured):
+    flips = read_rows(PlayedFlip, measured[0] / "flips.csv")
+    for before, after in itertools.pairwise(flips):
+        new = (before.pass_index, before.video_frame) != (after.pass_index, after.video_frame)
+        assert (before.sync != after.sync) == new
+
+
+def test_three_flashes_come_before_and_three_after(measured):
+    flashes = read_rows(FlashMark, measured[0] / "flashes.csv")
+    flips = read_rows(PlayedFlip, measured[0] / "flips.csv")
+    for some in (flashes[:7], flashes[7:]):
+        assert [flash.factor for flash in some] == [0.2, 1.0] * 3 + [0.2]
+        np.testing.assert_allclose(np.diff([flash.time for flash in some]), 0.5, atol=1e-9)
+    assert flashes[6].time < flips[0].flip
+    assert flashes[7].time > flips[-1].flip
+
+
+def test_samples_came_from_before_the_first_flash_to_after_the_last(measured):
+    samples = read_rows(PowerSample, measured[0] / "power.csv")
+    flashes = read_rows(FlashMark, measured[0] / "flashes.csv")
+    assert samples[0].received < flashes[0].time
+    assert samples[-1].received >= flashes[-1].time
+    assert {sample.sync for sample in samples} == {False, True}
+
+
+def test_the_table_has_the_panels_power(measured):
+    folder, said, factors = measured
+    with (folder / "power_table.csv").open() as table:
+        rows = {row["version"]: float(row["mean_power_w"]) for row in csv.DictReader(table)}
+    # The backlight's lag of 5 ms leaves the mean over a pass of 1.5 s within 1 % of the power at its factors.
+    expected = {"ours": panel_power(factors.mean()), "full": panel_power(1.0)}
+    for version, power in expected.items():
+        assert abs(rows[version] / power - 1) < 0.01
+    assert "SIMULATED" in said
+    assert json.loads((folder / "power_log.json").read_text())["simulated"]
+
+
+def test_a_folder_with_a_measurement_is_refused_before_anything_is_played(measured, command, tmp_path):
+    folder = measured[0]
+    words = ("play", folder.parent / "clip.mkv", folder.parent / "track", "--rig", "simulated")
+    done = command(*words, "--measure-power", "--out", folder)
+    assert (done.code, "never overwritten" in done.err) == (2, True)
+    done = command(*words, "--measure-power")
+    assert (done.code, "needs --out" in done.err) == (2, True)
+    done = command(*words[:3], "--measure-power", "--out", tmp_path / "new")
+    assert (done.code, "names no power meter" in done.err) == (2, True)
+    done = command(*words, "--passes", "2")
+    assert (done.code, "--measure-power" in done.err) == (2, True)
+    assert not (tmp_path / "new").exists()
