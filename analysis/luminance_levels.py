@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -89,7 +90,7 @@ def _row(readings: Sequence[LuminanceReading], model: float, reflected: float, f
         achieved_factor=float(np.mean([r.achieved_factor for r in readings])),
         luminance=mean,
         pixel_value=readings[0].pixel_value,
-        luminance_sd=float(values.std(ddof=1)) if values.size > 1 else None,
+        luminance_sd=statistics.stdev(values.tolist()) if values.size > 1 else None,
         n_readings=int(values.size),
         n_under_range=len(readings) - int(values.size),
         share=None if mean is None else (mean - reflected) / full,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -160,9 +161,9 @@ def _level_rows(
             factor=readings[0].factor,
             achieved_factor=float(np.mean([r.achieved_factor for r in readings])),
             luminance=float(luminance.mean()),
-            luminance_sd=float(luminance.std(ddof=1)) if metered else None,
+            luminance_sd=statistics.stdev(luminance.tolist()) if metered else None,
             power=float(power.mean()),
-            power_sd=float(power.std(ddof=1)) if power.size > 1 else None,
+            power_sd=statistics.stdev(power.tolist()) if power.size > 1 else None,
             n_readings=int(power.size),
             model_power=model,
             residual=float(power.mean()) - model,

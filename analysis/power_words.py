@@ -65,11 +65,12 @@ def difference_in_words(equal: EqualPower) -> str:
 def _mw(power: float) -> str:
     """Return a power in mW, with two decimals where it is small.
 
-    >>> _mw(-0.000236), _mw(0.01718), _mw(0.1718)
-    ('-0.24', '17.2', '172')
+    >>> _mw(-0.000236), _mw(0.01718), _mw(0.1718), _mw(-0.000001)
+    ('-0.24', '17.2', '172', '0.00')
     """
     value = 1000 * power
-    return f"{value:.{2 if abs(value) < 10 else 1 if abs(value) < 100 else 0}f}"
+    decimals = 2 if abs(value) < 10 else 1 if abs(value) < 100 else 0
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"  # 0.0 is added for -0.0, which reads as less than 0
 
 
 def clock_in_words(clock: ClockFit) -> str:

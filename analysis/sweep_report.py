@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from analysis.display_check import against_file
 from analysis.luminance_sweep import LuminanceSweepFit
 from analysis.power_sweep import PowerSweepFit
 from analysis.report import Cell, Picture, Report, Section, Table
@@ -44,7 +45,11 @@ def luminance_report(result: LuminanceSweepFit, png: bytes, files: Mapping[str, 
     sections = [
         Section(
             "The display",
-            (_how_measured(result.sweep.manifest), *_unless_warned(gamma_in_words(record), warnings)),
+            (
+                _how_measured(result.sweep.manifest),
+                *_unless_warned(gamma_in_words(record), warnings),
+                *(f"{_sentence(words)}." for words in against_file(result)),
+            ),
             (_display_table(record),),
             (Picture(png, CURVE_CAPTION),),
             warnings,
@@ -215,5 +220,5 @@ def _unless_warned(words: str, warnings: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _sentence(words: str) -> str:
-    """Return words that begin with a capital letter."""
-    return words[0].upper() + words[1:]
+    """Return words of the terminal as a sentence of the report."""
+    return words[0].upper() + words[1:].replace("^2", "²")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from analysis.display_check import against_file
 from analysis.figure_style import png_bytes
 from analysis.luminance_sweep import LuminanceSweepFit, display_of, fit_luminance_sweep
 from analysis.luminance_sweep_figure import luminance_sweep_figure
@@ -79,7 +80,8 @@ def write_sweep_results(folder: Path, out: Path) -> SweepOutcome:
         with results_folder(out) as staging:
             _write_luminance(luminance, staging)
         found = display_warnings(luminance.record)
-        return SweepOutcome(tuple(display_lines(luminance.record)), (*found, *luminance.sweep.warnings))
+        lines = (*display_lines(luminance.record), *against_file(luminance))
+        return SweepOutcome(lines, (*found, *luminance.sweep.warnings))
     power = fit_power_sweep(load_power_sweep(folder))
     with results_folder(out) as staging:
         _write_power(power, staging)

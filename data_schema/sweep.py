@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from data_schema.display import HIGHEST_LUMINANCE
+from data_schema.display import HIGHEST_LUMINANCE, Display
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
 from data_schema.rig import Rig
@@ -283,6 +283,8 @@ class SweepManifest:
         [cd/m^2].
     provenance : Provenance
         Software and seed.
+    display : Display or None
+        The display as the rig's file has it; None of one that has no file yet.
     measured_by : str
         Who measured, as a code.
     apparatus : dict of str to str
@@ -304,6 +306,7 @@ class SweepManifest:
         "cd/m^2", "of the display at b = 1, as its file has it", above=0.0
     )
     provenance: Provenance = described("how the file was made")
+    display: Display | None = described("the display as its file has it", default=None)
     measured_by: str = described("who measured, as a code", default="", pattern="^[0-9A-Za-z]*$")
     apparatus: dict[str, str] = field(
         default_factory=dict, metadata={"doc": "what instruments and window say of themselves"}

@@ -228,6 +228,7 @@ def _new_manifest(request: SweepRequest) -> SweepManifest:
             seed=DEFAULT_SEED if request.seed is None else request.seed,
             inputs={"rig": sha256_of_record(rig)},
         ),
+        display=display,
         measured_by=request.measured_by,
         started=request.staging.utc(),
     )
