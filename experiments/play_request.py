@@ -13,7 +13,7 @@ from data_schema.errors import InputError
 from data_schema.rig import Rig
 from experiments.playback import Dimming, Playback
 from experiments.track_fit import LoadedTrack, frame_durations
-from hardware.rig import load_rig
+from hardware.rig_files import load_rig
 from method.preset_files import load_display
 from stimuli.commands import size_in
 from stimuli.sequences import built_in_sequence, is_sequence

@@ -100,7 +100,7 @@ def run(
     from experiments.pages import load_pages
     from experiments.run_session import SessionRequest
     from experiments.staging import Staging
-    from hardware.rig import load_rig
+    from hardware.rig_files import load_rig
     from method.preset_files import load_display
 
     staging = Staging(simulate.value if simulate else None, real_time, screenshots)

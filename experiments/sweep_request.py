@@ -41,7 +41,7 @@ def sweep_request(
         If rig or design cannot be used.
     """
     from experiments.design_files import load_sweep_design
-    from hardware.rig import load_rig
+    from hardware.rig_files import load_rig
     from method.preset_files import load_display
 
     loaded, display_name = load_rig(rig)

@@ -75,7 +75,7 @@ def power(
 
 def _named(rig: str | None, key: str) -> str:
     """Return the instrument that a rig names under a key."""
-    from hardware.rig import load_rig
+    from hardware.rig_files import load_rig
 
     if rig is None:
         raise InputError(

@@ -1,9 +1,8 @@
-"""The rig file, and the devices that it names: the one place that chooses a driver, and imports it."""
+"""The devices that a rig names: the one place that chooses a driver, and imports it."""
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from data_schema.errors import InputError
 from data_schema.rig import SLOWEST_DISPLAY, Rig
-from data_schema.text_files import read_toml_record
 from hardware.clocks import RefreshClock
 from hardware.driver_table import SIMULATED, Driver, LinkKind, NamedDriver, named_driver, own_simulation
 from hardware.protocols import (
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
     from hardware.board_link import PowerBoard
     from hardware.simulated_panel import Simulation
 
-RIGS = Path(__file__).parent / "rigs"
 BOARD = "board"  # one link, which a power meter and a backlight share
 
 LUMINANCE_METERS = {  # what they are for the person at the bench stands in hardware/luminance_meters.py
@@ -106,48 +103,6 @@ BACKLIGHTS = {  # hardware/backlight_notes.py
 }
 FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
 LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
-
-
-def load_rig(name_or_path: str) -> tuple[Rig, str]:
-    """Return the rig of a preset (`simulated`) or of a toml file, and its display.
-
-    Parameters
-    ----------
-    name_or_path : str
-        A preset, or a toml file.
-
-    Returns
-    -------
-    rig : Rig
-        The rig, as the file has it.
-    display : str
-        Its display, to be loaded: a preset's name, or a path, which a rig gives relative to its own file.
-        The rig's `backlight_curve` is a path from there, too, and is returned as one from here.
-
-    Raises
-    ------
-    InputError
-        If there is neither a preset nor a file of that name, or the file is no rig.
-
-    >>> rig, display = load_rig("simulated")
-    >>> rig.refresh_rate, display
-    (60.0, 'varjo-xr3')
-    """
-    path = _rig_file(name_or_path)
-    rig = read_toml_record(Rig, path)
-    if rig.backlight_curve:
-        rig = dataclasses.replace(rig, backlight_curve=str(path.parent / rig.backlight_curve))
-    is_file = rig.display.endswith(".toml") or "/" in rig.display
-    return rig, str(path.parent / rig.display) if is_file else rig.display
-
-
-def rig_names() -> list[str]:
-    """Return the names of the rigs that come with Evenlight.
-
-    >>> rig_names()
-    ['desk', 'simulated']
-    """
-    return sorted(path.name.split(".")[0] for path in RIGS.glob("*.rig.toml"))
 
 
 def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsal: bool = False) -> Window:
@@ -305,7 +260,7 @@ def open_backlight(
     Parameters
     ----------
     rig : Rig
-        The rig, from `load_rig`.
+        The rig, from `rig_files.load_rig`.
     clock : callable
         The window's clock [s].
     simulation : Simulation, optional
@@ -350,6 +305,7 @@ def is_simulated(name: str) -> bool:
 def simulated_devices(rig: Rig) -> list[str]:
     """Return which of a rig's meters and backlight are simulated.
 
+    >>> from hardware.rig_files import load_rig
     >>> simulated_devices(load_rig("simulated")[0])
     ['luminance_meter', 'power_meter']
     """
@@ -363,6 +319,7 @@ def backlights_smallest_factor(rig: Rig) -> float:
     The device is opened for it, and left as it was found.
 
     >>> import dataclasses
+    >>> from hardware.rig_files import load_rig
     >>> rig = dataclasses.replace(load_rig("simulated")[0], backlight="simulated")
     >>> round(1 / backlights_smallest_factor(rig))  # 12 bits
     4095
@@ -379,6 +336,7 @@ def backlights_smallest_factor(rig: Rig) -> float:
 def require_refresh_rate(rig: Rig, measured: float) -> None:
     """Refuse a rig whose refresh rate is not the window's: its ramps would be slower or faster than meant.
 
+    >>> from hardware.rig_files import load_rig
     >>> require_refresh_rate(load_rig("simulated")[0], 59.94)
     """
     if abs(measured / rig.refresh_rate - 1) > LARGEST_DEVIATION:
@@ -386,20 +344,6 @@ def require_refresh_rate(rig: Rig, measured: float) -> None:
             f"the rig {rig.name!r} has a refresh rate of {rig.refresh_rate:g} Hz, and the window shows "
             f"{measured:.1f} Hz: set `refresh_rate_hz` to the display's, or the display to the rig's"
         )
-
-
-def _rig_file(name_or_path: str) -> Path:
-    """Return the file of a rig."""
-    if name_or_path in rig_names():
-        return RIGS / f"{name_or_path}.rig.toml"
-    path = Path(name_or_path)
-    if not path.exists():
-        hint = difflib.get_close_matches(name_or_path, rig_names(), n=1)
-        guess = f"did you mean {hint[0]!r}? " if hint else ""
-        raise InputError(
-            f"{name_or_path}: no such rig; {guess}give a preset ({', '.join(rig_names())}) or a toml file"
-        )
-    return path
 
 
 def _open_device(

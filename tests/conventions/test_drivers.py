@@ -33,6 +33,7 @@ from hardware.protocols import (
     PowerMeter,
     Reading,
 )
+from hardware.rig_files import load_rig
 from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 ROOT = Path(evenlight.__file__).parent
@@ -69,7 +70,7 @@ def opened(kind: str, name: str, seen: Simulation) -> AbstractContextManager[Any
         return rigs.open_luminance_meter(name, time.monotonic, seen)
     if kind == "power":
         return rigs.open_power_meter(name, time.monotonic, seen)
-    device = rigs.open_backlight(replace(rigs.load_rig("simulated")[0], backlight=name), time.monotonic, seen)
+    device = rigs.open_backlight(replace(load_rig("simulated")[0], backlight=name), time.monotonic, seen)
     assert device is not None
     return device
 

@@ -22,7 +22,7 @@ from experiments.search_observer import SearchAnswer
 from experiments.search_schedule import SearchPoint, search_order, search_practice
 from experiments.simulated_viewers import SimulatedViewer
 from experiments.viewing_answers import ViewingAnswers
-from hardware.rig import load_rig
+from hardware.rig_files import load_rig
 from stimuli.landolt import Ring
 from stimuli.ring_place_files import KeypointRings
 from stimuli.scenes.camera import Camera

@@ -16,7 +16,8 @@ from experiments.stage import RampInterval
 from experiments.window_stage import WindowStage
 from hardware.clocks import RefreshClock
 from hardware.psychopy_window import PsychoPyWindow
-from hardware.rig import load_rig, open_window
+from hardware.rig import open_window
+from hardware.rig_files import load_rig
 from hardware.simulated_keyboard import SimulatedKeyboard
 from stimuli.dithering import dithered_codes, thresholds_of
 from stimuli.field_renderer import Field, FieldRenderer

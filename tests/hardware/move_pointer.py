@@ -4,7 +4,8 @@ import dataclasses
 import json
 
 from hardware.clocks import RefreshClock
-from hardware.rig import load_rig, open_pointer, open_window
+from hardware.rig import open_pointer, open_window
+from hardware.rig_files import load_rig
 
 
 def main() -> None:

@@ -17,13 +17,13 @@ from hardware.linear_backlight import LinearizedBacklight
 from hardware.protocols import Fault, InstrumentError
 from hardware.rig import (
     backlights_smallest_factor,
-    load_rig,
     open_backlight,
     open_luminance_meter,
     open_power_meter,
     open_swept_backlight,
     simulated_devices,
 )
+from hardware.rig_files import load_rig
 from hardware.serial_link import LineSettings, SerialLink
 from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 

@@ -10,7 +10,8 @@ from data_schema.errors import InputError
 from data_schema.mapping import keys_of
 from data_schema.rig import Rig
 from hardware.backlights import SimulatedBacklight
-from hardware.rig import RIGS, load_rig, open_backlight, require_refresh_rate
+from hardware.rig import open_backlight, require_refresh_rate
+from hardware.rig_files import RIGS, load_rig
 
 RIG = """
 name = "lab"

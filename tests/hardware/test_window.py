@@ -128,7 +128,8 @@ def test_bits_and_screens_that_are_not_there_are_refused(drawn_8: Drawn, drawn_1
 
 OPEN = """
 from data_schema.errors import InputError
-from hardware.rig import load_rig, open_window
+from hardware.rig import open_window
+from hardware.rig_files import load_rig
 {before}
 try:
     open_window(load_rig("simulated")[0])

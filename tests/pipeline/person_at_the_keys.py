@@ -18,7 +18,7 @@ from data_schema.ramp import RampDesign
 from experiments import run_session
 from experiments.pages import load_pages
 from experiments.staging import Staging
-from hardware.rig import load_rig
+from hardware.rig_files import load_rig
 from method.preset_files import load_display
 
 DESIGN = RampDesign(

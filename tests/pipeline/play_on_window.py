@@ -19,7 +19,8 @@ from experiments.stage import Clip
 from experiments.window_stage import WindowStage
 from hardware.clocks import RefreshClock
 from hardware.psychopy_window import PsychoPyWindow
-from hardware.rig import load_rig, open_held_keys, open_window
+from hardware.rig import open_held_keys, open_window
+from hardware.rig_files import load_rig
 from hardware.simulated_keyboard import SimulatedKeyboard
 from stimuli.dithering import dithered_codes, thresholds_of
 from stimuli.video_source import open_video

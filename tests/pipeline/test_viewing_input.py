@@ -18,7 +18,7 @@ import pytest
 import evenlight
 from data_schema.text_files import write_toml_record
 from data_schema.viewing import RatingDesign
-from hardware.rig import load_rig
+from hardware.rig_files import load_rig
 from method.preset_files import load_display
 
 ROOT = Path(evenlight.__file__).parent

@@ -15,7 +15,7 @@ from data_schema.rig import Rig
 from data_schema.search import SearchDesign
 from data_schema.text_files import write_toml_record
 from data_schema.viewing import ComparisonDesign, RatingDesign
-from hardware.rig import load_rig
+from hardware.rig_files import load_rig
 from method.preset_files import load_display
 from stimuli.scenes.camera_path import path_named
 
