@@ -130,7 +130,7 @@ def fit_gamma(levels: Sequence[PixelLevel], reflected: float, time: float) -> Ga
     free = data.fit()
     black = float(free.parameters[2])
     best = free if black >= 0 else data.fit(black=0.0)
-    f, p = _lack_of_fit(best.residuals[: len(read)], noise)
+    f, p = _lack_of_fit(best, noise)
     gamma, peak, _ = best.parameters
     if not 0 < gamma < HIGHEST_GAMMA or not 0 < peak < HIGHEST_LUMINANCE or black >= peak:
         raise InputError(
@@ -172,16 +172,15 @@ def _noise_and_drift(repeats: Sequence[Repeats], reflected: float) -> tuple[Nois
     return noise_of(repeats, steps, slope), slope
 
 
-def _lack_of_fit(residuals: Array, noise: Noise) -> tuple[float | None, float | None]:
+def _lack_of_fit(solution: Solution, noise: Noise) -> tuple[float | None, float | None]:
     """Return F of the levels' deviations over the scatter of repeats, and its probability.
 
     The residuals are in units of what the repeats say, so that the denominator is 1.
     """
-    freedom = residuals.size - 3
-    if noise.freedom == 0 or freedom == 0:
+    if noise.freedom == 0 or solution.freedom == 0:
         return None, None
-    f = float(residuals @ residuals) / freedom
-    return f, float(stats.f.sf(f, freedom, noise.freedom))
+    f = solution.misfit / solution.freedom
+    return f, float(stats.f.sf(f, solution.freedom, noise.freedom))
 
 
 def _half_width(solution: Solution, lack: tuple[float | None, float | None], noise: Noise) -> float:
@@ -190,12 +189,11 @@ def _half_width(solution: Solution, lack: tuple[float | None, float | None], noi
     Repeats say how large they are, unless the levels deviate by more (or there were no repeats): then those
     deviations do, so that intervals are honest about a curve that does not fit.
     """
-    f, p = lack
+    _, p = lack
     if noise.freedom and (p is None or p >= UNLIKELY):
         return float(stats.t.ppf((1 + CONFIDENCE) / 2, noise.freedom))
-    freedom = solution.residuals.size - 3
-    f = f or float(solution.residuals @ solution.residuals) / freedom
-    return float(np.sqrt(f) * stats.t.ppf((1 + CONFIDENCE) / 2, freedom))
+    scale = solution.misfit / solution.freedom
+    return float(np.sqrt(scale) * stats.t.ppf((1 + CONFIDENCE) / 2, solution.freedom))
 
 
 def _intervals(

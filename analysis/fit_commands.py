@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 def fit(
     dataset: Annotated[
-        Path, typer.Argument(help="Data set with ramp sessions, sweeps of a display, or both.")
+        Path,
+        typer.Argument(
+            help="Data set with ramp sessions, sweeps of a display, or both; or a folder of measured power."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results; those of sweeps get folders in it.")],
     form: Annotated[
@@ -48,6 +51,9 @@ def fit(
     ] = None,
     budget: Annotated[float, typer.Option(help="Mean brightness factor of that video.")] = 0.4,
     no_clip: Annotated[bool, typer.Option("--no-clip", help="Try the choice on no video.")] = False,
+    power_model: Annotated[
+        str | None, typer.Option(help="Power model whose prediction is shown beside measured power.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
     """Fit thresholds and the rate limit to ramp sessions, and display and power models to sweeps."""
@@ -58,9 +64,21 @@ def fit(
     from analysis.loading import has_ramp_sessions, load_ramp_data
     from analysis.rate_limit_curve import RateLimitOptions
     from analysis.sweep_loading import newest_sweeps
+    from data_schema.dataset_layout import POWER_LOG
     from data_schema.errors import InputError
     from data_schema.files import results_folder
 
+    if (dataset / POWER_LOG).is_file():
+        from analysis.power_table import write_power_results
+        from method.preset_files import load_power_model
+
+        model = load_power_model(power_model) if power_model else None
+        said = write_power_results(dataset, out, model)
+        if not quiet:
+            typer.echo("\n".join(said))
+        return
+    if power_model is not None:
+        raise InputError("--power-model is for a folder of measured power (`evenlight play --measure-power`)")
     if no_clip and clip is not None:
         raise InputError(f"--no-clip and --clip {clip} contradict each other; give one of them")
     options = RateLimitOptions(

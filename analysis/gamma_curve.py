@@ -71,11 +71,35 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Parameters γ, peak and black, the weighed residuals there, and their derivatives."""
+    """A best curve.
+
+    Attributes
+    ----------
+    parameters : array (3,)
+        γ, peak and black.
+    residuals : array (k + d,)
+        Over their errors: of the levels that were read, then of the readings under range.
+    derivatives : array (k + d, m)
+        Of the residuals by the parameters that were fitted: two if black was given.
+    n_levels : int
+        k, how many levels were read.
+    """
 
     parameters: Array
     residuals: Array
     derivatives: Array
+    n_levels: int
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the levels' deviations; readings under range deviate from nothing."""
+        return self.n_levels - int(self.derivatives.shape[1])
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squares of the levels' deviations over their errors."""
+        own = self.residuals[: self.n_levels]
+        return float(own @ own)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +147,7 @@ class CurveData:
             residuals, start[:2] if fixed else start, method="lm", x_scale=np.abs(start[: 2 + (not fixed)])
         )
         parameters = np.array([*found.x, black]) if fixed else found.x
-        return Solution(parameters, found.fun, np.asarray(found.jac))
+        return Solution(parameters, found.fun, np.asarray(found.jac), self.means.size)
 
     def _start(self) -> Array:
         """Return a first guess: the ends, and the γ of the level that is nearest to half the pixel value."""

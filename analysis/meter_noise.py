@@ -52,13 +52,13 @@ class Noise:
         At a value of zero, in the unit of the readings.
     share : float
         Of the value, added in squares.
-    freedom : int
-        Degrees of freedom that it rests on; 0 if it is assumed, not measured.
+    freedom : float
+        Degrees of freedom of the variance at a level, on average; 0 if it is assumed, not measured.
     """
 
     floor: float
     share: float
-    freedom: int
+    freedom: float
 
     def variance(self, values: ArrayLike) -> Array:
         """Return the variance of a reading of these values.
@@ -86,7 +86,7 @@ def noise_of(levels: Sequence[Repeats], steps: ArrayLike = 0.0, slope: float = 0
     steps : array_like, (len(levels),) or scalar
         Last digit of the readings; noise below a tenth of the finest is not told from none.
     slope : float
-        Of a drift that is taken out first: share of the value per second.
+        Of a drift that is taken out first, and was told from the same repeats: share of the value per second.
     """
     means = np.array([level.mean for level in levels])
     freedom = np.array([level.values.size - 1 for level in levels])
@@ -97,8 +97,10 @@ def noise_of(levels: Sequence[Repeats], steps: ArrayLike = 0.0, slope: float = 0
     scatter = np.array([_scatter(level, slope) for level in levels])
     least = np.array([max(digits.min() / 10, SMALLEST_SHARE * np.abs(means).max()), SMALLEST_SHARE])
     start = np.maximum(least, [np.sqrt((scatter[used] / freedom[used]).min()), 0.01])
-    found = _most_probable(_Scatter(means[used], scatter[used], freedom[used], digits[used]), start, least)
-    return Noise(float(found[0]), float(found[1]), int(freedom.sum()))
+    seen = _Scatter(means[used], scatter[used], freedom[used], digits[used])
+    found = _most_probable(seen, start, least)
+    told = seen.freedom_at(np.log(found))
+    return Noise(float(found[0]), float(found[1]), max(told - (slope != 0), 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +114,31 @@ class _Scatter:
 
     def cost(self, logs: Array) -> tuple[float, Array, Array]:
         """Return -ln of likelihood times prior at ln floor and ln share, with its gradient and curvature."""
+        seen, slopes = self._variance(logs)
+        cost = 0.5 * float(self.freedom @ np.log(seen) + (self.squares / seen).sum()) - float(logs.sum())
+        gradient = (self.freedom - self.squares / seen) @ slopes - 1
+        return cost, gradient, 2 * (slopes * self.freedom[:, None]).T @ slopes
+
+    def freedom_at(self, logs: Array) -> float:
+        """Return the degrees of freedom of a variance as uncertain as that of a level is on average.
+
+        They are half of those of the repeats where floor and share rule some levels each, as two numbers are
+        told, and nearly all of them where the levels are alike: the logarithms count as known to 1
+        beforehand, so that two parts that the levels do not tell apart make no level uncertain.
+        """
+        slopes = self._variance(logs)[1]
+        errors = np.linalg.inv(self.cost(logs)[2] + np.eye(2))
+        uncertain = 4 * float(np.einsum("ij,jk,ik->i", slopes, errors, slopes).mean())  # 2/ν of one variance
+        own = float(self.freedom.sum())
+        return own if uncertain * own < 2 else 2 / uncertain
+
+    def _variance(self, logs: Array) -> tuple[Array, Array]:
+        """Return the variance of readings, and half the derivatives of its logarithm by the logarithms."""
         columns = np.column_stack([np.ones_like(self.means), self.means**2])
         parts = np.exp(2 * logs)
         own = columns @ parts
         seen = own + scattered_rounding(np.sqrt(own), self.steps)
-        slopes = columns * parts * (_rounding_slope(own, self.steps) / seen)[:, None]
-        cost = 0.5 * float(self.freedom @ np.log(seen) + (self.squares / seen).sum()) - float(logs.sum())
-        gradient = (self.freedom - self.squares / seen) @ slopes - 1
-        return cost, gradient, 2 * (slopes * self.freedom[:, None]).T @ slopes
+        return seen, columns * parts * (_rounding_slope(own, self.steps) / seen)[:, None]
 
 
 def _most_probable(scatter: _Scatter, start: Array, least: Array) -> Array:

@@ -121,9 +121,10 @@ class LineFit:
 def fit_line(points: PowerPoints) -> LineFit:
     """Return the line that fits readings of power over luminance best, with 95 % intervals.
 
-    A reading scatters about the line by the noise of both meters. Its size is told by the repeats of a level,
-    from P - slope · L, in which both noises are; readings are weighed by it. (Noise of L also makes a line
-    flatter, but by less than 1e-5 of its slope for noise of 0.3 %.)
+    A reading scatters about the line by the noise of both meters, less what power and luminance do alike.
+    Its size is told by the repeats of a level, from P - slope · L, in which both noises are; readings are
+    weighed by it. (Noise of L also makes a line flatter, but by less than 1e-5 of its slope for noise of
+    0.3 %.)
 
     Raises
     ------
@@ -176,19 +177,20 @@ def slope_through(points: PowerPoints, base_power: float) -> float:
 def _noise(points: PowerPoints) -> tuple[int, Array]:
     """Return the degrees of freedom of the noise, and the weights 1/variance of the readings.
 
-    The variance of P - slope · L is that of the power meter at P plus slope² times that of the luminance
-    meter at L; each is told by the repeats of its own readings. Without repeats nothing tells one reading
-    from another, and all weigh the same.
+    The scatter of P - slope · L within levels grows with slope · L from that in the dark: P - slope · L is
+    P_base everywhere, so its own size tells nothing. All degrees of freedom of the repeats count: over the
+    one decade of a power sweep, floor and share are nearly one number. Without repeats nothing tells one
+    reading from another, and all weigh the same.
     """
     weights = np.ones_like(points.power)
     if np.bincount(points.level).max() < 2:
         return 0, weights
     design = np.column_stack([weights, points.luminance])
     slope = _least_squares(design, points.power, weights)[0][1]
-    power, luminance = points.level_means(points.power), points.level_means(points.luminance)
-    of_power, of_luminance = points.noise_of(points.power), points.noise_of(points.luminance)
-    variance = of_power.variance(power) + slope**2 * of_luminance.variance(luminance)
-    return of_power.freedom, 1 / variance[points.level]
+    apart = points.power - slope * points.luminance
+    sizes = slope * points.level_means(points.luminance)
+    noise = points.noise_of(apart - (points.level_means(apart) - sizes)[points.level])
+    return points.level.size - points.n_levels, 1 / noise.variance(sizes)[points.level]
 
 
 def _least_squares(design: Array, power: Array, weights: Array) -> tuple[Array, Array, Array]:

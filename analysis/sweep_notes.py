@@ -5,7 +5,7 @@ from __future__ import annotations
 from analysis.figure_style import short
 from analysis.power_fit import UNLIKELY
 from analysis.report import probability
-from data_schema.sweep_fit import DisplayFit, PowerFit, SweepFlag
+from data_schema.sweep_fit import DisplayFit, LuminanceSource, PowerFit, SweepFlag
 
 
 def interval_in_words(interval: tuple[float, float], digits: int = 4) -> str:
@@ -119,7 +119,7 @@ def power_warnings(fit: PowerFit) -> list[str]:
 
 
 def linearity_in_words(fit: PowerFit) -> str:
-    """Return whether power is linear in luminance, in a sentence."""
+    """Return whether power is linear in luminance, or in the factor without a meter, in a sentence."""
     place = f"{fit.largest_deviation_luminance:.3g} cd/m^2"
     where = f"a level deviates by {percent(fit.largest_deviation)} at {place}"
     tests = []
@@ -128,12 +128,18 @@ def linearity_in_words(fit: PowerFit) -> str:
     if fit.bend_p is not None:
         tests.append(f"bend {percent(fit.bend)} of the added power, p {_equal(fit.bend_p)}")
     test = "; ".join(tests) or "too few readings for a test"
+    by_factor = fit.luminance_source is LuminanceSource.FACTOR
+    if not fit.is_linear and by_factor:
+        return (
+            f"power, or the backlight's light, is not linear in the factor: {where} ({test}); a "
+            "luminance meter would tell which"
+        )
     if not fit.is_linear:
         droop = ", as with LED droop" if fit.bend < 0 else ""
         return f"power is not linear in luminance{droop}: {where} ({test})"
     if fit.lack_of_fit_p is None:
         return f"nothing speaks against a line, but without repeats little could: {where} ({test})"
-    return f"power is linear in luminance: {where} ({test})"
+    return f"power is linear in {'the brightness factor' if by_factor else 'luminance'}: {where} ({test})"
 
 
 def power_lines(fit: PowerFit) -> list[str]:

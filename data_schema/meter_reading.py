@@ -33,7 +33,7 @@ class MeterReading:
     utc: str = described("when it ended, UTC (ISO 8601); empty without a clock")
     begun: float = quantity("s", "right before the reading, since the first began", minimum=0.0)
     ended: float = quantity("s", "right after it", minimum=0.0)
-    luminance: float = quantity("cd/m^2", "as the meter gave it, reflected light included")
+    luminance: float = quantity("cd/m^2", "as the meter gave it, reflected light included", minimum=0.0)
     meter: str = described("the instrument as it was named; a simulated one begins with simulated")
     meter_status: str = described("the meter's own word or code", default="")
     chromaticity_x: float | None = quantity("1", "CIE 1931 x", default=None)

@@ -190,7 +190,7 @@ class PlayedPower:
     passes: tuple[PassPower, ...] = described("each time through the video")
     versions: tuple[VersionPower, ...] = described("what was measured of each version")
     equal_power: EqualPower | None = described("ours against baseline")
-    drift_w_h: float | None = quantity("1", "rise of the power of a version per hour [W/h]")
+    drift_w_h: float | None = quantity("W/h", "rise of the power of a version per hour")
     power_model: str = described("name of the model that predicts; empty without one", default="")
     notes: tuple[str, ...] = described("what a reader should be warned of", default=())
     provenance: Provenance = described("how the file was made", default=Provenance())

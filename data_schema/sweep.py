@@ -186,7 +186,7 @@ class LuminanceReading:
     factor: float | None = quantity("1", "brightness factor that was asked for", above=0.0, maximum=1.0)
     achieved_factor: float = quantity("1", "the one that the device has taken", minimum=0.0, maximum=1.0)
     luminance: float | None = quantity(
-        "cd/m^2", "as it was read; null where too dark", maximum=HIGHEST_LUMINANCE
+        "cd/m^2", "as it was read; null where too dark", minimum=0.0, maximum=HIGHEST_LUMINANCE
     )
     status: ReadingStatus = described("whether there is a value")
     meter_status: str = described("the meter's own word or code")
@@ -236,7 +236,10 @@ class PowerReading:
     factor: float = quantity("1", "brightness factor that was asked for", above=0.0, maximum=1.0)
     achieved_factor: float = quantity("1", "the one that the device has taken", minimum=0.0, maximum=1.0)
     luminance: float | None = quantity(
-        "cd/m^2", "read right after; null without a meter, or where too dark", maximum=HIGHEST_LUMINANCE
+        "cd/m^2",
+        "read right after; null without a meter, or where too dark",
+        minimum=0.0,
+        maximum=HIGHEST_LUMINANCE,
     )
     luminance_status: ReadingStatus | None = described("whether the luminance meter had a value")
     power: float = quantity("W", "time-weighted mean")

@@ -34,14 +34,16 @@ def too_old(calibration: Display | PowerModel, age_limit: float | None, now: str
     if not calibration.measured:
         return f"{calibration.name!r} does not say when it was measured (`measured`), {wanted}"
     days = (_moment(now) - _moment(calibration.measured)).total_seconds() / SECONDS_A_DAY
+    if days < -1:  # within a day it may be another zone's date
+        return f"{calibration.name!r} says that it was measured in the future ({calibration.measured[:10]})"
     if days <= age_limit:
         return ""
     return f"{calibration.name!r} was measured {days:.0f} days ago ({calibration.measured[:10]}), {wanted}"
 
 
-def require_young(display: Display, age_limit: float | None, *, accepted: bool) -> str:
-    """Return what is wrong with the age of a display's calibration, if that is accepted; refuse it else."""
-    problem = too_old(display, age_limit, utc_now())
+def require_young(calibration: Display | PowerModel, age_limit: float | None, *, accepted: bool) -> str:
+    """Return what is wrong with a calibration's age, if that is accepted; refuse it else."""
+    problem = too_old(calibration, age_limit, utc_now())
     if problem and not accepted:
         raise InputError(f"{problem}; measure it again, or give --old-calibration-ok")
     return problem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 from experiments.showing import Showing
 from method.luminance import dimmed_luminance
@@ -14,7 +14,17 @@ FLASH_SECONDS = 0.5  # bright, and dark between
 DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
 
 
-def flash(on: Showing, fields: FieldRenderer, told: Callable[[float], None]) -> None:
+class FlashWatcher(Protocol):
+    """Who takes note of the flashes."""
+
+    def flashed(self, factor: float) -> None:
+        """Take note of a brightness factor right after it first appeared."""
+
+    def take_samples(self) -> None:
+        """Take what a meter has measured meanwhile, after every refresh."""
+
+
+def flash(on: Showing, fields: FieldRenderer, watcher: FlashWatcher) -> None:
     """Show three flashes of white, dark before and after each.
 
     Parameters
@@ -23,8 +33,8 @@ def flash(on: Showing, fields: FieldRenderer, told: Callable[[float], None]) -> 
         What is shown on.
     fields : FieldRenderer
         Draws the field.
-    told : callable
-        Is told each brightness factor b right after it first appeared.
+    watcher : FlashWatcher
+        Who takes note of them.
     """
     refresh = 0
     for factor in (*(DARK, BRIGHT) * FLASHES, DARK):
@@ -34,4 +44,6 @@ def flash(on: Showing, fields: FieldRenderer, told: Callable[[float], None]) -> 
             on.show(fields, Field(white), refresh)
             refresh += 1
             if number == 0:
-                told(factor)
+                watcher.flashed(factor)
+            else:
+                watcher.take_samples()

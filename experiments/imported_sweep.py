@@ -10,18 +10,17 @@ from data_schema.errors import InputError
 from data_schema.session import EventKind, SessionStatus
 from data_schema.sweep import FEWEST_READINGS, LuminanceReading, LuminanceSweepDesign, SweepManifest
 from experiments.dataset import require_dataset
-from experiments.sweep_store import begin_sweep
+from experiments.sweep_store import begin_sweep, resume_sweep
 from hardware.luminance_table import luminance_readings_from_csv
-
-PREFIX = "csv:"
+from hardware.rig_files import TABLE
 
 
 def is_imported(luminance_meter: str, task: str) -> bool:
     """Return whether a sweep is imported: its rig names a table in place of a luminance meter."""
-    return task == "luminance-sweep" and luminance_meter.startswith(PREFIX)
+    return task == "luminance-sweep" and luminance_meter.startswith(TABLE)
 
 
-def import_sweep(dataset: Path, manifest: SweepManifest) -> tuple[int, Path]:
+def import_sweep(dataset: Path, manifest: SweepManifest, *, resume: bool) -> tuple[int, Path]:
     """Write the readings of a table as a sweep; return how many there are, and the sweep's folder.
 
     When the readings were made nobody says, so the sweep and what is fitted to it carry no date.
@@ -31,22 +30,32 @@ def import_sweep(dataset: Path, manifest: SweepManifest) -> tuple[int, Path]:
     dataset : Path
         Where to.
     manifest : SweepManifest
-        What the sweep is, but for its design, which is the table's.
+        What the sweep is, but for its levels, which are the table's: of its design only L_refl counts.
+    resume : bool
+        Whether an import that was interrupted is to be finished.
 
     Raises
     ------
     InputError
-        If the table has too few readings of a level, or is none.
+        If the table has too few readings of a level, or is none, or is not as it was.
     """
-    path = Path(manifest.rig.luminance_meter.removeprefix(PREFIX))
+    path = Path(manifest.rig.luminance_meter.removeprefix(TABLE))
     readings = luminance_readings_from_csv(path)
-    manifest = dataclasses.replace(
-        manifest, design=_design(readings, path), n_readings=len(readings), started=""
-    )
-    require_dataset(dataset, manifest.simulated, manifest.provenance)
-    with begin_sweep(dataset, manifest, str) as store:
-        store.note(EventKind.STARTED, f"readings made elsewhere, from {path.name}")
-        for reading in readings:
+    reflected = getattr(manifest.design, "reflected_luminance", 0.0)
+    design = dataclasses.replace(_design(readings, path), reflected_luminance=reflected)
+    if resume:
+        store = resume_sweep(dataset, manifest.task, manifest.session_id, str)
+    else:
+        require_dataset(dataset, manifest.simulated, manifest.provenance)
+        new = dataclasses.replace(manifest, design=design, n_readings=len(readings), started="")
+        store = begin_sweep(dataset, new, str)
+    with store:
+        done = len(store.readings)
+        if store.manifest.design != design or store.readings != readings[:done]:
+            raise InputError(f"{path}: is not as it was when its import began; give another --session")
+        if not store.happened(EventKind.STARTED):
+            store.note(EventKind.STARTED, f"readings made elsewhere, from {path.name}")
+        for reading in readings[done:]:
             store.write(reading)
         store.note(EventKind.COMPLETED)
         store.change(status=SessionStatus.COMPLETE, apparatus={"luminance meter: table": path.name})

@@ -21,13 +21,15 @@ from experiments.playback import Devices, Dimming, Playback, Player
 from experiments.power_recording import RATES, PowerRecording
 from experiments.stage import PausePressed
 from experiments.timed_logs import utc_now
-from hardware.rig import open_power_meter
+from hardware.protocols import InstrumentError
+from hardware.rig import is_simulated, open_power_meter
 from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 if TYPE_CHECKING:
     import moderngl
 
 SEED = 1  # of a simulated meter's noise
+WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
 PATCH = 64  # [pixels] of the corner that a photodiode looks at
 
 
@@ -60,13 +62,27 @@ class Measurement:
     simulated: bool
 
 
-def require_power_meter(rig: Rig) -> None:
-    """Refuse a rig without a power meter."""
+def require_power_meter(rig: Rig, *, sync_patch: bool) -> None:
+    """Refuse a rig without a power meter, and a mark for a meter that cannot see it."""
     if rig.power_meter == "none":
         raise InputError(
             f"the rig {rig.name!r} names no power meter, and --measure-power needs one: add `power_meter`, "
             "as `evenlight measure list` has them"
         )
+    if sync_patch and not _has_sync(rig.power_meter):
+        raise InputError(
+            f"--sync-patch is for a photodiode on a meter's synchronisation input, and {rig.power_meter} has "
+            "none; without it the clocks are compared by flashes"
+        )
+
+
+def _has_sync(power_meter: str) -> bool:
+    """Return whether a power meter has a synchronisation input.
+
+    >>> _has_sync("board:/dev/ttyACM0"), _has_sync("simulated:scpi")
+    (True, False)
+    """
+    return bool(WITH_SYNC & set(power_meter.split(":")[: 2 if is_simulated(power_meter) else 1][-1:]))
 
 
 def require_output(folder: Path | None) -> Path:
@@ -108,9 +124,10 @@ def play_measured(devices: Devices, player: Player, playback: Playback, measurem
     rig, window = devices.rig, devices.window
     with ExitStack() as stack:
         simulation = None
-        if measurement.simulated or rig.power_meter.startswith("simulated"):
+        if measurement.simulated or is_simulated(rig.power_meter):
             simulation = _simulation(devices)
-        name = "simulated" if measurement.simulated else rig.power_meter
+        rehearsed = measurement.simulated and not is_simulated(rig.power_meter)
+        name = "simulated" if rehearsed else rig.power_meter
         meter = stack.enter_context(open_power_meter(name, window.now, simulation))
         log = _log(playback, devices, measurement, meter.apparatus())
         panel = simulation.panel if simulation else None
@@ -119,12 +136,15 @@ def play_measured(devices: Devices, player: Player, playback: Playback, measurem
         )
         player.observe(_Watcher(recording, playback.order, measurement.sync_patch))
         try:
-            flash(player.showing, player.fields, recording.flashed)
+            flash(player.showing, player.fields, recording)
             whole = player.play()
             if whole:
-                flash(player.showing, player.fields, recording.flashed)
+                flash(player.showing, player.fields, recording)
         except PausePressed:
             whole = False
+        except InstrumentError as error:
+            words = f"`evenlight fit {measurement.folder} --out FOLDER` analyses what was recorded until then"
+            raise InstrumentError(f"{error}; {words}", error.fault, error.code) from None
         return whole
 
 
@@ -138,6 +158,7 @@ class _Watcher:
     def begin(self) -> None:
         """Take note that the video begins, once more."""
         self._pass += 1
+        self._recording.compare_clocks()
 
     def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
         """Draw the corner that a photodiode looks at."""
@@ -164,8 +185,9 @@ def _simulation(devices: Devices) -> Simulation:
 
 def _log(playback: Playback, devices: Devices, measurement: Measurement, meter: dict[str, str]) -> PowerLog:
     """Return what a measurement is."""
+    rig = devices.rig
     said = devices.window.apparatus() | {f"power meter: {key}": value for key, value in meter.items()}
-    simulated = measurement.simulated or devices.rig.power_meter.startswith("simulated")
+    simulated = measurement.simulated or any(is_simulated(n) for n in (rig.power_meter, rig.backlight))
     return PowerLog(
         simulated=simulated,
         video=playback.video.name,
@@ -175,7 +197,7 @@ def _log(playback: Playback, devices: Devices, measurement: Measurement, meter: 
         sample_rate=measurement.sample_rate or RATES[0],
         mean_factor=float(np.mean(playback.factors[Dimming.OURS])),
         baseline_factor=float(playback.factors[Dimming.BASELINE][0]),
-        sync_connected=simulated or measurement.sync_patch,
+        sync_connected=measurement.sync_patch or (simulated and _has_sync(rig.power_meter)),
         apparatus=said,
         provenance=provenance_now(inputs={"track": measurement.track_sha256}),
         started="" if measurement.simulated else utc_now(),

@@ -6,6 +6,7 @@ import enum
 import functools
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from experiments.playback import Playback
 
 DEFAULT_PASSES = 3
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 FREE_RUNNING = 1.1  # times as many refreshes as the display makes
 
 
@@ -154,9 +156,11 @@ def play(
         from experiments.measured_play import Measurement, require_output, require_power_meter
         from method.preset_files import load_power_model
 
-        require_power_meter(used)
+        require_power_meter(used, sync_patch=sync_patch)
         if power_model is not None:
-            load_power_model(power_model)  # a slip is told before anything is played
+            model = load_power_model(power_model)  # a slip is told before anything is played
+            if not simulate:
+                require_young(model, used.calibration_age_limit, accepted=old_calibration_ok)
         measurement = Measurement(
             folder=require_output(out),
             sample_rate=sample_rate_hz,
@@ -200,13 +204,11 @@ def play_command(write_power: Callable[[Path, str | None], list[str]]) -> Callab
     return play_then_analyse
 
 
-def _measure(
-    playback: Playback, rig: Rig, display: Display, measurement: Measurement, quiet: bool
-) -> Path | None:
-    """Play every version in turn and record the power; return the folder if nobody ended it."""
+def _measure(playback: Playback, rig: Rig, display: Display, measurement: Measurement, quiet: bool) -> Path:
+    """Play every version in turn and record the power; return the folder."""
+    from data_schema.append_rows import AppendedRows
     from data_schema.dataset_layout import BACKLIGHT_SETTINGS
     from data_schema.power_log import BacklightSetting
-    from data_schema.text_files import write_rows
     from experiments.measured_play import play_measured, with_passes
     from experiments.playback import Player, open_devices
 
@@ -219,20 +221,26 @@ def _measure(
         if not quiet:
             typer.echo(f"measuring {words}, {turn} of {len(playback.order)}")
 
-    settings: list[BacklightSetting] = []
-    simulated = measurement.simulated
+    folder, rows = measurement.folder, None
     try:
-        with open_devices(rig, display, simulated=simulated, any_rate=False, settings=settings) as devices:
+        with ExitStack() as stack:
+            if rig.backlight != "none":
+                rows = stack.enter_context(AppendedRows(folder / BACKLIGHT_SETTINGS, BacklightSetting))
+            noted = None if rows is None else lambda setting: rows.append([setting], to_disk=False)
+            opened = open_devices(rig, display, simulated=measurement.simulated, any_rate=False, noted=noted)
+            devices = stack.enter_context(opened)
             player = Player(devices, playback, say)
             whole = play_measured(devices, player, playback, measurement)
-    finally:
-        if settings:
-            write_rows(measurement.folder / BACKLIGHT_SETTINGS, BacklightSetting, settings)
-    if not whole:
+    except BaseException as error:
+        if isinstance(error, Exception | SystemExit):
+            raise
         print(
-            f"evenlight: ended before its end; what was measured is in {measurement.folder}", file=sys.stderr
+            f"evenlight: interrupted; `evenlight fit {folder} --out FOLDER` analyses what was recorded",
+            file=sys.stderr,
         )
-        return None
+        sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+    if not whole:
+        print("evenlight: ended before its end; what was measured until then follows", file=sys.stderr)
     return measurement.folder
 
 

@@ -97,7 +97,7 @@ def open_devices(
     *,
     simulated: bool,
     any_rate: bool,
-    settings: list[BacklightSetting] | None = None,
+    noted: Callable[[BacklightSetting], None] | None = None,
 ) -> Iterator[Devices]:
     """Yield the devices of a rig, open.
 
@@ -111,8 +111,8 @@ def open_devices(
         Whether time goes with the flips, and nobody sits at the keys.
     any_rate : bool
         Whether the rig takes the refresh rate that the window is found to have.
-    settings : list, optional
-        Takes every setting of the backlight.
+    noted : callable, optional
+        Is told every setting of the backlight.
     """
     with ExitStack() as stack:
         if simulated:
@@ -127,8 +127,8 @@ def open_devices(
         backlight = open_backlight(rig, window.now)
         if backlight is not None:
             stack.callback(backlight.close)
-            if settings is not None:
-                backlight = LoggedBacklight(backlight, window.now, settings.append)
+            if noted is not None:
+                backlight = LoggedBacklight(backlight, window.now, noted)
         yield Devices(window, keyboard, backlight, rig, display)
 
 

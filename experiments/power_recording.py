@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 
 from data_schema.append_rows import AppendedRows
 from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
 from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.text_files import write_json_record
-from hardware.protocols import Fault, InstrumentError, PowerMeter
+from hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from hardware.simulated_panel import SimulatedPanel
 
-PING_EVERY = 10.0  # [s] between two comparisons of the clocks
 PINGS_AT_ONCE = 5  # the one that took the shortest bounds the clocks' difference best
 # [Hz] From 1000 on, the energy of single frames is within 1 % (docs/decisions/power-synchronisation.md).
 RATES = (1000.0, 500.0, 250.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
@@ -57,7 +56,6 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
     ) -> None:
         self._meter, self._clock, self._panel = meter, clock, panel
         self._sync, self._last_frame = False, (-1, -1)  # pass and video frame
-        self._pinged = clock() - PING_EVERY
         with ExitStack() as stack:
             log = dataclasses.replace(log, sample_rate=_started(meter, rate))
             write_json_record(folder / POWER_LOG, log)
@@ -87,8 +85,6 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
             self._panel.set_sync(flip.sync)
         self._tables[FLIPS].append([flip], to_disk=False)
         self.take_samples()
-        if self._clock() - self._pinged >= PING_EVERY:
-            self._ping()
 
     def flashed(self, factor: float) -> None:
         """Take a change of a flash marker, right after it appeared."""
@@ -102,28 +98,36 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
         self._tables[POWER_SAMPLES].append(self._meter.samples(), to_disk=False)
 
     def compare_clocks(self) -> None:
-        """Compare the meter's clock with the computer's, some times in a row."""
+        """Compare the meter's clock with the computer's, some times in a row.
+
+        Never while a video is played: the answer takes time, and more of it if it gets lost.
+        """
         for _ in range(PINGS_AT_ONCE):
             self._ping()
 
     def _ping(self) -> None:
         """Compare the clocks once, if the meter has one of its own."""
-        self._pinged = self._clock()
-        ping = self._meter.ping()
+        try:
+            ping = self._meter.ping()
+        except InstrumentError as error:
+            if error.fault not in TRANSIENT:
+                raise
+            return  # there are others; a meter that stays silent is told by its samples
         if ping is not None:
             self._tables[CLOCK_PINGS].append([ping], to_disk=False)
 
     def close(self) -> None:
         """Stop the meter, write down its last samples, and close the files."""
         with self._open:
-            self.compare_clocks()
             self._tables[POWER_SAMPLES].append(self._meter.stop())
+            self.compare_clocks()
 
     def __exit__(self, kind: object, *_: object) -> None:
         if kind is None:
             self.close()
         else:  # what broke it is told; the meter may be gone
-            self._open.close()
+            with self._open, suppress(InstrumentError):
+                self._tables[POWER_SAMPLES].append(self._meter.samples())
 
 
 def _started(meter: PowerMeter, rate: float | None) -> float:

@@ -110,9 +110,10 @@ def run(
         for option, given in of_people.items():
             if given is not None:
                 raise InputError(f"{option} is for sessions with people; leave it out of {task}")
-        from experiments.sweep_request import run_sweep_as_asked, sweep_request
+        from experiments.sweep_request import require_young_display, run_sweep_as_asked, sweep_request
 
         asked = sweep_request(task, rig, design, staging, (out, session, participant or ""), seed)
+        require_young_display(asked, accepted=old_calibration_ok)
         return run_sweep_as_asked(dataclasses.replace(asked, resume=resume), quiet)
     loaded, display_name = load_rig(rig)
     try:

@@ -6,13 +6,12 @@ import dataclasses
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 from data_schema.dataset_layout import SWEEP_MANIFEST, sweep_folder
 from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.provenance import provenance_now, sha256_of_record
+from data_schema.provenance import provenance_now, sha256_of_file, sha256_of_record
 from data_schema.rig import Keys, Rig
 from data_schema.session import EventKind, SessionStatus
 from data_schema.sweep import DESIGN_OF_SWEEP, LuminanceSweepDesign, SweepDesign, SweepManifest, SweepPhase
@@ -20,11 +19,13 @@ from experiments.dataset import require_dataset
 from experiments.imported_sweep import import_sweep, is_imported
 from experiments.stage import PausePressed
 from experiments.staging import Staging
-from experiments.sweep_devices import SweepDevices, names_of_meters, open_sweep_devices
+from experiments.sweep_devices import SweepDevices, SweepSetting, names_of_meters, open_sweep_devices
 from experiments.sweep_readings import Reader
 from experiments.sweep_schedule import Level, PlannedReading, planned_readings
 from experiments.sweep_store import SweepStore, begin_sweep, read_sweep_manifest, resume_sweep
 from hardware.protocols import InstrumentError
+from hardware.rig import is_simulated
+from hardware.rig_files import TABLE
 
 DEFAULT_SEED = 1  # of the order of levels: nobody gets to know it by heart
 LONGEST_REASON = 200  # letters of an error's message, in the log of events
@@ -103,14 +104,23 @@ def run_sweep(
     """
     names_of_meters(request.rig, request.task, rehearsed=request.staging.simulated)
     manifest = _began(request) if request.resume else _new_manifest(request)
+    if manifest.status is SessionStatus.COMPLETE:  # what is missing are its results
+        return SweepOutcome(manifest.status, manifest.n_readings, manifest.n_readings, _folder(request))
     if is_imported(request.rig.luminance_meter, request.task) and not request.staging.simulated:
-        count, folder = import_sweep(request.dataset, manifest)
+        count, folder = import_sweep(request.dataset, manifest, resume=request.resume)
         return SweepOutcome(SessionStatus.COMPLETE, count, count, folder)
     seed = manifest.provenance.seed or 0
-    opened = open_sweep_devices(request.rig, request.task, request.staging, request.display, seed)
-    with opened as devices:
+    asking = _Asking()
+    setting = SweepSetting(request.rig, request.task, request.staging, manifest.display, seed)
+    with open_sweep_devices(setting, asking) as devices:
         with_factors = devices.screen.makes_factors
-        plan = planned_readings(manifest.design, seed, with_factors=with_factors)
+        by_hand = request.rig.luminance_meter == "manual" and not request.staging.simulated
+        plan = planned_readings(manifest.design, seed, with_factors=with_factors, by_hand=by_hand)
+        if request.resume and manifest.n_readings != len(plan):
+            raise InputError(
+                f"{_folder(request)}: began with {manifest.n_readings} readings, and would now have "
+                f"{len(plan)}; give another --session"
+            )
         with _opened(request, dataclasses.replace(manifest, n_readings=len(plan))) as store:
             store.use_clock(devices.screen.now)
             if not store.happened(EventKind.STARTED):
@@ -122,7 +132,12 @@ def run_sweep(
             ):
                 store.note(EventKind.CHANGED, "brightness factors left out: no backlight, no display file")
             store.change(apparatus=devices.apparatus)
-            status = _conduct(store, devices, plan, report)
+
+            def tell(done: int, planned: int, level: str) -> None:
+                asking.about = f"{done + 1} of {planned}, {level}"
+                report(done, planned, level)
+
+            status = _conduct(store, devices, plan, tell)
             return SweepOutcome(status, len(store.readings), len(plan), store.folder)
 
 
@@ -136,12 +151,14 @@ def _conduct(
     reader, done = Reader(store, devices), {reading.index for reading in store.readings}
     try:
         _warm_up_again(store, devices)
+        begun = _beginning_of_warm_up(store, plan)
         for planned in plan:
             if planned.index in done:
                 continue
             report(len(store.readings), len(plan), _in_words(planned))
-            _wait_until_due(store, devices, planned)
+            _wait_until_due(store, devices, planned, begun)
             store.write(reader.read(planned))
+            report(len(store.readings), len(plan), _in_words(planned))
     except PausePressed:
         store.note(EventKind.STOPPED, f"with the key {store.manifest.rig.keys.pause}")
         store.change(status=SessionStatus.ABORTED)
@@ -159,29 +176,55 @@ def _conduct(
     return SessionStatus.COMPLETE
 
 
-def _wait_until_due(store: SweepStore, devices: SweepDevices, planned: PlannedReading) -> None:
+def _beginning_of_warm_up(store: SweepStore, plan: list[PlannedReading]) -> float:
+    """Return from when the times of the warm-up's readings count, since the sweep began [s].
+
+    In a resumed sweep the display has lost the warmth of as much time as it was away; the readings that are
+    left keep their distances.
+    """
+    read = [plan[r.index].due for r in store.readings if r.phase is SweepPhase.WARM_UP]
+    if not read:
+        return store.now()
+    lost = read[-1] if store.away is None else min(store.away, read[-1])
+    return store.now() - read[-1] + lost
+
+
+def _wait_until_due(store: SweepStore, devices: SweepDevices, planned: PlannedReading, begun: float) -> None:
     """Show the level of the warm-up until its next reading is due; after the warm-up, wait for nothing."""
-    if planned.due <= 0:
+    if planned.phase is not SweepPhase.WARM_UP or planned.due <= 0:
         return
-    warm_up = [reading for reading in store.readings if reading.phase is SweepPhase.WARM_UP]
-    begun = warm_up[0].begun if warm_up else store.now()
     devices.screen.show(planned.level)
-    left = begun + planned.due - store.now() - store.manifest.design.settle
-    devices.screen.wait(max(left, 0.0))
+    devices.screen.wait(max(begun + planned.due - store.now(), 0.0))
 
 
 def _warm_up_again(store: SweepStore, devices: SweepDevices) -> None:
-    """Show white for as long as a resumed sweep was away, at most for the design's warm-up."""
-    if not store.readings:
+    """Show white for as long as a sweep was away that was interrupted after its warm-up.
+
+    At most for the design's warm-up, and for that where no clock tells how long it was away.
+    """
+    if not store.readings or store.readings[-1].phase is SweepPhase.WARM_UP:
         return
-    seconds = store.manifest.design.warm_up
-    if store.readings[-1].utc and (now := store.utc()):
-        away = datetime.fromisoformat(now) - datetime.fromisoformat(store.readings[-1].utc)
-        seconds = min(seconds, max(away.total_seconds(), 0.0))
+    longest = store.manifest.design.warm_up
+    seconds = longest if store.away is None else min(longest, store.away)
     factor = None if isinstance(store.manifest.design, LuminanceSweepDesign) else 1.0
     devices.screen.show(Level(1.0, factor))
     store.note(EventKind.CONTINUED, f"after {seconds:.0f} s of white, for the display to be warm again")
     devices.screen.wait(seconds)
+
+
+class _Asking:
+    """Asks the person who reads a meter, and says what about.
+
+    Attributes
+    ----------
+    about : str
+        Which reading, and what is shown.
+    """
+
+    about = ""
+
+    def __call__(self, question: str) -> str:
+        return input(f"{self.about}: {question}")
 
 
 def _in_words(planned: PlannedReading) -> str:
@@ -212,11 +255,10 @@ def _new_manifest(request: SweepRequest) -> SweepManifest:
             f"the rig {rig.name!r} has neither a luminance meter nor a measured display, and power is fitted "
             "over luminance: add `luminance_meter`, or run luminance-sweep first"
         )
-    meters = names_of_meters(rig, request.task, rehearsed=request.staging.simulated)
     return SweepManifest(
         session_id=request.session_id,
         task=request.task,
-        simulated=request.staging.simulated or any(name.startswith("simulated") for name in meters),
+        simulated=_simulated(request),
         status=SessionStatus.RUNNING,
         n_readings=0,
         design=request.design or DESIGN_OF_SWEEP[request.task](),
@@ -226,7 +268,7 @@ def _new_manifest(request: SweepRequest) -> SweepManifest:
         peak_luminance=display.peak_luminance if display else None,
         provenance=provenance_now(
             seed=DEFAULT_SEED if request.seed is None else request.seed,
-            inputs={"rig": sha256_of_record(rig)},
+            inputs=_inputs(rig),
         ),
         display=display,
         measured_by=request.measured_by,
@@ -234,18 +276,35 @@ def _new_manifest(request: SweepRequest) -> SweepManifest:
     )
 
 
+def _simulated(request: SweepRequest) -> bool:
+    """Return whether anything that a sweep measures, or measures with, is simulated."""
+    meters = names_of_meters(request.rig, request.task, rehearsed=request.staging.simulated)
+    return request.staging.simulated or any(is_simulated(name) for name in (*meters, request.rig.backlight))
+
+
+def _inputs(rig: Rig) -> dict[str, str]:
+    """Return the SHA-256 of what a sweep goes by."""
+    inputs = {"rig": sha256_of_record(rig)}
+    if rig.backlight_curve:
+        inputs["backlight_curve"] = sha256_of_file(Path(rig.backlight_curve))
+    return inputs
+
+
 def _began(request: SweepRequest) -> SweepManifest:
     """Return the manifest of the sweep to be gone on with; refuse what is not as it was."""
     folder = _folder(request)
     manifest = read_sweep_manifest(folder)
-    meters = names_of_meters(request.rig, request.task, rehearsed=request.staging.simulated)
-    simulated = request.staging.simulated or any(name.startswith("simulated") for name in meters)
+    simulated = _simulated(request)
     seed = manifest.provenance.seed
     differing = (
         ("--simulate", manifest.simulated, simulated),
         ("--rig", _essence(manifest.rig), _essence(request.rig)),
         ("--design", manifest.design, request.design or manifest.design),
         ("--seed", seed, seed if request.seed is None else request.seed),
+        (
+            "backlight_curve",
+            *(each.get("backlight_curve") for each in (manifest.provenance.inputs, _inputs(request.rig))),
+        ),
     )
     for option, began, asked in differing:
         if began != asked:
@@ -257,8 +316,12 @@ def _began(request: SweepRequest) -> SweepManifest:
 
 
 def _essence(rig: Rig) -> Rig:
-    """Return a rig without what does not matter to a sweep, which uses no curve: its path may be another."""
-    return dataclasses.replace(rig, backlight_curve="", keys=Keys(), language="en")
+    """Return a rig without what may be another when a sweep is resumed: paths to its files, keys."""
+    meter = rig.luminance_meter
+    if meter.startswith(TABLE):
+        meter = TABLE + Path(meter.removeprefix(TABLE)).name
+    plain = dataclasses.replace(rig, backlight_curve="", keys=Keys(), language="en")
+    return dataclasses.replace(plain, luminance_meter=meter)
 
 
 def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:

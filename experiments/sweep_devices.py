@@ -19,6 +19,8 @@ from hardware.backlights import SimulatedBacklight
 from hardware.clocks import RefreshClock, WaitingClock
 from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, ResponseDevice, Window
 from hardware.rig import (
+    is_simulated,
+    open_backlight,
     open_keyboard,
     open_luminance_meter,
     open_power_meter,
@@ -77,23 +79,18 @@ def names_of_meters(rig: Rig, task: str, *, rehearsed: bool) -> tuple[str, str]:
     power = rig.power_meter if task == "power-sweep" else "none"
     if not rehearsed:
         return rig.luminance_meter, power
-    kept = ("none", "simulated")
-    rehearse = [
-        n if n in kept or n.startswith("simulated:") else "simulated" for n in (rig.luminance_meter, power)
-    ]
+    rehearse = [n if n == "none" or is_simulated(n) else "simulated" for n in (rig.luminance_meter, power)]
     return rehearse[0], rehearse[1]
 
 
-@contextmanager
-def open_sweep_devices(
-    rig: Rig, task: str, staging: Staging, display: Display | None, seed: int
-) -> Iterator[SweepDevices]:
-    """Yield the devices of a sweep, open.
+@dataclass(frozen=True, slots=True)
+class SweepSetting:
+    """What a sweep is made with.
 
-    Parameters
+    Attributes
     ----------
     rig : Rig
-        What they are.
+        What the devices are.
     task : str
         "luminance-sweep" or "power-sweep".
     staging : Staging
@@ -102,6 +99,27 @@ def open_sweep_devices(
         As it was measured before; a simulated panel has its luminances.
     seed : int
         Of simulated noise.
+    """
+
+    rig: Rig
+    task: str
+    staging: Staging
+    display: Display | None
+    seed: int
+
+
+@contextmanager
+def open_sweep_devices(
+    setting: SweepSetting, ask: Callable[[str], str] | None = None
+) -> Iterator[SweepDevices]:
+    """Yield the devices of a sweep, open.
+
+    Parameters
+    ----------
+    setting : SweepSetting
+        What they are for.
+    ask : callable, optional
+        Asks the person who reads a meter.
 
     Raises
     ------
@@ -110,6 +128,8 @@ def open_sweep_devices(
     InstrumentError
         If an instrument does not answer as it should.
     """
+    rig, task, staging = setting.rig, setting.task, setting.staging
+    display = setting.display
     luminance_name, power_name = names_of_meters(rig, task, rehearsed=staging.simulated)
     with ExitStack() as stack:
         clock = RefreshClock(rig.refresh_rate) if staging.simulation == "visual" else None
@@ -119,16 +139,17 @@ def open_sweep_devices(
             stack.callback(window.close)
         now, wait = _time(window, clock, rig.refresh_rate)
         simulation = None
-        if staging.simulated or any(n.startswith("simulated") for n in (luminance_name, power_name)):
-            simulation = Simulation(_panel(display, now), np.random.default_rng(seed), now, wait)
-        backlight = _backlight(rig, staging, simulation, now)
+        if staging.simulated or any(is_simulated(n) for n in (luminance_name, power_name)):
+            simulation = Simulation(_panel(display, now), np.random.default_rng(setting.seed), now, wait)
+        by_luminance = task == "power-sweep" and luminance_name == "none"
+        backlight = _backlight(rig, staging, simulation, now, by_luminance=by_luminance)
         if backlight is not None:
             stack.callback(backlight.close)
         keyboard = _keyboard(staging, now)
         stack.callback(keyboard.close)
         luminance_meter = power_meter = None
         if luminance_name != "none":
-            luminance_meter = stack.enter_context(open_luminance_meter(luminance_name, now, simulation))
+            luminance_meter = stack.enter_context(open_luminance_meter(luminance_name, now, simulation, ask))
         if power_name != "none":
             power_meter = stack.enter_context(open_power_meter(power_name, now, simulation))
         screen = SweepScreen(
@@ -177,12 +198,23 @@ def _panel(display: Display | None, now: Callable[[], float]) -> SimulatedPanel:
 
 
 def _backlight(
-    rig: Rig, staging: Staging, simulation: Simulation | None, now: Callable[[], float]
+    rig: Rig,
+    staging: Staging,
+    simulation: Simulation | None,
+    now: Callable[[], float],
+    *,
+    by_luminance: bool,
 ) -> Backlight | None:
-    """Return the backlight of a sweep: the rig's; in a rehearsal, that of the simulated panel."""
-    if simulation is not None and (staging.simulated or rig.backlight == "none"):
+    """Return the backlight of a sweep: the rig's; in a rehearsal, that of the simulated panel.
+
+    Its factors are its own, for what light they make is what is measured; `by_luminance` makes them shares of
+    luminance, by the rig's curve, where no meter tells what light there was.
+    """
+    stands_in = rig.backlight == "none" or (staging.simulated and not is_simulated(rig.backlight))
+    if simulation is not None and stands_in:
         return SimulatedBacklight(now, follow=simulation.panel.set_backlight)
-    return open_swept_backlight(rig, now, simulation)
+    opener = open_backlight if by_luminance else open_swept_backlight
+    return opener(rig, now, simulation)
 
 
 def _keyboard(staging: Staging, now: Callable[[], float]) -> ResponseDevice:

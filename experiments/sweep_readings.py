@@ -38,6 +38,7 @@ class Reader:
     def __init__(self, store: SweepStore, devices: SweepDevices) -> None:
         self._store, self._devices = store, devices
         self._design: SweepDesign = store.manifest.design
+        self._attempts = 1  # that the last reading took
 
     def read(self, planned: PlannedReading) -> SweepReading:
         """Return a reading.
@@ -127,13 +128,14 @@ class Reader:
         except InstrumentError as error:
             if error.fault is not Fault.UNDER_RANGE:
                 raise
-            return None, error.code or str(error), 1
+            return None, error.code or str(error), self._attempts
         return reading, reading.status, attempts
 
     def _tried(self, planned: PlannedReading, read: Callable[[], Result]) -> tuple[Result, int]:
         """Return a result, and how many tries it took: what fails on its way may come at the next try."""
         attempt = 1
         while True:
+            self._attempts = attempt
             try:
                 return read(), attempt
             except InstrumentError as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from data_schema.session import SessionStatus
+from experiments.calibration_age import require_young
 from experiments.run_sweep import SweepRequest, run_sweep
 
 if TYPE_CHECKING:
@@ -57,6 +58,16 @@ def sweep_request(
         measured_by=place[2],
         seed=seed,
     )
+
+
+def require_young_display(request: SweepRequest, *, accepted: bool) -> None:
+    """Refuse a power sweep that takes its luminances from a display that was measured too long ago.
+
+    A luminance sweep is what makes it young again, and a rehearsal is the same whenever it is run.
+    """
+    goes_by_it = request.task == "power-sweep" and request.rig.luminance_meter == "none"
+    if goes_by_it and request.display is not None and not request.staging.simulated:
+        require_young(request.display, request.rig.calibration_age_limit, accepted=accepted)
 
 
 def run_sweep_as_asked(request: SweepRequest, quiet: bool) -> Path | None:

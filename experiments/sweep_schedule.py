@@ -56,7 +56,9 @@ class PlannedReading:
     due: float = 0.0
 
 
-def planned_readings(design: SweepDesign, seed: int, *, with_factors: bool = True) -> list[PlannedReading]:
+def planned_readings(
+    design: SweepDesign, seed: int, *, with_factors: bool = True, by_hand: bool = False
+) -> list[PlannedReading]:
     """Return the readings of a sweep, in order; the same for the same seed.
 
     Parameters
@@ -67,6 +69,8 @@ def planned_readings(design: SweepDesign, seed: int, *, with_factors: bool = Tru
         Of the order.
     with_factors : bool, optional
         Whether brightness factors can be shown.
+    by_hand : bool, optional
+        Whether a person reads the meter: then the warm-up is read at its beginning and its end only.
 
     >>> design = PowerSweepDesign(factors=(0.2, 0.6, 1.0), warm_up=120.0, warm_up_interval=60.0)
     >>> readings = planned_readings(design, seed=1)
@@ -75,7 +79,10 @@ def planned_readings(design: SweepDesign, seed: int, *, with_factors: bool = Tru
     """
     rng = np.random.default_rng(seed)
     white = Level(1.0, None if isinstance(design, LuminanceSweepDesign) else 1.0)
-    warm = [(SweepPhase.WARM_UP, repeat, white, due) for repeat, due in enumerate(_warm_up(design), start=1)]
+    times = _warm_up(design)
+    if by_hand:
+        times = [times[0], *times[1:][-1:]]
+    warm = [(SweepPhase.WARM_UP, repeat, white, due) for repeat, due in enumerate(times, start=1)]
     swept = _repeated(SweepPhase.SWEEP, levels_of(design, with_factors=with_factors), design.repeats, rng)
     last = _repeated(SweepPhase.DRIFT, _drift_levels(design), design.repeats, rng)
     readings = [PlannedReading(0, *reading) for reading in warm]

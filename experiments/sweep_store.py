@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from datetime import datetime
 from pathlib import Path
 
 from filelock import FileLock
@@ -15,7 +16,7 @@ from data_schema.session import EventKind, SessionEvent, SessionStatus
 from data_schema.sweep import LuminanceReading, PowerReading, SweepManifest
 from data_schema.text_files import read_json_record, write_json_record
 from experiments.log_files import hold_folder, read_lines
-from experiments.timed_logs import TimedLogs, Utc
+from experiments.timed_logs import Clock, TimedLogs, Utc
 
 SweepReading = LuminanceReading | PowerReading
 
@@ -29,12 +30,33 @@ class SweepStore(TimedLogs):
         As it is on the disk.
     readings : list of LuminanceReading or PowerReading
         Those recorded so far, in order.
+    away : float or None
+        How long a resumed sweep was away [s]; None where no clock tells.
     """
+
+    _uncounted = 0.0  # of the time away
 
     def __init__(self, folder: Path, manifest: SweepManifest, lock: FileLock, utc: Utc) -> None:
         super().__init__(folder, (READINGS,), lock, utc)
         self.manifest = manifest
         self.readings: list[SweepReading] = []
+        self.away: float | None = 0.0
+
+    def use_clock(self, clock: Clock) -> None:
+        """Count time with a clock [s] from now on, from the last line and the time away."""
+        super().use_clock(clock)
+        self._started -= self._uncounted
+        self._uncounted = 0.0
+
+    def came_back(self) -> None:
+        """Note how long nobody was there: from the last line of the logs until now, by the time of day."""
+        said = [record.utc for record in (*self.events, *self.readings) if record.utc]
+        now = self.utc()
+        if not said or not now:
+            self.away = None
+            return
+        away = datetime.fromisoformat(now) - datetime.fromisoformat(max(said))
+        self.away = self._uncounted = max(away.total_seconds(), 0.0)
 
     @property
     def last_time(self) -> float:
@@ -82,14 +104,12 @@ def resume_sweep(dataset: Path, task: str, session_id: str, utc: Utc) -> SweepSt
     Raises
     ------
     InputError
-        If there is no such sweep, it is complete, a line cannot be used, or another program writes it.
+        If there is no such sweep, a line cannot be used, or another program writes it.
     """
     folder = sweep_folder(dataset, task, session_id)
     manifest = read_sweep_manifest(folder)
     lock = hold_folder(folder)
     try:
-        if manifest.status is SessionStatus.COMPLETE:
-            raise InputError(f"{folder}: this sweep is complete; give another --session")
         torn = {name: mend_last_line(folder / name) for name in (READINGS, EVENTS)}
         readings = read_lines(READINGS_OF_SWEEP[task].record, folder / READINGS)
         events = read_lines(SessionEvent, folder / EVENTS)
@@ -99,6 +119,7 @@ def resume_sweep(dataset: Path, task: str, session_id: str, utc: Utc) -> SweepSt
         raise
     store.readings, store.events = readings, events
     store.change(status=SessionStatus.RUNNING)
+    store.came_back()
     store.use_clock(float)
     store.note(EventKind.RESUMED)
     for name, text in torn.items():

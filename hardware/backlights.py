@@ -5,6 +5,7 @@ Where pixels make the brightness there is none, and no device is opened.
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 from collections.abc import Callable
@@ -13,9 +14,16 @@ from pathlib import Path
 
 from data_schema.errors import InputError
 from hardware.protocols import Fault, InstrumentError
+from hardware.restoring import restore_and_release
 
 SYSFS = Path("/sys/class/backlight")
 ROUNDING = 1e-9  # of a factor that was computed
+GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
+UDEV_RULE = (
+    'may not be written; as root, add the udev rule SUBSYSTEM=="backlight", ACTION=="add", '
+    'RUN+="/bin/chgrp video /sys/class/backlight/%k/brightness", '
+    'RUN+="/bin/chmod g+w /sys/class/backlight/%k/brightness", join the group video, and restart'
+)
 
 
 class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
@@ -36,6 +44,8 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
     ------
     InputError
         If there is no such backlight, it may not be set, or its steps are not linear in light.
+    InstrumentError
+        If it fails, or has no steps.
     """
 
     def __init__(
@@ -54,8 +64,15 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
                 "their measured curve as `backlight_curve`, or let pixels make the brightness"
             )
         self._highest = self._read("max_brightness")
+        if self._highest < 1:
+            raise InstrumentError(f"{self._folder}: says that its brightness has no steps")
         self._found = self._read("brightness")
-        self._write(self._found)  # tells at once whether it may be set
+        try:
+            self._write(self._found)  # tells at once whether it may be set
+        except InstrumentError as error:
+            if error.fault is Fault.NOT_FOUND:
+                raise InputError(str(error)) from None
+            raise
 
     def set_factor(self, factor: float) -> float:
         """Set the brightness factor b, and return the one achieved: the nearest step of the device.
@@ -65,20 +82,15 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         InstrumentError
             If the device has no such factor, or refuses.
         """
-        if self._closed:
-            raise InstrumentError(f"{self._folder}: is closed", Fault.DISCONNECTED)
+        self._require_open()
         require_factor(factor, self.smallest_factor(), str(self._folder))
         step = max(1, round(factor * self._highest))
-        try:
-            self._write(step)
-        except InputError as error:
-            raise InstrumentError(str(error)) from None
-        if (taken := self._read("brightness")) != step:
-            raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
+        self._set(step)
         return step / self._highest
 
     def read_factor(self) -> float:
         """Return the brightness factor that the device reports."""
+        self._require_open()
         actual = (self._folder / "actual_brightness").is_file()
         return self._read("actual_brightness" if actual else "brightness") / self._highest
 
@@ -95,24 +107,43 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
         return self._min_interval
 
     def close(self) -> None:
-        """Leave the device as it was found; more than once does nothing."""
+        """Leave the device as it was found; more than once does nothing.
+
+        Raises
+        ------
+        InstrumentError
+            If it cannot be left so, unless another exception is under way.
+        """
         if not self._closed:
             self._closed = True
-            self._write(self._found)
+            restore_and_release(lambda: self._set(self._found), lambda: None)
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _require_open(self) -> None:
+        """Refuse to work after `close`."""
+        if self._closed:
+            raise InstrumentError(f"{self._folder}: is closed", Fault.DISCONNECTED)
 
     def _read(self, name: str) -> int:
         """Return the number that a file of the device holds."""
         path = self._folder / name
         try:
             return int(path.read_text())
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            raise _failed(path, "cannot be read", error) from None
+        except ValueError as error:
             raise InstrumentError(f"{path}: expected a whole number, got {error}", Fault.GARBLED) from None
 
+    def _set(self, step: int) -> None:
+        """Set the device to a step, and see whether it has taken it."""
+        self._write(step)
+        if (taken := self._read("brightness")) != step:
+            raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
+
     def _write(self, step: int) -> None:
-        """Set the device to a step."""
+        """Write a step to the device."""
         path = self._folder / "brightness"
         try:
             # Not Path.write_text: the file is never to be made, only written to.
@@ -121,15 +152,22 @@ class SysfsBacklight(AbstractContextManager["SysfsBacklight"]):
                 os.write(descriptor, f"{step}\n".encode())
             finally:
                 os.close(descriptor)
-        except PermissionError:
-            raise InputError(
-                f"{path}: may not be written; as root, add the udev rule "
-                'SUBSYSTEM=="backlight", ACTION=="add", '
-                'RUN+="/bin/chgrp video /sys/class/backlight/%k/brightness", '
-                'RUN+="/bin/chmod g+w /sys/class/backlight/%k/brightness", join the group video, and restart'
-            ) from None
         except OSError as error:
-            raise InputError(f"{path}: cannot be set to {step} ({error.strerror})") from None
+            raise _failed(path, f"cannot be set to {step}", error) from None
+
+
+def _failed(path: Path, what: str, error: OSError) -> InstrumentError:
+    """Return what an error of a file of a backlight says of the device."""
+    code = errno.errorcode.get(error.errno or 0, "")
+    if isinstance(error, PermissionError):
+        return InstrumentError(f"{path}: {UDEV_RULE}", Fault.NOT_FOUND, code)
+    if error.errno in GONE:
+        return InstrumentError(
+            f"{path}: {what}: it is gone; was the panel unplugged, or its driver unloaded?",
+            Fault.DISCONNECTED,
+            code,
+        )
+    return InstrumentError(f"{path}: {what} ({error.strerror}); is the panel switched off?", code=code)
 
 
 class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
@@ -206,11 +244,14 @@ class SimulatedBacklight(AbstractContextManager["SimulatedBacklight"]):
     def close(self) -> None:
         """Leave the device as it was found; more than once does nothing."""
         if not self._closed:
-            self.set_factor(1.0)
-            self._closed = True
+            restore_and_release(lambda: self.set_factor(1.0), self._release)
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _release(self) -> None:
+        """Be set no more."""
+        self._closed = True
 
 
 def require_factor(factor: float, smallest: float, device: str) -> None:

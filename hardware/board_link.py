@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -14,7 +14,6 @@ from hardware.protocols import TRANSIENT, Fault, InstrumentError
 from hardware.serial_link import LineSettings, SerialLink
 
 TIMEOUT = 1.0  # [s] the board answers within milliseconds
-MOST_TIMEOUTS = 20  # that a reply may take which waits behind samples
 HIGHEST_TAG = 999
 OPTIONS = {"baud": "baud rate of the board's serial port"}
 
@@ -123,16 +122,14 @@ class PowerBoard(AbstractContextManager["PowerBoard"]):
             If the board refuses, in its words; NO_REPLY, GARBLED or DISCONNECTED if the link fails.
         """
         self._tag = self._tag % HIGHEST_TAG + 1
+        self._take_what_waits()
         corrupted = self._corrupted
         self._link.write(protocol.with_checksum(f"{self._tag} {command}"))
         timeout = self._timeout if timeout is None else timeout
-        begun = heard = time.monotonic()
-        while (left := min(heard, begun + MOST_TIMEOUTS * timeout) + timeout - time.monotonic()) > 0:
-            before = len(self._samples)
+        end = time.monotonic() + timeout
+        while (left := end - time.monotonic()) > 0:
             if (words := self._reply(self._next_line(left), command)) is not None:
                 return words
-            if len(self._samples) > before:  # samples that nobody has taken yet come before the reply
-                heard = time.monotonic()
         if self._corrupted > corrupted:
             raise InstrumentError(
                 f"{self.name()}: the reply to {command!r} was disturbed on the line; is the baud rate right?",
@@ -142,6 +139,13 @@ class PowerBoard(AbstractContextManager["PowerBoard"]):
             f"{self.name()}: no reply to {command!r} within {timeout:g} s; is it plugged in and running?",
             Fault.NO_REPLY,
         )
+
+    def _take_what_waits(self) -> None:
+        """Take the lines that came before a command, which else would use up the time of its reply."""
+        end = time.monotonic() + self._timeout
+        while time.monotonic() < end and (lines := self._link.lines_waiting()):
+            for line in lines:
+                self._reply(line, "")
 
     def sample_lines(self) -> list[tuple[float, str]]:
         """Return the samples that came since the last call, each with the time of its arrival; at once.
@@ -253,9 +257,9 @@ class PowerBoard(AbstractContextManager["PowerBoard"]):
 
 
 def _identity_of(said: dict[str, str], name: str) -> BoardIdentity:
-    """Return a board's identity from the words of its reply."""
+    """Return a board's identity from the words of its reply, if that holds what a board may be."""
     try:
-        return BoardIdentity(
+        identity = BoardIdentity(
             chip=said["chip"],
             serial_number=said["serial"],
             firmware=said["firmware"],
@@ -265,10 +269,22 @@ def _identity_of(said: dict[str, str], name: str) -> BoardIdentity:
             pwm_steps=int(said["pwm_steps"]),
         )
     except (KeyError, ValueError) as error:
-        raise InstrumentError(
-            f"{name}: its identity cannot be read ({error}); is its firmware older than this program?",
-            Fault.WRONG_INSTRUMENT,
-        ) from None
+        raise _no_identity(name, str(error)) from None
+    if not 0 < identity.highest_rate < math.inf:
+        raise _no_identity(name, f"max_rate_hz={said['max_rate_hz']}")
+    if identity.highest_power <= 0:
+        raise _no_identity(name, f"max_power_uw={said['max_power_uw']}")
+    if identity.pwm_steps < 0:
+        raise _no_identity(name, f"pwm_steps={said['pwm_steps']}")
+    return identity
+
+
+def _no_identity(name: str, what: str) -> InstrumentError:
+    """Return the error of an identity that is none."""
+    return InstrumentError(
+        f"{name}: its identity cannot be read ({what}); is its firmware older than this program?",
+        Fault.WRONG_INSTRUMENT,
+    )
 
 
 def opened(board: str | PowerBoard, clock: Callable[[], float], timeout: float | None) -> PowerBoard:
@@ -276,10 +292,3 @@ def opened(board: str | PowerBoard, clock: Callable[[], float], timeout: float |
     board = PowerBoard(board, clock, timeout) if isinstance(board, str) else board
     board.share()
     return board
-
-
-def let_go(board: PowerBoard, last_command: str) -> None:
-    """Send a last command to a board as far as it still listens, and release it."""
-    with contextlib.suppress(InstrumentError):  # the port is let go of, whatever the board says
-        board.ask(last_command)
-    board.release()

@@ -37,6 +37,8 @@ class ColorCal(SerialMeter):
     """
 
     wake = "Unplug it, and plug it in again"
+    zero_is_a_reading = False
+    before_zero = "cover the sensor, so that no light reaches it"
 
     def __init__(
         self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
@@ -84,10 +86,6 @@ class ColorCal(SerialMeter):
     def _measure(self) -> Found:
         """Ask for X, Y and Z as measured, and correct them."""
         raw = self._numbers(b"MES\n")
-        if not any(raw):
-            raise self._error(
-                "too dark for it: X, Y and Z are below its steps of 0.01", Fault.UNDER_RANGE, FINE
-            )
         X, Y, Z = (sum(entry * value for entry, value in zip(row, raw, strict=True)) for row in self._matrix)
         total = X + Y + Z
         return Found(Y, FINE, (X / total, Y / total) if total > 0 else None)
@@ -125,7 +123,7 @@ class ColorCal(SerialMeter):
         if not (len(code) == 4 and code[:2] == "ER" and code[2:].isdigit()):
             raise self._error(f"sent {line!r}, which has no code", Fault.GARBLED)
         if command == b"UZC\n":
-            words = "could not set its zero: cover the sensor, so that no light reaches it"
+            words = f"could not set its zero: {self.before_zero}"
         else:
             words = "refused to measure, without a reason that is known; is the screen too bright for it?"
         raise self._error(f"{words} (error {code})", Fault.REFUSED, code)

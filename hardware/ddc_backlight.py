@@ -21,6 +21,7 @@ from typing import Any
 
 from hardware.backlights import require_factor
 from hardware.protocols import Fault, InstrumentError
+from hardware.restoring import restore_and_release
 
 BRIGHTNESS = 0x10  # VCP code "luminance"
 CONTRAST = 0x12  # VCP code "contrast": any answer to it is told from one to BRIGHTNESS
@@ -63,6 +64,7 @@ class DdcBacklight(AbstractContextManager["DdcBacklight"]):
     ) -> None:
         self._name = f"monitor ddc:{number}"
         self._clock, self._wait, self._next, self._in_doubt = clock, wait, -float("inf"), False
+        self._closed = False
         control = panel if panel is not None else _control(number, self._name)
         control.CHECKSUM_ERRORS, control.get_checksum = "strict", checksum
         self._attempt(control.__enter__)
@@ -71,7 +73,7 @@ class DdcBacklight(AbstractContextManager["DdcBacklight"]):
             self._found, self._highest = self._ask(BRIGHTNESS)
             if self._highest < 1:
                 raise InstrumentError(f"{self._name}: says that its brightness has no steps")
-        except InstrumentError:
+        except BaseException:
             self._release()
             raise
 
@@ -86,12 +88,6 @@ class DdcBacklight(AbstractContextManager["DdcBacklight"]):
         require_factor(factor, self.smallest_factor(), self._name)
         step = max(1, round(factor * self._highest))
         self._set(step)
-        taken, _ = self._ask(BRIGHTNESS)
-        if taken != step:
-            raise InstrumentError(
-                f"{self._name}: was set to step {step}, and says {taken}; does a power saving or ambient "
-                "light mode of its menu hold the brightness?"
-            )
         return step / self._highest
 
     def read_factor(self) -> float:
@@ -112,22 +108,31 @@ class DdcBacklight(AbstractContextManager["DdcBacklight"]):
         return 2 * COMMAND_INTERVAL + REPLY_DELAY
 
     def close(self) -> None:
-        """Leave the monitor as it was found; more than once does nothing."""
-        if self._control is None:
-            return
-        try:
-            self._set(self._found)
-        finally:
-            self._release()
+        """Leave the monitor as it was found; more than once does nothing.
+
+        Raises
+        ------
+        InstrumentError
+            If it cannot be left so, unless another exception is under way.
+        """
+        if not self._closed:
+            self._closed = True
+            restore_and_release(lambda: self._set(self._found), self._release)
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def _set(self, step: int) -> None:
-        """Set the monitor to a step."""
+        """Set the monitor to a step, and ask whether it has taken it."""
         control = self._open_control()
         self._pace()
         self._attempt(lambda: control.set_vcp_feature(BRIGHTNESS, step))
+        taken, _ = self._ask(BRIGHTNESS)
+        if taken != step:
+            raise InstrumentError(
+                f"{self._name}: was set to step {step}, and says {taken}; does a power saving or ambient "
+                "light mode of its menu hold the brightness?"
+            )
 
     def _ask(self, code: int) -> tuple[int, int]:
         """Return the value of a VCP code, and the highest that it may have."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from data_schema.power_log import ClockPing, PowerSample
-from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, Reading
+from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, Reading, ZeroedMeter
 
 NOTE = {"instrument": "SIMULATED: the driver on an emulated instrument"}
 
@@ -39,6 +39,10 @@ class EmulatedLuminanceMeter:
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself, and that it is none."""
         return self._meter.apparatus() | NOTE
+
+    def zero(self) -> float | None:
+        """Set the zero, of a driver that does."""
+        return cast("ZeroedMeter", self._meter).zero()
 
     def close(self) -> None:
         """Close driver and link; more than once does nothing."""
@@ -85,6 +89,10 @@ class EmulatedPowerMeter:
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself, and that it is none."""
         return self._meter.apparatus() | NOTE
+
+    def zero(self) -> float | None:
+        """Set the zero, of a driver that does."""
+        return cast("ZeroedMeter", self._meter).zero()
 
     def close(self) -> None:
         """Close driver and link; more than once does nothing."""

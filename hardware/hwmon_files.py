@@ -8,21 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.protocols import Fault, InstrumentError
+from hardware.shunt_range import ShuntRange, hwmon_shunt, iio_shunt
 
 SYS = Path("/sys")
 FOLDERS = ("class/hwmon", "bus/iio/devices")  # under /sys
-
-# Largest voltage over the shunt that a sensor tells [mV]; at it, current and power are cut off.
-# Data sheets of Texas Instruments: INA219 SBOS448 (PGA /8), INA226 SBOS547, INA230 SBOS601, INA228 SLYS021.
-SHUNT_FULL_SCALE = {
-    "ina219": 320.0,
-    "ina220": 320.0,
-    "ina226": 81.92,
-    "ina230": 81.92,
-    "ina231": 81.92,
-    "ina228": 163.84,
-    "ina238": 163.84,
-}
 
 FAULTS = {
     errno.ENOENT: (Fault.DISCONNECTED, "is gone; was the sensor unplugged, or its driver unloaded?"),
@@ -45,8 +34,8 @@ class SensorFiles:
         Of its chip.
     factors : tuple of (Path, float)
         Files whose numbers, each times its unit, make the power [W] when multiplied.
-    shunt : Path or None
-        File of the voltage over the shunt [mV], where there is one.
+    shunt : ShuntRange or None
+        Voltage over the shunt and its end, where both are known.
     slowest_update : float
         Time between two conversions of the sensor [s]; 0 where it is not told.
     """
@@ -54,7 +43,7 @@ class SensorFiles:
     folder: Path
     name: str
     factors: tuple[tuple[Path, float], ...]
-    shunt: Path | None
+    shunt: ShuntRange | None
     slowest_update: float
 
 
@@ -86,13 +75,12 @@ def find_sensor(place: str, channel: int, root: Path = SYS) -> SensorFiles:
             f"nor curr{channel}_input with in{channel}_input, nor the like of iio",
             Fault.WRONG_INSTRUMENT,
         )
-    shunt = folder / "in0_input"
     interval = folder / "update_interval"
     return SensorFiles(
         folder,
         name,
         factors,
-        shunt if shunt.exists() and name in SHUNT_FULL_SCALE else None,
+        _shunt(folder, name),
         read_number(interval) / 1000 if interval.exists() else 0.0,
     )
 
@@ -174,6 +162,14 @@ def _iio_factors(folder: Path) -> tuple[tuple[Path, float], ...]:
     if current is None or voltage is None:
         return ()
     return ((current, _scale_of(current)), (voltage, _scale_of(voltage)))
+
+
+def _shunt(folder: Path, name: str) -> ShuntRange | None:
+    """Return the shunt of a sensor, if Linux shows its voltage."""
+    raw = folder / "in_voltage0_raw"
+    if raw.exists():
+        return iio_shunt(folder, name, _scale_of(raw) * 1000, read_number)
+    return hwmon_shunt(folder, name, read_number)
 
 
 def _first(folder: Path, pattern: str) -> Path | None:

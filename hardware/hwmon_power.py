@@ -10,13 +10,12 @@ from pathlib import Path
 from data_schema.errors import InputError
 from data_schema.power_log import PowerSample
 from hardware.addresses import split_address
-from hardware.hwmon_files import SHUNT_FULL_SCALE, SYS, find_sensor, read_number
+from hardware.hwmon_files import SYS, find_sensor, read_number
 from hardware.polled_sampling import BACKWARDS, PolledSampling
 from hardware.protocols import Fault, InstrumentError
 from hardware.sample_rate import require_sample_rate
 
 SLOWEST, FASTEST = 0.1, 1000.0  # [Hz]
-SHUNT_ROUNDING = 1.0  # [mV] hwmon tells whole ones
 OPTIONS = {"channel": "which input of the sensor, from 1"}
 
 
@@ -128,14 +127,14 @@ class HwmonPowerMeter(AbstractContextManager["HwmonPowerMeter"]):
 
     def _require_within_range(self) -> None:
         """Refuse a power that was cut off where the voltage over the shunt is."""
-        if self._files.shunt is None:
+        shunt = self._files.shunt
+        if shunt is None:
             return
-        full_scale = SHUNT_FULL_SCALE[self._files.name]
-        voltage = abs(read_number(self._files.shunt))
-        if voltage >= full_scale - SHUNT_ROUNDING:
+        voltage = abs(read_number(shunt.file) * shunt.unit)
+        if (end := shunt.end_reached(voltage)) is not None:
             raise InstrumentError(
-                f"{self._files.folder}: {voltage:g} mV over the shunt, the most that an {self._files.name} "
-                f"tells is {full_scale:g} mV; take a smaller shunt",
+                f"{self._files.folder}: {voltage:.4g} mV over the shunt, the most that an {self._files.name} "
+                f"tells is {end:g} mV; take a smaller shunt",
                 Fault.OVER_RANGE,
             )
 

@@ -45,6 +45,7 @@ LUMINANCE_METERS: tuple[DriverNote, ...] = (
         "a table of readings made elsewhere",
         "csv:FILE",
         "columns pixel_value,luminance_cd_m2 and, where the brightness was varied, factor",
+        note="named in a rig, and imported by `evenlight run luminance-sweep`",
     ),
     DriverNote(
         "simulated",

@@ -1,4 +1,4 @@
-"""Readings that were made elsewhere: the table of a photometer's own software, as a meter or as readings.
+"""Readings that were made elsewhere: the table of a photometer's own software, as readings of a sweep.
 
 The table is CSV, with a decimal point. Its columns are
 
@@ -12,10 +12,7 @@ Several readings of a level are several rows, in the order in which they were ma
 from __future__ import annotations
 
 import math
-import time
 from collections import Counter
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,11 +20,9 @@ from data_schema.display import HIGHEST_LUMINANCE
 from data_schema.errors import InputError
 from data_schema.sweep import LuminanceReading, ReadingStatus, SweepPhase
 from data_schema.text_files import csv_rows
-from hardware.protocols import Fault, InstrumentError, Reading
 
 COLUMNS = ("pixel_value", "luminance_cd_m2", "factor")
 UNDER_RANGE = "u"
-SAME = 0.5 / 65535  # two pixel values or factors that differ by less are one level of a 16-bit code
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,93 +45,6 @@ class TableRow:
     pixel_value: float
     factor: float | None
     luminance: float | None
-
-    def is_of(self, pixel_value: float, factor: float | None) -> bool:
-        """Return whether it is a reading of a level."""
-        if (self.factor is None) != (factor is None):
-            return False
-        near = factor is None or self.factor is None or abs(self.factor - factor) < SAME
-        return near and abs(self.pixel_value - pixel_value) < SAME
-
-
-class CsvMeter(AbstractContextManager["CsvMeter"]):
-    """A meter that reads from a table, each row once, in order.
-
-    Parameters
-    ----------
-    path : str
-        The table.
-    clock : callable, optional
-        Of the readings' times, which are those of reading the table, not the display [s].
-
-    Raises
-    ------
-    InputError
-        If that is no table of readings.
-    """
-
-    def __init__(self, path: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._path, self._clock = path, clock
-        self._left = read_table(Path(path))
-        self._level: tuple[float, float | None] | None = None
-        self._is_open = True
-
-    def aim(self, pixel_value: float, factor: float | None = None) -> None:
-        """Say what is shown, so that the readings are those of this level; before, they are all rows in turn.
-
-        Parameters
-        ----------
-        pixel_value : float
-            L' of the uniform screen.
-        factor : float, optional
-            Brightness factor b of the white screen; None in the sweep of pixel values.
-        """
-        self._level = (pixel_value, factor)
-
-    def read_luminance(self) -> Reading:
-        """Return the next reading of the level [cd/m^2].
-
-        Raises
-        ------
-        InstrumentError
-            If the table has no more of it, or it was too dark for the meter.
-        """
-        if not self._is_open:
-            raise InstrumentError(f"{self._path}: is closed", Fault.DISCONNECTED)
-        begun = self._clock()
-        row = self._next()
-        self._left.remove(row)
-        if row.luminance is None:
-            raise InstrumentError(
-                f"{self._path}, line {row.line}: under range", Fault.UNDER_RANGE, UNDER_RANGE
-            )
-        return Reading(row.luminance, "cd/m^2", begun, self._clock(), f"line {row.line}")
-
-    def apparatus(self) -> dict[str, str]:
-        """Return where the readings are from."""
-        return {"model": f"readings made elsewhere, from {Path(self._path).name}"}
-
-    def close(self) -> None:
-        """Read no more; more than once does nothing."""
-        self._is_open = False
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _next(self) -> TableRow:
-        """Return the first row of the level that was not read yet."""
-        for row in self._left:
-            if self._level is None or row.is_of(*self._level):
-                return row
-        what = "row"
-        if self._level is not None:
-            pixel_value, factor = self._level
-            at = "" if factor is None else f" at b = {factor:g}"
-            what = f"reading of L' = {pixel_value:g}{at}"
-        raise InstrumentError(
-            f"{self._path}: has no further {what}; the design must ask for the table's levels and repeats",
-            Fault.REFUSED,
-        )
 
 
 def luminance_readings_from_csv(path: Path) -> list[LuminanceReading]:

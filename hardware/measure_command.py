@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from data_schema.errors import InputError
+
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
 measure = typer.Typer(invoke_without_command=True)
 
@@ -19,7 +23,7 @@ OUT = typer.Option(help="New table (csv) for all that is read, on the disk as it
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Talk to the instruments: list them, read luminance, average power. Each has --help and --quiet."""
+    """Talk to the instruments: list, luminance, power, zero. Each has --help and --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -52,7 +56,8 @@ def luminance(
     from hardware.measuring import measure_luminance
 
     name = instrument or _named(rig, "luminance_meter")
-    typer.echo(measure_luminance(name, count, interval_s, out, _tell(quiet)))
+    with _saying_what_is_kept(out):
+        typer.echo(measure_luminance(name, count, interval_s, out, _tell(quiet)))
 
 
 @measure.command()
@@ -70,7 +75,20 @@ def power(
     from hardware.measuring import measure_power
 
     name = instrument or _named(rig, "power_meter")
-    typer.echo(measure_power(name, seconds, rate_hz, out, _tell(quiet)))
+    with _saying_what_is_kept(out):
+        typer.echo(measure_power(name, seconds, rate_hz, out, _tell(quiet)))
+
+
+@measure.command()
+def zero(
+    instrument: Annotated[str, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")],
+    yes: Annotated[bool, typer.Option("--yes", help="All is ready: do not ask.")] = False,
+    quiet: Annotated[bool, QUIET] = False,
+) -> None:
+    """Set the zero of a meter: asks to cover its sensor, or to unplug the panel, and for Enter."""
+    from hardware.zeroing import measure_zero
+
+    typer.echo(measure_zero(instrument, None if yes else input, _tell(quiet)))
 
 
 def _named(rig: str | None, key: str) -> str:
@@ -89,6 +107,19 @@ def _named(rig: str | None, key: str) -> str:
             "--instrument"
         )
     return name
+
+
+@contextmanager
+def _saying_what_is_kept(out: Path | None) -> Iterator[None]:
+    """Say where the table is, if whoever reads an instrument is interrupted."""
+    begun_with = out is not None and out.exists()
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, Exception | SystemExit) or out is None or begun_with or not out.exists():
+            raise
+        print(f"evenlight: interrupted; what was read until then is in {out}", file=sys.stderr)
+        sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
 def _tell(quiet: bool) -> Callable[[str], None]:

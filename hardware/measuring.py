@@ -16,9 +16,10 @@ from data_schema.errors import InputError
 from data_schema.meter_reading import MeterReading
 from data_schema.power_log import PowerSample
 from hardware.clocks import WaitingClock
-from hardware.power_average import POLL, SHORTEST_POLL, PowerAverage, averaged
-from hardware.protocols import PowerMeter, Reading
-from hardware.rig import open_luminance_meter, open_power_meter
+from hardware.driver_table import SIMULATED
+from hardware.power_average import PowerAverage, averaged, sampled
+from hardware.protocols import Reading
+from hardware.rig import is_simulated, open_luminance_meter, open_power_meter
 from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 WARM = 3600.0  # [s] since a simulated panel was switched on: nine times its warm-up time
@@ -55,20 +56,25 @@ class Bench:
         return datetime.now(UTC).isoformat(timespec="milliseconds") if self.timed else ""
 
 
-def bench_for(name: str) -> Bench:
-    """Return the bench for an instrument: waiting takes no time where the instrument is in this process."""
-    if name == "simulated":
+def bench_for(name: str, panel: PanelPhysics | None = None) -> Bench:
+    """Return the bench for an instrument: waiting takes no time where the instrument is in this process.
+
+    `panel` is what a simulated instrument looks at, white; else one of 200 cd/m^2.
+    """
+    panel = panel or PanelPhysics()
+    if name == SIMULATED:
         waiting = WaitingClock()
         waiting.wait(WARM)
-        return Bench(waiting.now, waiting.wait, _simulation(waiting.now, waiting.wait), timed=False)
-    if not name.startswith("simulated:"):
+        return Bench(waiting.now, waiting.wait, _simulation(panel, waiting.now, waiting.wait), timed=False)
+    if not is_simulated(name):
         return Bench(time.monotonic, time.sleep, None, timed=True)
     begun = time.monotonic()
 
     def since_switched_on() -> float:
         return time.monotonic() - begun + WARM
 
-    return Bench(since_switched_on, time.sleep, _simulation(since_switched_on, time.sleep), timed=True)
+    simulation = _simulation(panel, since_switched_on, time.sleep)
+    return Bench(since_switched_on, time.sleep, simulation, timed=True)
 
 
 def measure_luminance(name: str, count: int, interval: float, out: Path | None, tell: Tell) -> str:
@@ -91,7 +97,7 @@ def measure_luminance(name: str, count: int, interval: float, out: Path | None, 
     with ExitStack() as stack:
         rows = _rows(stack, out, MeterReading)
         meter = stack.enter_context(open_luminance_meter(name, bench.clock, bench.simulation))
-        _introduce(meter.apparatus(), tell)
+        introduce(meter.apparatus(), tell)
         readings: list[Reading] = []
         for index in range(1, count + 1):
             if readings:
@@ -124,7 +130,7 @@ def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell
             f"an average needs at least 2 samples; {seconds:g} s at {rate:g} Hz have {seconds * rate:g}: "
             "give more --seconds or --rate-hz"
         )
-    if out and name.startswith("simulated") and "simulated" not in out.name:
+    if out and is_simulated(name) and SIMULATED not in out.name:
         raise InputError(
             f"--out {out}: these samples are simulated, so their file says so: simulated-{out.name}"
         )
@@ -132,17 +138,18 @@ def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell
     with ExitStack() as stack:
         rows = _rows(stack, out, PowerSample)
         meter = stack.enter_context(open_power_meter(name, bench.clock, bench.simulation))
-        _introduce(meter.apparatus(), tell)
+        introduce(meter.apparatus(), tell)
         begun = bench.clock()
         achieved = meter.start(rate)
         tell(f"{achieved:g} samples a second" + ("" if achieved == rate else f" instead of {rate:g}"))
         taken = _Taken(rows, tell, bench.clock)
         try:
-            _collect(meter, begun + seconds, max(min(POLL, 1 / achieved), SHORTEST_POLL), bench, taken)
-            taken.add(meter.stop())
+            for samples in sampled(meter, seconds, achieved, bench.clock, bench.wait):
+                taken.add(samples)
         finally:
             taken.keep()
-        average = averaged(taken.samples, begun, bench.clock())
+        ended = bench.clock()
+    average = averaged(taken.samples, begun=begun, ended=ended, seconds=seconds, sample_rate=achieved)
     return _average_line(average, name)
 
 
@@ -185,18 +192,13 @@ class _Taken:
         self._rows(new)
 
 
-def _collect(meter: PowerMeter, end: float, poll: float, bench: Bench, taken: _Taken) -> None:
-    """Take samples until a time, with some time between two looks [s]."""
-    while (left := end - bench.clock()) > 0:
-        bench.wait(min(poll, left))
-        taken.add(meter.samples())
-
-
-def _simulation(clock: Callable[[], float], wait: Callable[[float], None]) -> Simulation:
+def _simulation(
+    physics: PanelPhysics, clock: Callable[[], float], wait: Callable[[float], None]
+) -> Simulation:
     """Return a white panel to look at."""
     import numpy as np
 
-    panel = SimulatedPanel(PanelPhysics(), clock)
+    panel = SimulatedPanel(physics, clock)
     panel.show(1.0)
     return Simulation(panel, np.random.default_rng(SEED), clock, wait)
 
@@ -223,7 +225,7 @@ def _rows(stack: ExitStack, out: Path | None, cls: type[Any]) -> Callable[[Itera
     return keep
 
 
-def _introduce(apparatus: dict[str, str], tell: Tell) -> None:
+def introduce(apparatus: dict[str, str], tell: Tell) -> None:
     """Show what an instrument says of itself."""
     if apparatus:
         tell(", ".join(f"{key.replace('_', ' ')}: {value}" for key, value in apparatus.items()))
@@ -263,4 +265,4 @@ def _average_line(average: PowerAverage, name: str) -> str:
 
 def _labelled(line: str, name: str) -> str:
     """Return a line that says so where the instrument was a simulated one."""
-    return f"SIMULATED: {line}" if name.startswith("simulated") else line
+    return f"SIMULATED: {line}" if is_simulated(name) else line

@@ -83,6 +83,7 @@ class Pr655(SerialMeter):
 
     model = "PR-655"
     wake = "Switch it on, wait for its menu, and let no other program use it"
+    zero_is_a_reading = False
 
     def __init__(
         self,

@@ -61,6 +61,7 @@ class Pr650(SerialMeter):
     """
 
     wake = "Switch it off and on, and connect within 5 s"
+    zero_is_a_reading = False
 
     def __init__(
         self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None

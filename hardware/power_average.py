@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from data_schema.errors import InputError
@@ -16,6 +16,8 @@ POLL = 0.05  # [s] between two looks at the meter, or the time between two sampl
 SHORTEST_POLL = 0.001  # [s] but no shorter than this
 FEWEST = 2  # samples: an average has a spread
 MOST_LOST = 0.5  # share: what is left of fewer says too little of the whole
+LARGEST_DRIFT = 0.01  # of a meter's clock: microcontrollers without a quartz are off by as much
+LOOSE_ENDS = 2.0  # samples that may be missing at the ends since start and stop fall between two
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +33,8 @@ class PowerAverage:
     duration : float
         From the first to the last sample, on the meter's clock [s].
     n_samples, n_lost, n_duplicated : int
-        Samples that came, did not come, came more than once, by the meter's own count.
+        Samples that came, did not come, came more than once: by the meter's own count between those that
+        came, and by the time asked for before the first and after the last.
     begun, ended : float
         Right before the meter was started, and right after it was stopped, on the computer's clock [s].
     status : str
@@ -80,27 +83,55 @@ def average_power(
     """
     begun = clock()
     rate = meter.start(sample_rate)
+    samples: list[PowerSample] = []
     try:
         if seconds * rate < FEWEST:
             raise InputError(
                 f"power must be averaged over at least {FEWEST} samples: {FEWEST / rate:g} s at {rate:g} Hz, "
                 f"got {seconds:g} s"
             )
-        poll = max(min(POLL, 1 / rate), SHORTEST_POLL)
-        samples = _collect(meter, clock() + seconds, poll, clock, wait)
-        samples += meter.stop()
+        for batch in sampled(meter, seconds, rate, clock, wait):
+            samples += batch
     except BaseException:
         with contextlib.suppress(InstrumentError):  # the first fault is the one to tell
             meter.stop()
         raise
-    return averaged(samples, begun, clock())
+    return averaged(samples, begun=begun, ended=clock(), seconds=seconds, sample_rate=rate)
 
 
-def averaged(samples: Sequence[PowerSample], begun: float, ended: float) -> PowerAverage:
+def sampled(
+    meter: PowerMeter,
+    seconds: float,
+    sample_rate: float,
+    clock: Callable[[], float],
+    wait: Callable[[float], None],
+) -> Iterator[Sequence[PowerSample]]:
+    """Yield what comes within some seconds [s] from a meter that was started, at its rate [Hz]; stop it."""
+    end, poll = clock() + seconds, max(min(POLL, 1 / sample_rate), SHORTEST_POLL)
+    while (left := end - clock()) > 0:
+        wait(min(poll, left))
+        yield meter.samples()
+    yield meter.stop()
+
+
+def averaged(
+    samples: Sequence[PowerSample], *, begun: float, ended: float, seconds: float, sample_rate: float
+) -> PowerAverage:
     """Return the time-weighted average of samples, each counted once.
 
     A sample is the mean since the one before. Where samples between the two were lost, the time that they
     belong to takes the mean of its neighbours.
+
+    Parameters
+    ----------
+    samples : sequence of PowerSample
+        All that came since the meter was started.
+    begun, ended : float
+        Right before the meter was started, and right after it was stopped, on the computer's clock [s].
+    seconds : float
+        For how long it was to sample [s].
+    sample_rate : float
+        At which it said that it does [Hz].
 
     Raises
     ------
@@ -108,7 +139,8 @@ def averaged(samples: Sequence[PowerSample], begun: float, ended: float) -> Powe
         If there are fewer than two, or more than half are lost.
 
     >>> rows = [PowerSample(0, 0.0, 0.0, 9.0), PowerSample(1, 1.0, 1.0, 1.0), PowerSample(2, 2.0, 2.0, 3.0)]
-    >>> averaged(rows, 0.0, 2.0).power  # the first belongs to the time before 0 s
+    >>> average = averaged(rows, begun=0.0, ended=3.0, seconds=3.0, sample_rate=1.0)
+    >>> average.power  # the first belongs to the time before 0 s
     2.0
     """
     once = sorted({sample.sequence: sample for sample in samples}.values(), key=lambda row: row.sequence)
@@ -116,15 +148,13 @@ def averaged(samples: Sequence[PowerSample], begun: float, ended: float) -> Powe
         raise InstrumentError(
             f"the power meter sent {len(once)} samples, and an average needs {FEWEST}", Fault.NO_REPLY
         )
-    expected = once[-1].sequence - once[0].sequence + 1
-    lost, duplicated = expected - len(once), len(samples) - len(once)
-    if lost > MOST_LOST * expected:
-        raise InstrumentError(
-            f"the power meter lost {lost} of {expected} samples; is the line too slow, or disturbed?",
-            Fault.GARBLED,
-        )
+    power = _time_weighted(once)
+    at_ends = _lost_at_the_ends(once, seconds, 1 / sample_rate)
+    lost = once[-1].sequence - once[0].sequence + 1 - len(once) + at_ends
+    _require_enough(len(once), lost, at_ends)
+    duplicated = len(samples) - len(once)
     return PowerAverage(
-        power=_time_weighted(once),
+        power=power,
         power_sd=statistics.stdev(sample.power for sample in once),
         duration=once[-1].device_time - once[0].device_time,
         n_samples=len(once),
@@ -132,19 +162,39 @@ def averaged(samples: Sequence[PowerSample], begun: float, ended: float) -> Powe
         n_duplicated=duplicated,
         begun=begun,
         ended=ended,
-        status=_in_words(lost, duplicated),
+        status=_in_words(lost, duplicated, at_ends),
     )
 
 
-def _collect(
-    meter: PowerMeter, end: float, poll: float, clock: Callable[[], float], wait: Callable[[float], None]
-) -> list[PowerSample]:
-    """Return the samples that come until a time, with some time between two looks [s]."""
-    samples: list[PowerSample] = []
-    while (left := end - clock()) > 0:
-        wait(min(poll, left))
-        samples += meter.samples()
-    return samples
+def _lost_at_the_ends(once: list[PowerSample], seconds: float, period: float) -> int:
+    """Return how many samples did not come before the first and after the last that did.
+
+    Meters count from 0. What is missing besides is missing time: that is all there is to go by after the
+    last sample, and before the first of a meter that is asked for each. Its samples may be further apart
+    than it said, which is no loss; so the time is divided by the distance that they had.
+    """
+    first, last = once[0], once[-1]
+    spacing = max(period, (last.device_time - first.device_time) / (last.sequence - first.sequence))
+    covered = last.device_time - first.device_time + (first.sequence + 1) * spacing
+    missing = (seconds - covered) / spacing
+    is_loss = missing > LOOSE_ENDS + LARGEST_DRIFT * seconds / spacing
+    return first.sequence + (int(missing) if is_loss else 0)
+
+
+def _require_enough(came: int, lost: int, at_ends: int) -> None:
+    """Refuse an average of less than half of the samples."""
+    if lost <= MOST_LOST * (came + lost):
+        return
+    if at_ends > lost / 2:
+        raise InstrumentError(
+            f"the power meter lost {lost} of {came + lost} samples, {at_ends} of them at the beginning or "
+            "the end: it fell silent; is it still plugged in?",
+            Fault.NO_REPLY,
+        )
+    raise InstrumentError(
+        f"the power meter lost {lost} of {came + lost} samples; is the line too slow, or disturbed?",
+        Fault.GARBLED,
+    )
 
 
 def _time_weighted(samples: list[PowerSample]) -> float:
@@ -164,11 +214,12 @@ def _time_weighted(samples: list[PowerSample]) -> float:
     return energy / time
 
 
-def _in_words(lost: int, duplicated: int) -> str:
+def _in_words(lost: int, duplicated: int, at_ends: int) -> str:
     """Return what was wrong with the samples.
 
-    >>> _in_words(2, 0)
-    '2 lost'
+    >>> _in_words(2, 0, 0), _in_words(40, 1, 38)
+    ('2 lost', '40 lost (38 at the ends), 1 came twice')
     """
-    found = ((lost, "lost"), (duplicated, "came twice"))
+    ends = f" ({at_ends} at the ends)" if at_ends else ""
+    found = ((lost, f"lost{ends}"), (duplicated, "came twice"))
     return ", ".join(f"{count} {what}" for count, what in found if count)

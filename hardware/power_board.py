@@ -10,6 +10,7 @@ The port is closed with the last of them. Tested against an emulated board, not 
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -17,8 +18,10 @@ from contextlib import AbstractContextManager
 from data_schema.power_log import ClockPing, PowerSample
 from hardware import board_protocol as protocol
 from hardware.backlights import require_factor
-from hardware.board_link import PowerBoard, let_go, opened
+from hardware.board_answers import number_in, whole_in
+from hardware.board_link import PowerBoard, opened
 from hardware.protocols import Fault, InstrumentError
+from hardware.restoring import restore_and_release
 from hardware.sample_rate import require_sample_rate
 
 SILENCE = 1.0  # [s] without a sample, or 20 of them, after which a board has stopped sending
@@ -39,6 +42,8 @@ class BoardPowerMeter(AbstractContextManager["BoardPowerMeter"]):
     timeout : float, optional
         How long a reply may take [s].
     """
+
+    before_zero = "unplug the panel from the board's output, so that no current flows"
 
     def __init__(
         self,
@@ -67,7 +72,7 @@ class BoardPowerMeter(AbstractContextManager["BoardPowerMeter"]):
         self._board.sample_lines()
         self._pending.clear()
         self._sequence, self._ticks = _counters(self._board_clock())
-        period = int(_number(self._board.ask(f"START {rate:.6f}"), self._board.name()))
+        period = whole_in(self._board.ask(f"START {rate:.6f}"), self._board.name(), lowest=1)
         self._rate = 1e6 / period
         self._last_sample, self._sampling = time.monotonic(), True
         return self._rate
@@ -116,7 +121,7 @@ class BoardPowerMeter(AbstractContextManager["BoardPowerMeter"]):
             If the current is not near zero, or the board is sampling.
         """
         self._require_open()
-        return _number(self._board.ask("ZERO", ZEROING), self._board.name()) * 1e-6
+        return number_in(self._board.ask("ZERO", ZEROING), self._board.name()) * 1e-6
 
     def apparatus(self) -> dict[str, str]:
         """Return what the board says of itself."""
@@ -133,7 +138,11 @@ class BoardPowerMeter(AbstractContextManager["BoardPowerMeter"]):
         """End the sampling, and let go of the board; more than once does nothing."""
         if not self._closed:
             self._closed, self._sampling = True, False
-            let_go(self._board, "STOP")
+            try:
+                with contextlib.suppress(InstrumentError):  # whatever it says: the next START stops it
+                    self._board.ask("STOP")
+            finally:
+                self._board.release()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -192,7 +201,7 @@ class BoardPowerMeter(AbstractContextManager["BoardPowerMeter"]):
 
     def _board_clock(self) -> int:
         """Return the board's clock [µs], all of it."""
-        return int(_number(self._board.ask("CLOCK?"), self._board.name()))
+        return whole_in(self._board.ask("CLOCK?"), self._board.name(), lowest=0)
 
     def _require_open(self) -> None:
         """Refuse to work after `close`."""
@@ -241,12 +250,8 @@ class BoardBacklight(AbstractContextManager["BoardBacklight"]):
         self._require_open()
         require_factor(factor, self.smallest_factor(), self._board.name())
         step = max(1, round(factor * self._steps))
-        achieved = self._step_in(self._board.ask(f"B {step}"))
-        if achieved != step:
-            raise InstrumentError(
-                f"{self._board.name()}: the backlight was set to step {step}, and the board says {achieved}"
-            )
-        return achieved / self._steps
+        self._set(step)
+        return step / self._steps
 
     def read_factor(self) -> float:
         """Return the brightness factor that the board reports."""
@@ -266,13 +271,27 @@ class BoardBacklight(AbstractContextManager["BoardBacklight"]):
         return MIN_INTERVAL
 
     def close(self) -> None:
-        """Set the backlight to what it was found at, and let go of the board; more than once does nothing."""
+        """Set the backlight to what it was found at, and let go of the board; more than once does nothing.
+
+        Raises
+        ------
+        InstrumentError
+            If the board does not take it, unless another exception is under way.
+        """
         if not self._closed:
             self._closed = True
-            let_go(self._board, f"B {self._found}")
+            restore_and_release(lambda: self._set(self._found), self._board.release)
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _set(self, step: int) -> None:
+        """Set the backlight to a step, and see whether the board has taken it."""
+        achieved = self._step_in(self._board.ask(f"B {step}"))
+        if achieved != step:
+            raise InstrumentError(
+                f"{self._board.name()}: the backlight was set to step {step}, and the board says {achieved}"
+            )
 
     def _read_step(self) -> int:
         """Return the step that the board reports."""
@@ -280,8 +299,8 @@ class BoardBacklight(AbstractContextManager["BoardBacklight"]):
 
     def _step_in(self, words: list[str]) -> int:
         """Return the step that a reply holds."""
-        step = int(_number(words, self._board.name()))
-        if not 0 <= step <= self._steps:
+        step = whole_in(words, self._board.name(), lowest=0)
+        if step > self._steps:
             raise InstrumentError(
                 f"{self._board.name()}: reports step {step} of {self._steps}", Fault.GARBLED
             )
@@ -296,14 +315,3 @@ class BoardBacklight(AbstractContextManager["BoardBacklight"]):
 def _counters(ticks: int) -> tuple[protocol.Unwrapped, protocol.Unwrapped]:
     """Return the counters of samples and of time at START, given all of the board's clock [µs]."""
     return protocol.Unwrapped(protocol.SEQUENCE_BITS, 0), protocol.Unwrapped(protocol.TIME_BITS, ticks)
-
-
-def _number(words: list[str], name: str) -> float:
-    """Return the number that a reply consists of."""
-    try:
-        (word,) = words
-        return float(word)
-    except ValueError:
-        raise InstrumentError(
-            f"{name}: answered {' '.join(words)!r} where a number belongs", Fault.GARBLED
-        ) from None

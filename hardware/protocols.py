@@ -261,3 +261,24 @@ class PowerMeter(Protocol):
 
     def close(self) -> None:
         """Let go of the instrument; more than once does nothing."""
+
+
+class ZeroedMeter(Protocol):
+    """What a luminance or power meter is besides, if its zero is set by command.
+
+    Attributes
+    ----------
+    before_zero : str
+        What the person at the bench does first, as an imperative.
+    """
+
+    before_zero: str
+
+    def zero(self) -> float | None:
+        """Take what is there now for zero; return what it was, where the instrument tells it [A].
+
+        Raises
+        ------
+        InstrumentError
+            If it is not near zero.
+        """

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hardware.board_link import PowerBoard
     from hardware.simulated_panel import Simulation
 
+IMPORTED = "csv"  # in place of a luminance meter: a table, whose readings a sweep imports
 BOARD = "board"  # one link, which a power meter and a backlight share
 
 LUMINANCE_METERS = {  # what they are for the person at the bench stands in hardware/luminance_meters.py
@@ -57,7 +58,6 @@ LUMINANCE_METERS = {  # what they are for the person at the bench stands in hard
         needs_address=False,
     ),
     "manual": Driver("hardware.manual_meter:ManualMeter", needs_address=False),
-    "csv": Driver("hardware.luminance_table:CsvMeter"),
     SIMULATED: Driver("hardware.simulated_luminance_meter:SimulatedLuminanceMeter", needs_address=False),
 }
 POWER_METERS = {  # hardware/power_meters.py
@@ -197,6 +197,11 @@ def open_luminance_meter(
     InstrumentError
         If the instrument is not there, or does not answer as it should.
     """
+    if name.partition(":")[0] == IMPORTED:
+        raise InputError(
+            f"{name}: is a table of readings made elsewhere, and no meter: name it as the rig's "
+            "luminance_meter, and `evenlight run luminance-sweep` imports it"
+        )
     named = named_driver(name, LUMINANCE_METERS, "luminance meter")
     if named.emulated:
         from hardware.emulated_instruments import EmulatedLuminanceMeter
@@ -300,17 +305,6 @@ def is_simulated(name: str) -> bool:
     (True, False)
     """
     return name.partition(":")[0] == SIMULATED
-
-
-def simulated_devices(rig: Rig) -> list[str]:
-    """Return which of a rig's meters and backlight are simulated.
-
-    >>> from hardware.rig_files import load_rig
-    >>> simulated_devices(load_rig("simulated")[0])
-    ['luminance_meter', 'power_meter']
-    """
-    keys = ("luminance_meter", "power_meter", "backlight")
-    return [key for key in keys if is_simulated(getattr(rig, key))]
 
 
 def backlights_smallest_factor(rig: Rig) -> float:

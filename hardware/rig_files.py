@@ -11,6 +11,7 @@ from data_schema.rig import Rig
 from data_schema.text_files import read_toml_record
 
 RIGS = Path(__file__).parent / "rigs"
+TABLE = "csv:"  # a table of readings in place of a luminance meter
 
 
 def load_rig(name_or_path: str) -> tuple[Rig, str]:
@@ -27,7 +28,8 @@ def load_rig(name_or_path: str) -> tuple[Rig, str]:
         The rig, as the file has it.
     display : str
         Its display, to be loaded: a preset's name, or a path, which a rig gives relative to its own file.
-        The rig's `backlight_curve` is a path from there, too, and is returned as one from here.
+        The rig's `backlight_curve`, and a table in place of a luminance meter, are paths from there, too, and
+        are returned as ones from here.
 
     Raises
     ------
@@ -42,6 +44,9 @@ def load_rig(name_or_path: str) -> tuple[Rig, str]:
     rig = read_toml_record(Rig, path)
     if rig.backlight_curve:
         rig = dataclasses.replace(rig, backlight_curve=str(path.parent / rig.backlight_curve))
+    if rig.luminance_meter.startswith(TABLE):
+        table = path.parent / rig.luminance_meter.removeprefix(TABLE)
+        rig = dataclasses.replace(rig, luminance_meter=f"{TABLE}{table}")
     is_file = rig.display.endswith(".toml") or "/" in rig.display
     return rig, str(path.parent / rig.display) if is_file else rig.display
 

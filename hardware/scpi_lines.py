@@ -17,7 +17,6 @@ DEVICE = "the SCPI instrument"
 QUIET = 0.03  # [s] without a byte: what is late has come; what comes later yet, the next answer tells
 VISA_TIMEOUTS = ("VI_ERROR_TMO",)
 VISA_BUSY = ("VI_ERROR_RSRC_BUSY", "VI_ERROR_RSRC_LOCKED")
-VISA_GONE = ("VI_ERROR_CONN_LOST", "VI_ERROR_INV_OBJECT", "VI_ERROR_IO")
 
 
 class ScpiLine(Protocol):

@@ -65,6 +65,7 @@ class SerialMeter(AbstractContextManager["SerialMeter"]):
     """
 
     wake = "is it switched on?"  # what makes the instrument listen, for the person at the bench
+    zero_is_a_reading = True  # False where 0 is what is left of a difference, and may stand for anything dark
 
     def __init__(self, url: str, settings: LineSettings, device: str, clock: Callable[[], float]) -> None:
         self._clock, self._timeout = clock, settings.timeout
@@ -88,7 +89,7 @@ class SerialMeter(AbstractContextManager["SerialMeter"]):
         InstrumentError
             If there is none; the link is then fit for the next, or closed for good.
         """
-        (begun, found), ended = self._ask(lambda: (self._clock(), self._finite())), self._clock()
+        (begun, found), ended = self._ask(lambda: (self._clock(), self._found_luminance())), self._clock()
         return Reading(found.luminance, "cd/m^2", begun, ended, found.status, found.chromaticity)
 
     def close(self) -> None:
@@ -135,11 +136,18 @@ class SerialMeter(AbstractContextManager["SerialMeter"]):
             self._in_doubt = False
             return answer
 
-    def _finite(self) -> Found:
-        """Return one reading, if its luminance is a number."""
+    def _found_luminance(self) -> Found:
+        """Return one reading, if its luminance is one: a number, and not below zero."""
         found = self._measure()
         if not math.isfinite(found.luminance):
             raise self._error(f"sent {found.luminance} as a luminance", Fault.GARBLED)
+        if found.luminance < 0 or (found.luminance == 0 and not self.zero_is_a_reading):
+            raise self._error(
+                f"too dark for it: it makes {found.luminance:.4g} cd/m^2 of the screen, which is not above "
+                "its zero",
+                Fault.UNDER_RANGE,
+                found.status,
+            )
         return found
 
     def _next_line(self, skip: Callable[[str], bool] = lambda line: False) -> str:

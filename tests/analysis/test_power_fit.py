@@ -60,6 +60,25 @@ def test_a_bend_is_as_high_as_its_quadratic_over_the_chord() -> None:
     assert fit.bend == pytest.approx(-5 / 120, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("own", "shared"),
+    [(0.002, 0.0), (0.01, 0.0), (0.002, 0.01)],
+    ids=["independent noise", "a noisy luminance meter", "noise that both meters see"],
+)
+def test_the_lack_of_fit_of_a_linear_panel_is_as_improbable_as_it_says(own: float, shared: float) -> None:
+    # 800 sweeps: 3 to 7 % are 0.05 ± 2.6 · sqrt(0.05 · 0.95/800). What the
+    # display itself does between readings, power and luminance see alike.
+    rng = np.random.default_rng(3)
+    found = []
+    for _ in range(800):
+        light = 300 * FACTORS * (1 + shared * rng.standard_normal(30))
+        read = light * (1 + own * rng.standard_normal(30))
+        power = 0.2945 + 0.001858 * light
+        power += np.hypot(0.001 * power, 0.0005) * rng.standard_normal(30)
+        found.append(fit_line(points_of(read.tolist(), power.tolist(), FACTORS.tolist())).lack_of_fit_p)
+    assert 0.03 <= np.mean(np.array(found, dtype=float) < 0.05) <= 0.07
+
+
 def test_two_levels_are_refused() -> None:
     with pytest.raises(InputError, match="needs 3 or more brightness factors"):
         fit_line(points_of([1.0, 2.0], [1.0, 2.0], [0.5, 1.0]))

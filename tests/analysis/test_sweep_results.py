@@ -205,6 +205,19 @@ def test_droop_is_flagged_with_its_size(tmp_path: Path, capsys: pytest.CaptureFi
     assert found.bend == pytest.approx(-0.2 * 0.9**2 / 4 / 0.918, abs=0.005)
 
 
+def test_without_a_luminance_meter_a_bend_is_not_blamed_on_the_leds_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A backlight whose light goes with the square of its factor, on a panel that is linear in light.
+    readings = readings_of_power(replace(WARM, backlight_exponent=2.0), meter=None)
+    folder = write_sweep(tmp_path / "sweep", POWER, readings, peak_luminance=200.0)
+    fit_sweep(folder, folder)
+    assert SweepFlag.NOT_LINEAR in read_json_record(PowerFit, folder / "power_fit.json").flags
+    told = capsys.readouterr().err
+    assert "power, or the backlight's light, is not linear in the factor" in told
+    assert "droop" not in told
+
+
 def test_a_base_power_that_may_as_well_be_zero_is_zero_and_flagged(tmp_path: Path) -> None:
     for seed in range(20):
         readings = power_readings(replace(WARM, base_power=0.0), np.random.default_rng(seed), POWER, Meter())

@@ -3,12 +3,13 @@
 import inspect
 import math
 import os
+import shutil
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,12 @@ import pytest
 import evenlight
 from data_schema.errors import InputError
 from hardware import rig as rigs
+from hardware.backlight_curve import BacklightCurve
+from hardware.backlight_log import LoggedBacklight
 from hardware.backlight_notes import BACKLIGHTS
 from hardware.driver_table import SIMULATED, Driver, LinkKind
 from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from hardware.linear_backlight import LinearizedBacklight
 from hardware.luminance_meters import LUMINANCE_METERS
 from hardware.power_meters import POWER_METERS
 from hardware.protocols import (
@@ -44,8 +48,9 @@ PROTOCOLS: dict[str, tuple[type, dict[str, Driver], tuple[Any, ...]]] = {
     "backlight": (Backlight, rigs.BACKLIGHTS, BACKLIGHTS),
 }
 DRIVERS = [(kind, name) for kind, (_, drivers, _) in PROTOCOLS.items() for name in drivers]
-# A person, a file and a folder of Linux: tests hand them in, and the simulated device is their simulation.
-WITHOUT_EMULATOR = {("luminance", "manual"), ("luminance", "csv"), ("backlight", "sysfs")}
+# A person and a folder of Linux: tests hand them in, and the simulated device is their simulation.
+WITHOUT_EMULATOR = {("luminance", "manual"), ("backlight", "sysfs")}
+NO_DRIVER = {SIMULATED, "none", rigs.IMPORTED}  # in the list, and nothing to be driven
 OPENED = [
     (kind, name if name == SIMULATED else f"{SIMULATED}:{name}")
     for kind, name in DRIVERS
@@ -110,6 +115,12 @@ def test_a_driver_has_each_method_of_its_protocol_with_the_same_arguments(kind: 
 
 
 @pytest.mark.parametrize(("kind", "name"), DRIVERS)
+def test_a_driver_that_sets_a_zero_says_what_comes_before(kind: str, name: str) -> None:
+    cls = driver_of(kind, name).load()
+    assert hasattr(cls, "zero") == hasattr(cls, "before_zero")
+
+
+@pytest.mark.parametrize(("kind", "name"), DRIVERS)
 def test_nothing_is_read_by_looking_at_an_attribute(kind: str, name: str) -> None:
     cls = driver_of(kind, name).load()
     properties = [n for n, member in inspect.getmembers(cls) if isinstance(member, property)]
@@ -144,7 +155,7 @@ def test_every_driver_has_something_to_be_tried_on(kind: str, name: str) -> None
 @pytest.mark.parametrize("kind", PROTOCOLS)
 def test_measure_list_has_every_driver_and_no_other(kind: str) -> None:
     _, drivers, notes = PROTOCOLS[kind]
-    assert {note.name for note in notes} - {SIMULATED, "none"} == set(drivers) - {SIMULATED}
+    assert {note.name for note in notes} - NO_DRIVER == set(drivers) - {SIMULATED}
     for note in notes:
         assert note.instrument
         assert note.address.startswith(note.name)
@@ -194,6 +205,81 @@ def test_no_backlight_takes_a_factor_that_it_has_not(name: str) -> None:
             with pytest.raises(InstrumentError) as refused:
                 device.set_factor(factor)
             assert refused.value.fault is Fault.REFUSED
+
+
+def backlight_that_breaks(name: str, folder: Path, stack: ExitStack) -> tuple[Any, Callable[[], object]]:
+    """An open backlight of a driver, and what makes it impossible to put back."""
+    if name == "sysfs":
+        panel = folder / "panel"
+        panel.mkdir()
+        for file in ("max_brightness", "brightness"):
+            (panel / file).write_text("100")
+        return driver_of("backlight", name).load()("panel", folder), lambda: shutil.rmtree(panel)
+    if name == SIMULATED:
+        gone: list[bool] = []
+
+        def follow(factor: float) -> None:
+            if gone:
+                raise InstrumentError("the panel is gone", Fault.DISCONNECTED)
+
+        return driver_of("backlight", name).load()(lambda: 0.0, follow=follow), lambda: gone.append(True)
+    driver = driver_of("backlight", name)
+    terminal = driver.link is LinkKind.TERMINAL
+    link = EmulatedLink(driver.load_emulator()(simulation()), pseudo_terminal=terminal)
+    stack.enter_context(link)
+    return driver.open_at(link.url, time.monotonic, timeout=0.3), link.unplug
+
+
+@pytest.mark.parametrize("name", [name for kind, name in DRIVERS if kind == "backlight"])
+@pytest.mark.parametrize("wrapped", [False, True])
+@pytest.mark.usefixtures("nothing_left")
+def test_a_backlight_that_cannot_be_left_as_it_was_found_is_released_and_told_of(
+    name: str, wrapped: bool, tmp_path: Path
+) -> None:
+    with ExitStack() as stack:
+        device, break_it = backlight_that_breaks(name, tmp_path, stack)
+        if wrapped:
+            curve = BacklightCurve((0.1, 0.5, 1.0), (2.0, 50.0, 200.0))
+            device = LoggedBacklight(LinearizedBacklight(device, curve), time.monotonic)
+        device.set_factor(0.5)
+        break_it()
+        with pytest.raises(InstrumentError):
+            device.close()
+        device.close()  # once was enough
+        with pytest.raises(InstrumentError) as refused:
+            device.set_factor(0.5)
+        assert refused.value.fault is Fault.DISCONNECTED
+
+
+@pytest.mark.parametrize("name", [name for kind, name in DRIVERS if kind == "backlight"])
+@pytest.mark.parametrize("how", ["with", "finally", "callback"])
+@pytest.mark.usefixtures("nothing_left")
+def test_a_backlight_that_cannot_be_left_as_it_was_found_hides_no_other_exception(
+    name: str, how: str, tmp_path: Path
+) -> None:
+    with ExitStack() as links:
+        device, break_it = backlight_that_breaks(name, tmp_path, links)
+
+        def used() -> None:
+            break_it()
+            raise KeyboardInterrupt
+
+        def used_and_closed() -> None:
+            with ExitStack() as stack:
+                if how == "with":
+                    stack.enter_context(device)
+                elif how == "callback":
+                    stack.callback(device.close)
+                try:
+                    used()
+                finally:
+                    if how == "finally":
+                        device.close()
+
+        with pytest.raises(KeyboardInterrupt) as interrupted:
+            used_and_closed()
+        (note,) = interrupted.value.__notes__
+        assert "could not be left as it was found" in note
 
 
 @pytest.mark.parametrize("name", [name for kind, name in OPENED if kind == "power"])

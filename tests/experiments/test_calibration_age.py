@@ -32,3 +32,8 @@ def test_one_that_says_no_date_is_not_taken_where_there_is_a_limit():
 def test_a_date_is_written_in_one_way(measured):
     with pytest.raises(ValueError, match="measured"):
         dataclasses.replace(LAB, measured=measured)
+
+
+def test_one_of_the_future_is_a_slip():
+    said = too_old(dataclasses.replace(LAB, measured="2031-01-01"), 30.0, NOW)
+    assert "in the future (2031-01-01)" in said

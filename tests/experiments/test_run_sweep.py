@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ from experiments import sweep_devices
 from experiments.run_sweep import SweepRequest, run_sweep
 from experiments.stage import PausePressed
 from experiments.staging import Staging
+from experiments.sweep_store import SweepStore
 from hardware.protocols import Fault, InstrumentError
 
 DISPLAY = Display("bench", 120.0, 0.3, 2.2, pixels_per_degree=40.0, reflected_luminance=0.05)
@@ -222,8 +224,14 @@ def test_nothing_is_overwritten(tmp_path):
     run_sweep(request(tmp_path))
     with pytest.raises(InputError, match="never overwritten"):
         run_sweep(request(tmp_path))
-    with pytest.raises(InputError, match="is complete"):
-        run_sweep(request(tmp_path, resume=True))
+
+
+def test_a_complete_sweep_that_is_resumed_has_only_its_results_made(tmp_path):
+    run_sweep(request(tmp_path))
+    before = (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).read_text()
+    outcome = run_sweep(request(tmp_path, resume=True))
+    assert (outcome.status, outcome.done) == (SessionStatus.COMPLETE, N_LUMINANCE)
+    assert (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).read_text() == before
 
 
 def test_without_backlight_and_display_file_factors_are_left_out_and_the_log_says_so(tmp_path):
@@ -248,3 +256,114 @@ def test_a_rig_that_lacks_what_a_sweep_needs_is_refused_before_a_file_is_written
     with pytest.raises(InputError, match=words):
         run_sweep(request(tmp_path, task, rig=dataclasses.replace(RIG, **rig), display=display))
     assert not (tmp_path / "lab").exists()
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A rig whose luminance meter is a table, with three readings of each of five levels."""
+    path = tmp_path / "readings.csv"
+    rows = [f"{value},{0.2 + 100 * value**2.2:.4f}" for value in (0, 0.25, 0.5, 0.75, 1)]
+    path.write_text("\n".join(["pixel_value,luminance_cd_m2", *rows * 3]) + "\n")
+    return {"rig": dataclasses.replace(RIG, luminance_meter=f"csv:{path}"), "design": None}
+
+
+def test_an_import_that_was_interrupted_is_finished(tmp_path, table, monkeypatch):
+    wanted = request(tmp_path, staging=Staging(), **table)
+    write = SweepStore.write
+
+    def interrupted(store, reading):
+        if reading.index == 7:
+            raise KeyboardInterrupt
+        write(store, reading)
+
+    monkeypatch.setattr(SweepStore, "write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(wanted)
+    monkeypatch.undo()
+    assert len(lines(tmp_path)) == 7
+    outcome = run_sweep(dataclasses.replace(wanted, resume=True))
+    assert (outcome.status, outcome.done) == (SessionStatus.COMPLETE, 15)
+    assert [row["index"] for row in lines(tmp_path)] == list(range(15))
+
+
+def test_a_table_has_its_own_levels_and_the_reflected_light_of_the_design(tmp_path, table):
+    design = dataclasses.replace(LUMINANCE, reflected_luminance=0.15)
+    outcome = run_sweep(request(tmp_path, staging=Staging(), rig=table["rig"], design=design))
+    manifest = json.loads((outcome.folder / "sweep.json").read_text())["design"]
+    assert manifest["pixel_values"] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert manifest["reflected_luminance_cd_m2"] == 0.15
+
+
+class Moments:
+    """A time of day that goes on by itself, and by what is added while nobody is there."""
+
+    def __init__(self):
+        self.now = datetime(2026, 11, 21, 9, tzinfo=UTC)
+
+    def __call__(self):
+        self.now += timedelta(seconds=1)
+        return self.now.isoformat()
+
+
+@pytest.fixture
+def days(monkeypatch):
+    """Let a rehearsal have a time of day."""
+    moments = Moments()
+    monkeypatch.setattr(Staging, "utc", lambda staging: moments())
+    return moments
+
+
+def test_the_time_away_counts(tmp_path, failing, days):
+    failing({9: PausePressed()})  # after the warm-up
+    run_sweep(request(tmp_path))
+    days.now += timedelta(seconds=600)
+    failing({})
+    run_sweep(request(tmp_path, resume=True))
+    times = [row["begun_s"] for row in lines(tmp_path)]
+    # 600 s away, then 120 s of white, which is the design's warm-up, and the reading itself.
+    assert 720 < times[8] - times[7] < 740
+    again = [event for event in lines(tmp_path, EVENTS) if event["kind"] == "continued"]
+    assert "120 s of white" in again[0]["detail"]
+
+
+def test_a_short_time_away_is_warmed_up_for_as_long(tmp_path, failing, days):
+    failing({9: PausePressed()})
+    run_sweep(request(tmp_path))
+    days.now += timedelta(seconds=30)
+    failing({})
+    run_sweep(request(tmp_path, resume=True))
+    again = [event["detail"] for event in lines(tmp_path, EVENTS) if event["kind"] == "continued"]
+    assert 30 <= float(again[0].split()[1]) < 35
+
+
+def test_a_warm_up_that_was_interrupted_goes_on_at_its_intervals(tmp_path, failing, days):
+    failing({2: PausePressed()})  # after the first of its readings, which are 60 s apart
+    run_sweep(request(tmp_path))
+    days.now += timedelta(seconds=3600)
+    failing({})
+    run_sweep(request(tmp_path, resume=True))
+    warm = [row["begun_s"] for row in lines(tmp_path) if row["phase"] == "warm_up"]
+    # 61 s until it was interrupted, an hour away, and the interval to the second reading once more.
+    assert 3718 < warm[1] - warm[0] < 3726
+    assert 58 < warm[2] - warm[1] < 62
+
+
+def test_a_display_file_that_appears_in_the_midst_does_not_change_the_plan(tmp_path, failing):
+    rig = dataclasses.replace(RIG, pixels_per_degree=40.0)
+    failing({5: PausePressed()})
+    began = run_sweep(request(tmp_path, display=None, rig=rig))
+    failing({})
+    outcome = run_sweep(request(tmp_path, display=DISPLAY, rig=rig, resume=True))
+    assert outcome.planned == outcome.done == began.planned
+
+
+def test_a_simulated_backlight_makes_a_simulated_sweep(tmp_path, table):
+    rig = dataclasses.replace(table["rig"], backlight="simulated")
+    outcome = run_sweep(request(tmp_path, staging=Staging(), rig=rig, design=None))
+    assert json.loads((outcome.folder / "sweep.json").read_text())["simulated"]
+
+
+def test_a_late_reading_that_is_too_dark_counts_its_tries(tmp_path, failing):
+    failing({4: InstrumentError("", Fault.NO_REPLY), 5: InstrumentError("", Fault.UNDER_RANGE, "OK13")})
+    run_sweep(request(tmp_path))
+    assert (lines(tmp_path)[3]["status"], lines(tmp_path)[3]["attempts"]) == ("under_range", 2)

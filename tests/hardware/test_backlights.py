@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from data_schema.errors import InputError
 from hardware.backlights import SimulatedBacklight, SysfsBacklight
-from hardware.protocols import InstrumentError
+from hardware.protocols import Fault, InstrumentError
 
 
 @pytest.fixture
@@ -77,11 +77,46 @@ def test_steps_that_are_not_linear_in_light_are_no_factors(panel: Path) -> None:
 def test_a_panel_that_fails_meanwhile_is_an_instrument_error(panel: Path) -> None:
     backlight = SysfsBacklight("intel_backlight", panel.parent)
     (panel / "actual_brightness").write_text("broken")
-    with pytest.raises(InstrumentError, match="expected a whole number"):
+    with pytest.raises(InstrumentError, match="expected a whole number") as failed:
         backlight.read_factor()
+    assert failed.value.fault is Fault.GARBLED
     (panel / "brightness").unlink()
-    with pytest.raises(InstrumentError, match="cannot be set to 51"):
+    with pytest.raises(
+        InstrumentError, match="cannot be set to 51: it is gone; was the panel unplug"
+    ) as failed:
         backlight.set_factor(0.2)
+    assert (failed.value.fault, failed.value.code) == (Fault.DISCONNECTED, "ENOENT")
+    (panel / "actual_brightness").unlink()
+    with pytest.raises(InstrumentError, match="cannot be read: it is gone") as failed:
+        backlight.read_factor()
+    assert failed.value.fault is Fault.DISCONNECTED
+
+
+@pytest.mark.parametrize(("number", "words"), [(5, "cannot be set to 51 "), (13, "may not be written")])
+def test_a_panel_that_refuses_meanwhile_is_an_instrument_error(
+    panel: Path, monkeypatch, number: int, words: str
+) -> None:
+    backlight = SysfsBacklight("intel_backlight", panel.parent)
+
+    def refuse(path: Path, flags: int) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(InstrumentError, match=words):
+        backlight.set_factor(0.2)
+
+
+@pytest.mark.parametrize("highest", ["0", "-5"])
+def test_a_panel_without_steps_is_no_backlight(panel: Path, highest: str) -> None:
+    (panel / "max_brightness").write_text(f"{highest}\n")
+    with pytest.raises(InstrumentError, match="intel_backlight: says that its brightness has no steps"):
+        SysfsBacklight("intel_backlight", panel.parent)
+
+
+def test_a_panel_that_is_gone_before_it_is_opened_is_an_instrument_error(panel: Path) -> None:
+    (panel / "brightness").unlink()
+    with pytest.raises(InstrumentError, match="brightness: cannot be read: it is gone"):
+        SysfsBacklight("intel_backlight", panel.parent)
 
 
 def test_a_setting_that_the_driver_does_not_take_fails_loudly(panel: Path, monkeypatch) -> None:

@@ -84,7 +84,7 @@ def test_no_two_messages_come_closer_than_50_ms_though_the_library_would_send_th
         assert took >= 2 * backlight.min_interval()  # from the first to the third
     times = [moment for moment, _ in monitor.heard]
     gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
-    assert len(gaps) == 7  # found; three times set and read back; set as it was found
+    assert len(gaps) == 8  # found; three times set and read back; set as it was found, and read back
     assert min(gaps) > COMMAND_INTERVAL - 0.01  # heard by another thread, a little early or late
 
 
@@ -99,8 +99,21 @@ def test_each_message_waits_for_the_one_before_on_the_clock_handed_in() -> None:
         control = emulated_control(link.url)
         with DdcBacklight(0, lambda: time_now[0], wait, control) as backlight:
             backlight.set_factor(0.5)
-    # After opening, after the question for the brightness, after a setting, after its check.
-    assert waits == pytest.approx([COMMAND_INTERVAL] * 4)
+    # After opening, after the question for the brightness, after a setting and after its check, and so again
+    # after the setting that leaves it as it was found.
+    assert waits == pytest.approx([COMMAND_INTERVAL] * 5)
+
+
+def test_an_interruption_while_it_is_opened_closes_the_bus(monkeypatch) -> None:
+    def interrupted(code: int) -> None:
+        raise KeyboardInterrupt
+
+    with EmulatedLink(EmulatedMonitor()) as link:
+        control = emulated_control(link.url)
+        monkeypatch.setattr(control, "get_vcp_feature", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            DdcBacklight(7, panel=control)
+        assert control.fd is None  # and nothing stays open, which every test here looks for
 
 
 def test_a_setting_that_the_monitor_does_not_take_fails_loudly() -> None:
@@ -143,16 +156,18 @@ def test_every_fault_of_the_link_is_an_error_and_a_transient_one_passes(fault: L
             assert failed.value.fault in (*TRANSIENT, Fault.DISCONNECTED)
             assert control.fd is None
             return
-        with DdcBacklight(7, panel=control) as backlight:
-            with pytest.raises(InstrumentError, match="monitor ddc:7") as failed:
-                backlight.set_factor(0.3)
-            assert failed.value.fault in (*TRANSIENT, Fault.DISCONNECTED)
-            if fault is LinkFault.DISCONNECT:
+        backlight = DdcBacklight(7, panel=control)
+        with pytest.raises(InstrumentError, match="monitor ddc:7") as failed:
+            backlight.set_factor(0.3)
+        assert failed.value.fault in (*TRANSIENT, Fault.DISCONNECTED)
+        if fault is LinkFault.DISCONNECT:
+            for use in (lambda: backlight.set_factor(0.4), backlight.close):
                 with pytest.raises(InstrumentError) as gone:
-                    backlight.set_factor(0.4)
+                    use()
                 assert gone.value.fault is Fault.DISCONNECTED
                 assert control.fd is None
-                return
+            return
+        with backlight:
             if fault is LinkFault.LATE_REPLY:
                 time.sleep(1.0)  # until it is there
             assert backlight.set_factor(0.4) == 0.4

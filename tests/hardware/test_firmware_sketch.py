@@ -27,13 +27,17 @@ pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory) -> Path:
-    """Return the sketch, compiled for this computer."""
+    """Return the sketch, compiled for this computer with an int as narrow as an 8-bit AVR's."""
     folder = tmp_path_factory.mktemp("firmware")
     sketch = (ROOT / "docs/power-board.md").read_text().split("```cpp\n")[1].split("```")[0]
     (folder / "sketch.cpp").write_text(sketch)
-    sources = [folder / "sketch.cpp", STAND_INS / "computer.cpp"]
-    command = ["g++", "-Wall", "-Wextra", "-Werror", f"-I{STAND_INS}", "-o", folder / "board", *sources]
-    subprocess.run(command, check=True, capture_output=True, text=True)
+    compiler = ["g++", "-Wall", "-Wextra", "-Werror", f"-I{STAND_INS}"]
+    narrow = ["-include", STAND_INS / "narrow_ints.h"]
+    for command in (
+        [*compiler, *narrow, "-c", "-o", folder / "sketch.o", folder / "sketch.cpp"],
+        [*compiler, "-o", folder / "board", folder / "sketch.o", STAND_INS / "computer.cpp"],
+    ):
+        subprocess.run(command, check=True, capture_output=True, text=True)
     return folder / "board"
 
 
@@ -67,10 +71,12 @@ def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
     assert times[0] < ROLLOVER < times[-1] < ROLLOVER + 2
     assert np.all(np.diff(times) > 0)
     assert np.ptp(offsets) < 2.0  # a round of the clock would be 4295 s
-    average = averaged(samples, begun, time.monotonic())
+    ended = time.monotonic()
+    average = averaged(samples, begun=begun, ended=ended, seconds=1.5, sample_rate=200.0)
     # P = 0.3 + 1.5 W at full PWM; a count of the shunt is 0.125 mW
     assert average.power == pytest.approx(1.8, abs=0.0005)
-    assert average.n_samples + average.n_lost == round(average.duration * 200) + 1
+    at_the_ends = average.n_samples + average.n_lost - round(average.duration * 200) - 1
+    assert 0 <= at_the_ends < 60  # a busy computer may hold the sketch up as it is stopped, up to 0.3 s
     assert board.corrupted_lines() == 0
     assert {sample.sync for sample in samples} == {False, True}
 
@@ -83,6 +89,7 @@ def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
         "START": "error 3: number missing",
         "START 0.1": "error 4: out of range",
         "B 256": "error 4: out of range",
+        "B 65536": "error 4: out of range",
         "B x": "error 3: number missing",
         "ZERO": "error 8: not zero",
     }.items():
@@ -95,5 +102,16 @@ def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
     with pytest.raises(InstrumentError, match="error 5: sampling"):
         board.ask("START 100")
     time.sleep(0.2)
-    power = averaged(meter.stop(), 0.0, 0.2).power
+    power = averaged(meter.stop(), begun=0.0, ended=0.2, seconds=0.2, sample_rate=100.0).power
     assert power == pytest.approx(1.8 - 5 * 0.0005, abs=0.0005)
+
+
+def test_the_sketch_takes_its_zero_off_without_wrapping_at_16_bits(board) -> None:
+    meter = BoardPowerMeter(board)
+    board.ask("B 1")
+    assert meter.zero() == pytest.approx(-300 * 2.5e-6 / 0.1)  # [A]
+    board.ask("B 2")
+    meter.start(100.0)
+    time.sleep(0.1)
+    # 32700 + 300 counts of 2.5 µV over 0.1 ohm at 5 V, which is above 32767 counts and no overload
+    assert meter.stop()[-1].power == pytest.approx(33000 * 2.5e-6 / 0.1 * 5, abs=0.001)

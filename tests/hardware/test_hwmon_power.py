@@ -88,6 +88,66 @@ def test_a_sensor_whose_shunt_is_at_its_end_is_over_range(tmp_path) -> None:
     HwmonPowerMeter(str(folder))
 
 
+IIO = {
+    "in_voltage0_raw": "32767\n",
+    "in_voltage0_scale": "0.0025\n",  # mV
+    "in_voltage1_raw": "4000\n",
+    "in_voltage1_scale": "1.25\n",
+    "in_current3_raw": "8191\n",
+    "in_current3_scale": "0.1\n",
+}
+
+
+def test_a_shunt_at_its_end_is_over_range_under_iio_too(tmp_path) -> None:
+    """The register of 16 bits ends at 32767, which times 2.5 µV is 81.9175 mV."""
+    folder = sensor(tmp_path, {"name": "ina226\n", **IIO}, "bus/iio/devices/iio:device0")
+    for raw in ("32767", "-32768"):
+        (folder / "in_voltage0_raw").write_text(f"{raw}\n")
+        with pytest.raises(InstrumentError, match=r"81.92 mV over the shunt.*take a smaller shunt") as told:
+            HwmonPowerMeter(str(folder))
+        assert told.value.fault is Fault.OVER_RANGE
+    (folder / "in_voltage0_raw").write_text("32700\n")
+    HwmonPowerMeter(str(folder))
+
+
+def test_the_range_of_an_ina219_under_iio_goes_by_its_gain(tmp_path) -> None:
+    """Data sheet SBOS448: 40 mV at gain 1, 320 mV at gain 1/8; its register has steps of 10 µV."""
+    files = {"name": "ina219\n", **IIO, "in_voltage0_raw": "4000\n", "in_voltage0_scale": "0.01\n"}
+    folder = sensor(tmp_path, files, "bus/iio/devices/iio:device0")
+    HwmonPowerMeter(str(folder))
+    (folder / "in_voltage0_hardwaregain").write_text("1\n")
+    with pytest.raises(InstrumentError, match=r"40 mV over the shunt.* tells is 40 mV"):
+        HwmonPowerMeter(str(folder))
+    (folder / "in_voltage0_hardwaregain").write_text("0.125\n")
+    HwmonPowerMeter(str(folder))
+
+
+@pytest.mark.parametrize(
+    ("voltage", "limit", "end"),
+    [
+        ("40", "", "40.96"),  # which of its two ranges it has is not told
+        ("163", "", "163.84"),
+        ("42", "", ""),
+        ("40", "40", "40.96"),
+        ("40", "163", ""),
+        ("163", "163", "163.84"),
+        ("20", "25", ""),  # a limit that somebody has set
+        ("40", "25", "40.96"),
+        ("120", "25", ""),
+        ("40", "100", ""),
+    ],
+)
+def test_an_ina228_ends_at_the_range_that_its_limit_tells(tmp_path, voltage, limit, end) -> None:
+    files = {"name": "ina228\n", "power1_input": "2048000\n", "in0_input": f"{voltage}\n"}
+    folder = sensor(tmp_path, files | ({"in0_max": f"{limit}\n"} if limit else {}))
+    if not end:
+        HwmonPowerMeter(str(folder))
+        return
+    with pytest.raises(InstrumentError, match=f"tells is {end} mV") as told:
+        HwmonPowerMeter(str(folder))
+    assert told.value.fault is Fault.OVER_RANGE
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [("", "expected a number, got ''"), ("12mW\n", "got '12mW'"), ("nan\n", "got 'nan'"), ("\x00", "got")],

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 import pytest
 
+from data_schema.meter_reading import MeterReading
+from data_schema.sweep import LuminanceReading, PowerReading, ReadingStatus, SweepPhase
 from hardware.colorcal import ColorCal
 from hardware.emulators.link import EmulatedLink
 from hardware.emulators.scripted import ScriptedInstrument
@@ -227,6 +229,40 @@ def test_a_colorcals_reading_is_corrected_with_its_matrix() -> None:
     reading = read(ColorCal, [(b"MES\n", b"\n\rOK00,100.00, 50.00, 20.00\n\r>")])
     assert reading.value == pytest.approx(50.0)
     assert reading.chromaticity == pytest.approx((69.046 / 159.046, 50 / 159.046))
+
+
+@pytest.mark.parametrize(
+    ("driver", "script", "code"),
+    [
+        # By hand: Y of the matrix's second row is the measured Y, as it is.
+        (ColorCal, [(b"MES\n", b"\n\rOK00,  0.02, -0.01,  0.00\n\r>")], "OK00"),
+        (ColorCal, [(b"MES\n", b"\n\rOK00,  0.02,  0.00,  0.01\n\r>")], "OK00"),
+        (ColorCal, [(b"MES\n", b"\n\rOK00,  0.00,  0.00,  0.00\n\r>")], "OK00"),
+        (Pr655, [(b"M1\r", b"0000,111,-1.000e-02,0.3120,0.3290\r\n")], "0000"),
+        (Pr655, [(b"M1\r", b"0000,111,0.000e+00,0.0000,0.0000\r\n")], "0000"),
+        (Pr650, [(b"m0\n", b"000\r\n"), (b"d2\n", b"00,0,1.000e-02,-2.000e-02,2.000e-02\r\n")], "00"),
+        (Pr650, [(b"m0\n", b"000\r\n"), (b"d2\n", b"00,0,0.000e+00,0.000e+00,0.000e+00\r\n")], "00"),
+    ],
+)
+def test_what_is_not_above_the_zero_of_a_meter_that_takes_its_own_off_is_too_dark(
+    driver: type, script: Script, code: str
+) -> None:
+    with pytest.raises(InstrumentError, match=r"too dark for it: it makes -?0") as failed:
+        read(driver, script)
+    assert (failed.value.fault, failed.value.code) == (Fault.UNDER_RANGE, code)
+
+
+def test_no_record_of_a_reading_takes_a_luminance_below_zero() -> None:
+    luminance = {"luminance": -0.004, "begun": 0.0, "ended": 1.0, "meter_status": "OK00"}
+    level = {"index": 0, "phase": SweepPhase.SWEEP, "repeat": 1, "factor": 0.5, "achieved_factor": 0.5}
+    power = {"power": 0.5, "power_sd": 0.0, "duration": 1.0, "n_samples": 2, "n_lost": 0, "n_duplicated": 0}
+    for record in (
+        lambda: MeterReading(index=1, utc="", meter="colorcal:COM3", **luminance),
+        lambda: LuminanceReading(pixel_value=0.0, status=ReadingStatus.OK, **level, **luminance),
+        lambda: PowerReading(luminance_status=ReadingStatus.OK, **level, **power, **luminance),
+    ):
+        with pytest.raises(ValueError, match=r"luminance.* 0 .*-0\.004"):
+            record()
 
 
 @pytest.mark.parametrize("answer", [b"\n\rOK00,1.0,2.0\n\r>", b"\n\rOK00,1.0,2.0,x\n\r>", b"\n\r1.0\n\r>"])

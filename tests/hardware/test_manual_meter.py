@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from data_schema.errors import InputError
 from data_schema.sweep import ReadingStatus
-from hardware.luminance_table import CsvMeter, luminance_readings_from_csv
+from hardware.luminance_table import luminance_readings_from_csv
 from hardware.manual_meter import ManualMeter
 from hardware.protocols import Fault, InstrumentError
 
@@ -120,39 +120,6 @@ def table(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_table_gives_each_level_its_readings_in_turn_and_none_twice(table: Path) -> None:
-    with CsvMeter(str(table)) as meter:
-        meter.aim(1.0)
-        assert [meter.read_luminance().value for _ in range(2)] == [100.5, 100.7]
-        with pytest.raises(InstrumentError, match=r"no further reading of L' = 1;") as failed:
-            meter.read_luminance()
-        assert failed.value.fault is Fault.REFUSED
-        meter.aim(1.0, 0.5)
-        assert meter.read_luminance().status == "line 6"
-        meter.aim(0.0)
-        with pytest.raises(InstrumentError, match="line 2: under range") as failed:
-            meter.read_luminance()
-        assert failed.value.fault is Fault.UNDER_RANGE
-
-
-def test_a_table_that_is_aimed_at_nothing_is_read_in_its_order(table: Path) -> None:
-    with CsvMeter(str(table)) as meter:
-        with pytest.raises(InstrumentError):
-            meter.read_luminance()
-        assert [meter.read_luminance().value for _ in range(4)] == [100.5, 22.1, 100.7, 50.2]
-        with pytest.raises(InstrumentError, match="no further row"):
-            meter.read_luminance()
-
-
-def test_an_8_bit_code_is_the_level_that_a_table_rounds(tmp_path: Path) -> None:
-    """128 / 255 is 0.50196...; five digits are enough to tell 16-bit codes apart."""
-    path = tmp_path / "readings.csv"
-    path.write_text("pixel_value,luminance_cd_m2\n0.50196,21.9\n")
-    meter = CsvMeter(str(path))
-    meter.aim(128 / 255)
-    assert meter.read_luminance().value == 21.9
-
-
 def test_a_table_becomes_readings_of_a_sweep(table: Path) -> None:
     readings = luminance_readings_from_csv(table)
     found = [(r.pixel_value, r.factor, r.luminance, r.repeat, r.status) for r in readings]
@@ -188,6 +155,6 @@ def test_a_table_that_is_none_is_bad_input_in_one_line(text: str, problem: str, 
     path = tmp_path / "readings.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=problem) as refused:
-        CsvMeter(str(path))
+        luminance_readings_from_csv(path)
     assert str(path) in str(refused.value)
     assert "\n" not in str(refused.value)

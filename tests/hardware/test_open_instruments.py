@@ -21,7 +21,6 @@ from hardware.rig import (
     open_luminance_meter,
     open_power_meter,
     open_swept_backlight,
-    simulated_devices,
 )
 from hardware.rig_files import load_rig
 from hardware.serial_link import LineSettings, SerialLink
@@ -150,9 +149,9 @@ def test_a_bad_curve_leaves_no_backlight_open(tmp_path: Path) -> None:
         open_backlight(rig, time.monotonic)
 
 
-def test_which_devices_of_a_rig_are_simulated_is_told() -> None:
-    rig = replace(with_backlight("simulated:ddc"), luminance_meter="ls100:COM3", power_meter="simulated")
-    assert simulated_devices(rig) == ["power_meter", "backlight"]
+def test_a_table_in_place_of_a_meter_is_imported_and_not_opened() -> None:
+    with pytest.raises(InputError, match=r"csv:l\.csv: is a table .* luminance-sweep` imports it"):
+        open_luminance_meter("csv:l.csv", time.monotonic)
 
 
 def test_none_is_no_instrument() -> None:

@@ -134,12 +134,12 @@ def test_what_the_line_loses_doubles_and_disturbs_is_counted_and_nothing_guessed
     with Bench(physics) as bench:
         meter = bench.meter()
         samples = bench.recorded(meter, 20.0)
-        emulator, average = bench.emulator, averaged(samples, 0.0, 20.0)
+        emulator = bench.emulator
+        average = averaged(samples, begun=0.0, ended=20.0, seconds=20.0, sample_rate=100.0)
         assert int(meter.apparatus()["power_meter_corrupted_lines"]) == emulator.n_corrupted > 20
         assert average.n_duplicated == emulator.n_duplicated > 20
-        first, last = samples[0].sequence, samples[-1].sequence
-        lost_at_the_ends = first + 1999 - last  # what no gap tells of
-        assert average.n_lost + lost_at_the_ends == emulator.n_lost + emulator.n_corrupted
+        lost_at_the_end = 1999 - samples[-1].sequence  # so few that they count as outside of the 20 s
+        assert average.n_lost + lost_at_the_end == emulator.n_lost + emulator.n_corrupted
         assert average.power == pytest.approx(BASE + SLOPE, abs=1e-6)  # a microwatt is the line's last digit
         assert {round(sample.power, 4) for sample in samples} == {round(BASE + SLOPE, 4)}
 
@@ -314,6 +314,66 @@ def test_a_shared_board_is_closed_with_the_last_of_its_devices() -> None:
         assert not board.is_open()
         with pytest.raises(InstrumentError, match="closed"):
             backlight.set_factor(0.5)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"max_rate_hz": "nan"},
+        {"max_rate_hz": "inf"},
+        {"max_rate_hz": "0"},
+        {"max_rate_hz": "-1000"},
+        {"max_power_uw": "0"},
+        {"max_power_uw": "-4096000"},
+        {"pwm_steps": "-5"},
+        {"pwm_steps": "1.5"},
+    ],
+)
+def test_an_identity_that_no_board_has_is_refused(said) -> None:
+    class Strange(PowerBoardEmulator):
+        def _identity(self) -> str:
+            words = super()._identity().split()
+            return " ".join(
+                f"{key}={said.get(key, value)}" if is_said else key
+                for key, is_said, value in (word.partition("=") for word in words)
+            )
+
+    with Bench() as bench:
+        bench.emulator.__class__ = Strange
+        (value,) = said.values()
+        with pytest.raises(InstrumentError, match="its identity cannot be read") as told:
+            bench.meter()
+        assert value in str(told.value)
+        assert told.value.fault is Fault.WRONG_INSTRUMENT
+
+
+@pytest.mark.parametrize(
+    ("command", "reply"),
+    [
+        ("START", "0"),
+        ("START", "-4000"),
+        ("START", "nan"),
+        ("START", "0.5"),
+        ("CLOCK?", "nan"),
+        ("CLOCK?", "-1"),
+        ("CLOCK?", "inf"),
+        ("CLOCK?", "12 13"),
+        ("CLOCK?", ""),
+        ("ZERO", "nan"),
+    ],
+)
+def test_a_number_that_no_board_answers_is_garbled(command, reply) -> None:
+    class Strange(PowerBoardEmulator):
+        def _obey(self, name: str, argument: str) -> str:
+            return reply if name == command else super()._obey(name, argument)
+
+    with Bench() as bench:
+        bench.emulator.__class__ = Strange
+        meter = bench.meter()
+        use = {"START": lambda: meter.start(100.0), "CLOCK?": meter.ping, "ZERO": meter.zero}[command]
+        with pytest.raises(InstrumentError, match=r"answered '.*' where a (whole )?number.*belongs") as told:
+            use()
+        assert told.value.fault is Fault.GARBLED
 
 
 def test_an_address_says_the_baud_rate_and_nothing_unknown() -> None:

@@ -18,6 +18,7 @@ from data_schema.meter_reading import MeterReading
 from data_schema.power_log import PowerSample
 from data_schema.text_files import read_rows
 from hardware import measuring
+from hardware.emulators.colorcal import EmulatedColorCal
 from hardware.emulators.konica_minolta import EmulatedLs100
 from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from hardware.emulators.photo_research import EmulatedPr655
@@ -67,7 +68,7 @@ def test_without_a_word_more_it_shows_its_help(command: Any) -> None:
     shown = command("measure")
     assert (shown.code, shown.err) == (0, "")
     assert "luminance" in shown.out
-    for name in ("list", "luminance", "power"):
+    for name in ("list", "luminance", "power", "zero"):
         assert "--quiet" in command("measure", name, "--help").out
 
 
@@ -133,7 +134,7 @@ def test_samples_that_are_lost_or_come_twice_are_told(command: Any, tmp_path: Pa
         )  # fmt: skip
     assert (done.code, done.err) == (0, "")
     numbers = [row.sequence for row in read_rows(PowerSample, table)]
-    lost = numbers[-1] - numbers[0] + 1 - len(set(numbers))
+    lost = numbers[-1] + 1 - len(set(numbers))  # a board counts from 0
     twice = len(numbers) - len(set(numbers))
     assert lost > 5
     assert twice > 1
@@ -210,6 +211,13 @@ def test_what_was_read_before_the_cable_was_pulled_is_kept(command: Any, tmp_pat
         (("power", "--instrument", "simulated", "--seconds", "0.01"), "an average needs at least 2 samples"),
         (("power", "--instrument", "simulated", "--rate-hz", "0"), "an average needs at least 2 samples"),
         (("power", "--instrument", "simulated", "--out", "power.csv"), "says so: simulated-power.csv"),
+        (("luminance", "--instrument", "csv:readings.csv"), "`evenlight run luminance-sweep` imports it"),
+        (
+            ("zero", "--instrument", "ls100:COM3"),
+            "ls100:COM3: has no zero that is set by command; these have: colorcal, board",
+        ),
+        (("zero", "--instrument", "bord:COM3"), "no luminance or power meter 'bord'; did you mean 'board'"),
+        (("zero", "--instrument", "board"), "where is it? Give board:ADDRESS"),
         (("luminance", "--instrument", "simulated", "--out", "l.txt"), "give a file that ends in .csv"),
         (("luminance", "--instrument", "simulated", "--count", "0"), "Invalid value for '--count'"),
         (("luminance", "--instrument", "simulated", "--out", "nowhere/l.csv"), "there is no folder nowhere"),
@@ -235,15 +243,57 @@ def test_what_a_meter_shows_can_be_typed_in(
     assert done.out.splitlines()[-1] == "101 cd/m^2, 2 readings, standard deviation 1.41 cd/m^2"
 
 
-def test_a_table_of_readings_made_elsewhere_is_read_like_a_meter(command: Any, tmp_path: Path) -> None:
-    path = tmp_path / "elsewhere.csv"
-    path.write_text("pixel_value,luminance_cd_m2\n0,0.2\n1,199.8\n")
-    done = command("measure", "luminance", "--instrument", f"csv:{path}", "--count", 2)
-    assert done.out.splitlines()[-1].startswith("100 cd/m^2, 2 readings")
-    refused(command("measure", "luminance", "--instrument", f"csv:{path}", "--count", 3), 1, "elsewhere.csv")
-    refused(
-        command("measure", "luminance", "--instrument", "csv:nowhere.csv"), 2, "nowhere.csv: no such file"
-    )
+@pytest.mark.parametrize(
+    ("driver", "words"), [("colorcal", "cover the sensor"), ("board", "unplug the panel")]
+)
+def test_a_zero_is_set_after_the_person_has_pressed_enter(
+    command: Any, monkeypatch: pytest.MonkeyPatch, driver: str, words: str
+) -> None:
+    """The simulated instruments look at a panel that is off."""
+    asked: list[str] = []
+
+    def enter(question: str) -> str:
+        asked.append(question)
+        return ""
+
+    monkeypatch.setattr("builtins.input", enter)
+    done = command("measure", "zero", "--instrument", f"simulated:{driver}", "--quiet")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == f"SIMULATED: zero set{'; it was 0 mA' if driver == 'board' else ''}\n"
+    (question,) = asked
+    assert words in question
+    assert question.endswith("then press Enter: ")
+    assert command("measure", "zero", "--instrument", f"simulated:{driver}", "--yes", "--quiet").code == 0
+    assert len(asked) == 1
+
+
+def test_a_zero_is_not_set_before_anybody_has_pressed_enter(
+    command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(error: type[BaseException]) -> Callable[[str], str]:
+        def ask(question: str) -> str:
+            raise error
+
+        return ask
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("it was opened")
+
+    monkeypatch.setattr("serial.serial_for_url", refuse)
+    words = ("measure", "zero", "--instrument", "colorcal:/dev/ttyACM0")
+    monkeypatch.setattr("builtins.input", gone(EOFError))
+    refused(command(*words), 2, "nobody has pressed Enter; where all is ready, give --yes")
+    monkeypatch.setattr("builtins.input", gone(KeyboardInterrupt))
+    refused(command(*words), 130, "interrupted")
+
+
+def test_a_zero_is_refused_in_the_light_and_with_a_panel_that_takes_current(command: Any) -> None:
+    with EmulatedLink(EmulatedColorCal(seen()), pseudo_terminal=True) as link:
+        done = command("measure", "zero", "--instrument", f"colorcal:{link.url}", "--yes")
+    refused(done, 1, "ColorCAL", "cover the sensor")
+    with EmulatedLink(PowerBoardEmulator(seen()), pseudo_terminal=True) as link:
+        done = command("measure", "zero", "--instrument", f"board:{link.url}", "--yes")
+    refused(done, 1, "unplug the panel before zeroing")
 
 
 def test_measured_data_are_never_overwritten(command: Any, tmp_path: Path) -> None:
@@ -296,5 +346,5 @@ def test_a_process_that_is_interrupted_has_its_samples_on_the_disk(tmp_path: Pat
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err == "evenlight: interrupted; nothing half-written is left\n"
+    assert err == f"evenlight: interrupted; what was read until then is in {table}\n"
     assert len(read_rows(PowerSample, table)) > 10

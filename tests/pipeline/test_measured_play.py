@@ -70,6 +70,9 @@ def test_three_flashes_come_before_and_three_after(measured):
     for some in (flashes[:7], flashes[7:]):
         assert [flash.factor for flash in some] == [0.2, 1.0] * 3 + [0.2]
         np.testing.assert_allclose(np.diff([flash.time for flash in some]), 0.5, atol=1e-9)
+    times = np.array([sample.received for sample in read_rows(PowerSample, measured[0] / "power.csv")])
+    inside = np.sort(times[(times > flashes[0].time) & (times < flashes[6].time)])
+    assert np.diff(inside).max() < 0.05  # a polled meter has no other samples of them
     assert flashes[6].time < flips[0].flip
     assert flashes[7].time > flips[-1].flip
 
@@ -92,6 +95,25 @@ def test_the_table_has_the_panels_power(measured):
         assert abs(rows[version] / power - 1) < 0.01
     assert "SIMULATED" in said
     assert json.loads((folder / "power_log.json").read_text())["simulated"]
+
+
+def test_what_was_recorded_is_analysed_anew_also_where_it_ends_early(measured, command, tmp_path):
+    folder, _, factors = measured
+    early = tmp_path / "early"
+    early.mkdir()
+    for name in ("power_log.json", "clock.csv", "flashes.csv"):
+        (early / name).write_text((folder / name).read_text())
+    flips = (folder / "flips.csv").read_text().splitlines()
+    kept = [line for line in flips[1:] if int(line.split(",")[0]) < 4]
+    (early / "flips.csv").write_text("\n".join([flips[0], *kept]) + "\n")
+    samples = (folder / "power.csv").read_text().splitlines()
+    (early / "power.csv").write_text("\n".join(samples[: 3 * len(samples) // 4]) + "\n")
+    done = command("fit", early, "--out", tmp_path / "fitted")
+    assert done.code == 0, done.err
+    assert "2 of 6 passes were not played" in done.out
+    with (tmp_path / "fitted/power_table.csv").open() as table:
+        rows = {row["version"]: float(row["mean_power_w"]) for row in csv.DictReader(table)}
+    assert abs(rows["ours"] / panel_power(factors.mean()) - 1) < 0.01
 
 
 def test_a_folder_with_a_measurement_is_refused_before_anything_is_played(measured, command, tmp_path):

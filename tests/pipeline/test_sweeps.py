@@ -1,5 +1,6 @@
 """Sweeps from the command line: from a display nobody knows to the files that `optimize` takes."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -8,11 +9,16 @@ from pathlib import Path
 import pytest
 
 import evenlight
+from analysis.sweep_results import fit_sweep
 from data_schema.display import Display
 from data_schema.power_model import PowerModel
+from data_schema.rig import Rig
 from data_schema.sweep_fit import DisplayFit, PowerFit
 from data_schema.text_files import read_json_record, read_toml_record
-from hardware.simulated_panel import PanelPhysics
+from experiments import sweep_devices
+from experiments.run_sweep import SweepRequest, run_sweep
+from experiments.staging import Staging
+from hardware.simulated_panel import PanelPhysics, SimulatedPanel
 from method.preset_files import load_display
 
 ROOT = Path(evenlight.__file__).parent
@@ -115,10 +121,11 @@ def test_a_changed_reading_is_found(lab, tmp_path, command):
 
 
 def test_readings_made_elsewhere_are_imported(tmp_path, new_rig, command):
+    # Beside the rig, which names it relative to itself.
     rows = [f"{value},{0.2 + 100 * value**2.2:.4f}" for value in (0, 0.25, 0.5, 0.75, 1)]
     table = tmp_path / "readings.csv"
     table.write_text("\n".join(["pixel_value,luminance_cd_m2", *rows * 3]) + "\n")
-    words = ("run", "luminance-sweep", "--session", "01", "--rig", new_rig(f"csv:{table}"))
+    words = ("run", "luminance-sweep", "--session", "01", "--rig", new_rig("csv:readings.csv"))
     done = command(*words, "--out", tmp_path / "lab")
     assert done.code == 0, done.err
     display = read_toml_record(Display, tmp_path / "lab/sweeps/luminance-sweep_01/display.toml")
@@ -128,6 +135,27 @@ def test_readings_made_elsewhere_are_imported(tmp_path, new_rig, command):
     done = command(*words, "--out", tmp_path / "other")
     assert done.code == 2
     assert "at least 3 of each level" in done.err
+
+
+def test_power_without_a_luminance_meter_goes_by_the_curve_of_the_backlight(tmp_path, monkeypatch):
+    # A backlight whose luminance goes with the square of its factor, and power with luminance.
+    truth = PanelPhysics(peak_luminance=104.4, backlight_exponent=2.0, warm_up_share=0.0)
+    monkeypatch.setattr(sweep_devices, "_panel", lambda display, now: SimulatedPanel(truth, now))
+    rig = Rig("square", "varjo-xr3", 0.6, 60.0, backlight="simulated", luminance_meter="simulated",
+              power_meter="simulated")  # fmt: skip
+    display = load_display("varjo-xr3")
+    asked = SweepRequest("luminance-sweep", tmp_path / "lab", "01", rig, display, None, Staging("data"))
+    folder = run_sweep(asked).folder
+    fit_sweep(folder, folder)
+    curve = str(folder / "brightness.csv")
+    without = dataclasses.replace(rig, luminance_meter="none", backlight_curve=curve)
+    folder = run_sweep(dataclasses.replace(asked, task="power-sweep", rig=without)).folder
+    fit_sweep(folder, folder)
+    fit = read_json_record(PowerFit, folder / "power_fit.json")
+    low, high = fit.base_power_interval
+    assert low - 0.001 <= truth.base_power <= high + 0.001
+    assert abs(fit.power_per_luminance / truth.power_per_luminance - 1) < 0.01
+    assert fit.is_linear
 
 
 @pytest.mark.parametrize(
@@ -167,6 +195,10 @@ def test_a_display_measured_too_long_ago_is_refused_before_a_window_opens(tmp_pa
     assert not (tmp_path / "lab").exists()
     done = command(*words, "--simulate", "data", "--out", tmp_path / "lab")
     assert done.code == 0, done.err
+    with rig.open("a") as file:
+        file.write('power_meter = "board:/dev/none"\n')
+    done = command("run", "power-sweep", "--session", "01", "--rig", rig, "--out", tmp_path / "lab2")
+    assert (done.code, "2020-01-01" in done.err) == (2, True)
 
 
 def test_a_sweep_on_a_window_draws_the_codes_that_it_says(tmp_path, virtual_screen):

@@ -14,7 +14,7 @@ from analysis.power_fit import LineFit, fit_line, points_of
 from data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
 from hardware.simulated_panel import PanelPhysics
 
-DISPLAYS, PANELS = 150, 500
+DISPLAYS, DARK, PANELS = 150, 60, 500
 # What the recovery is to reach: gamma, peak as a share, black [cd/m²].
 GAMMA, PEAK, BLACK = 0.01, 0.005, 0.02
 DRIFT_PER_HOUR = 0.005
@@ -30,11 +30,11 @@ class Recovered:
     fit: GammaFit
 
 
-def any_display(rng: np.random.Generator) -> PanelPhysics:
+def any_display(rng: np.random.Generator, black: float | None = None) -> PanelPhysics:
     """A display that is warmed up for half an hour, and drifts all the time."""
     return PanelPhysics(
         peak_luminance=float(np.exp(rng.uniform(np.log(100), np.log(1000)))),
-        black_level=float(np.exp(rng.uniform(np.log(0.02), 0.0))),
+        black_level=float(np.exp(rng.uniform(np.log(0.02), 0.0))) if black is None else black,
         gamma=float(rng.uniform(1.8, 2.6)),
         drift_per_hour=DRIFT_PER_HOUR,
     )
@@ -49,16 +49,48 @@ def at_time(physics: PanelPhysics, time: float) -> PanelPhysics:
     )
 
 
-@pytest.fixture(scope="module")
-def displays() -> list[Recovered]:
-    rng = np.random.default_rng(20_261)
+def recovered(
+    n: int, rng: np.random.Generator, meter: Meter, black: float | None = None, reflected: float = 0.0
+) -> list[Recovered]:
+    """Displays, each through a sweep and a fit."""
     found = []
-    for _ in range(DISPLAYS):
-        physics = any_display(rng)
-        readings = luminance_readings(physics, rng, NO_FACTORS, Meter())
-        fit = fit_gamma(pixel_levels(readings, 0.0), 0.0, middle_of(readings))
+    for _ in range(n):
+        physics = replace(any_display(rng, black), reflected_luminance=reflected)
+        readings = luminance_readings(physics, rng, NO_FACTORS, meter)
+        fit = fit_gamma(pixel_levels(readings, reflected), reflected, middle_of(readings))
         found.append(Recovered(at_time(physics, fit.time), physics.peak_luminance, fit))
     return found
+
+
+@pytest.fixture(scope="module")
+def displays() -> list[Recovered]:
+    return recovered(DISPLAYS, np.random.default_rng(20_261), Meter())
+
+
+@pytest.mark.parametrize(
+    ("black", "reflected", "lowest"),
+    [(0.0, 1.0, 0.0), (0.1, 0.0, 0.3)],
+    ids=["no light but the reflected one", "too dark for the meter"],
+)
+def test_a_display_whose_black_is_at_the_end_of_what_can_be_fitted_is_recovered(
+    black: float, reflected: float, lowest: float
+) -> None:
+    found = recovered(DARK, np.random.default_rng(20_263), Meter(lowest=lowest), black, reflected)
+    assert max(abs(d.fit.curve.gamma - d.truth.gamma) for d in found) < GAMMA
+    assert max(abs(d.fit.curve.peak / d.truth.peak_luminance - 1) for d in found) < PEAK
+    held = np.mean(
+        [
+            [low <= true <= high for true, (low, high) in zip(truth_of(d), d.fit.intervals, strict=True)]
+            for d in found
+        ],
+        axis=0,
+    )
+    assert (held > 0.85).all(), held  # 0.95 - 3.3 · sqrt(0.95 · 0.05 / 60)
+    assert all(d.fit.is_gamma() for d in found)
+    assert sum((d.fit.lack_of_fit_p or 0.0) < 0.01 for d in found) <= 4  # of 1 %: more once in 2500 times
+    if black == 0:
+        assert max(d.fit.curve.black for d in found) < BLACK
+        assert 0.2 < np.mean([d.fit.black_unconstrained < 0 for d in found]) < 0.8
 
 
 def test_every_sweep_recovers_gamma_to_a_hundredth(displays: list[Recovered]) -> None:

@@ -41,15 +41,22 @@ int Port::read() {
   return byte;
 }
 
-int Sensor::requestFrom(uint8_t, uint8_t) {
+// Two steps of the PWM stand for what the sensor's zero and its end are tried with [counts of 2.5 uV].
+static int16_t shunt_counts() {
   const float power = pwm_now ? 0.3f + 1.5f * pwm_now / 255 : 5.0f * 0.0005f;
+  if (pwm_now == 1) return -300;   // a zero that is off by -7.5 mA
+  if (pwm_now == 2) return 32700;  // of 32767
+  return (int16_t)lroundf(power / 5.0f * 0.1f / 2.5e-6f);
+}
+
+int Sensor::requestFrom(uint8_t, uint8_t) {
   high_is_next = true;
   value = 0;
   if (number == 0x06 && micros() - last_conversion >= 664) {
     value = 0x0008;
     last_conversion = micros();
   }
-  if (number == 0x01) value = (int16_t)lroundf(power / 5.0f * 0.1f / 2.5e-6f);
+  if (number == 0x01) value = shunt_counts();
   if (number == 0x02) value = (int16_t)(5.0f / 1.25e-3f);
   return 2;
 }
