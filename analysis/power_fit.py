@@ -144,7 +144,7 @@ def fit_line(points: PowerPoints) -> LineFit:
             f"power does not rise with luminance (slope {coefficients[1]:.3g} W m^2/cd); does the power "
             "meter measure the rail of the backlight?"
         )
-    f, p = _lack_of_fit(points, residuals, weights, freedom)
+    f, p = _lack_of_fit(points, residuals, weights)
     half = _half_width(float(weights @ residuals**2), points, (f, p), freedom)
     ends = [(float(c - half * e), float(c + half * e)) for c, e in zip(coefficients, errors, strict=True)]
     bend, bend_p = _bend(points, weights)
@@ -174,13 +174,12 @@ def slope_through(points: PowerPoints, base_power: float) -> float:
     return float(moved @ (points.power - base_power)) / float(moved @ points.luminance)
 
 
-def _noise(points: PowerPoints) -> tuple[int, Array]:
+def _noise(points: PowerPoints) -> tuple[float, Array]:
     """Return the degrees of freedom of the noise, and the weights 1/variance of the readings.
 
     The scatter of P - slope · L within levels grows with slope · L from that in the dark: P - slope · L is
-    P_base everywhere, so its own size tells nothing. All degrees of freedom of the repeats count: over the
-    one decade of a power sweep, floor and share are nearly one number. Without repeats nothing tells one
-    reading from another, and all weigh the same.
+    P_base everywhere, so its own size tells nothing. Without repeats nothing tells one reading from another,
+    and all weigh the same.
     """
     weights = np.ones_like(points.power)
     if np.bincount(points.level).max() < 2:
@@ -190,7 +189,7 @@ def _noise(points: PowerPoints) -> tuple[int, Array]:
     apart = points.power - slope * points.luminance
     sizes = slope * points.level_means(points.luminance)
     noise = points.noise_of(apart - (points.level_means(apart) - sizes)[points.level])
-    return points.level.size - points.n_levels, 1 / noise.variance(sizes)[points.level]
+    return noise.freedom, 1 / noise.variance(sizes)[points.level]
 
 
 def _least_squares(design: Array, power: Array, weights: Array) -> tuple[Array, Array, Array]:
@@ -202,10 +201,13 @@ def _least_squares(design: Array, power: Array, weights: Array) -> tuple[Array, 
     return coefficients, np.sqrt(np.diag(inverse)) / scale, power - design @ coefficients
 
 
-def _lack_of_fit(
-    points: PowerPoints, residuals: Array, weights: Array, freedom: int
-) -> tuple[float | None, float | None]:
-    """Return F of the levels' mean residuals over the scatter of repeats, and its probability."""
+def _lack_of_fit(points: PowerPoints, residuals: Array, weights: Array) -> tuple[float | None, float | None]:
+    """Return F of the levels' mean residuals over the scatter of repeats, and its probability.
+
+    All degrees of freedom of the repeats count: over the one decade of a power sweep, floor and share of the
+    noise are nearly one number (docs/decisions/power-fit.md).
+    """
+    freedom = points.power.size - points.n_levels
     if freedom == 0:
         return None, None
     means = points.level_means(residuals)
@@ -214,7 +216,7 @@ def _lack_of_fit(
 
 
 def _half_width(
-    squares: float, points: PowerPoints, lack: tuple[float | None, float | None], freedom: int
+    squares: float, points: PowerPoints, lack: tuple[float | None, float | None], freedom: float
 ) -> float:
     """Return how many standard errors the half of an interval has.
 
