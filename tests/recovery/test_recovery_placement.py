@@ -1,4 +1,4 @@
-"""Recovery by each task and placement: 200 simulated participants, from schedule to fitted threshold.
+"""Recovery by each task and placement: 140 simulated participants, from schedule to fitted threshold.
 
 Each has two levels, so that a bias has a standard error of 0.7 to 1.2 %, and a coverage of 95 % one of
 1.1 %: a true bias of 0 passes the 2 % nearly always, one of 4 % hardly ever. Seeds are fixed, so that a test
@@ -16,7 +16,7 @@ from experiments.design_files import load_design
 from experiments.simulated_observers import SimulatedObserver
 from method.psychometric import PsychometricFunction, yes_probability
 
-PARTICIPANTS = 200
+PARTICIPANTS = 140
 SEED = 2024
 RAMPS = {
     "paper (yes/no, constant)": 48,  # as in the preset
