@@ -32,9 +32,18 @@ def compared_with_file(known: Display, measured: Display) -> str:
     gamma, black = measured.gamma - known.gamma, measured.black_level - known.black_level
     since = f" ({known.measured[:10]})" if known.measured else ""
     return (
-        f"The file of {known.name!r}{since} {verdict}: peak {peak:+.1f} %, gamma {gamma:+.3f}, "
-        f"black {black:+.2f} cd/m^2 from it"
+        f"The file of {known.name!r}{since} {verdict}: peak {_signed(peak, 1)} %, "
+        f"gamma {_signed(gamma, 3)}, black {_signed(black, 2)} cd/m^2 from it"
     )
+
+
+def _signed(change: float, decimals: int) -> str:
+    """Return a change with its sign; 0.0 is added for -0.0, which reads as less than nothing.
+
+    >>> _signed(-0.0006, 3), _signed(-0.0006, 2)
+    ('-0.001', '+0.00')
+    """
+    return f"{round(change, decimals) + 0.0:+.{decimals}f}"
 
 
 def against_file(result: LuminanceSweepFit) -> tuple[str, ...]:

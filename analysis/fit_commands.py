@@ -56,7 +56,7 @@ def fit(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
-    """Fit thresholds and the rate limit to ramp sessions, and display and power models to sweeps."""
+    """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse measured power."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from analysis.display_fit import tolerated
+from analysis.display_fit import GammaFit, tolerated
 from analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, look, text_size
 from analysis.luminance_sweep import SIMULATED, LuminanceSweepFit
 from analysis.sweep_panels import (
+    ROW,
     draw_over_time,
     draw_points,
+    half_width,
     legend_in,
     name_panel,
     page_of_panels,
@@ -19,9 +22,6 @@ from analysis.sweep_panels import (
     widen,
 )
 from data_schema.sweep import SweepPhase
-
-ROW = 3.0  # [inch] height of a row of panels
-T_95 = 1.96  # the noise is told from many repeats
 
 
 def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> Figure:
@@ -65,7 +65,7 @@ def _draw_curve(axes: Axes, result: LuminanceSweepFit) -> None:
     if lowest > 0:
         plain_log_scale(axes)
     axes.plot(places, fit.curve.luminance(places) + reflected, color=OURS, label="gamma curve", zorder=2)
-    draw_points(axes, fit.pixel_values, fit.means + reflected, T_95 * fit.errors, "level mean, 95 %")
+    draw_points(axes, fit.pixel_values, fit.means + reflected, _half(fit, fit.errors), "level mean, 95 %")
     dark = [row.pixel_value for row in result.levels if row.luminance is None]
     if dark:
         limit = min(r.luminance for r in result.sweep.readings if r.luminance is not None)
@@ -85,7 +85,7 @@ def _draw_deviations(axes: Axes, result: LuminanceSweepFit) -> None:
     axes.fill_between(places, -allowed, allowed, color=OURS, alpha=0.12, linewidth=0, zorder=0,
                       label="tolerated: 2 % and 0.02 cd/m²")  # fmt: skip
     deviations = 100 * fit.deviations(reflected)
-    half = 100 * T_95 * fit.errors / (fit.curve.luminance(fit.pixel_values) + reflected)
+    half = 100 * _half(fit, fit.errors) / (fit.curve.luminance(fit.pixel_values) + reflected)
     axes.axhline(0, color=OURS, zorder=1)
     draw_points(axes, fit.pixel_values, deviations, half, "level mean, 95 %")
     reach = 1.15 * float(np.max(np.abs(deviations) + np.minimum(half, 3 * np.abs(deviations) + 2)))
@@ -125,8 +125,8 @@ def _draw_brightness(axes: Axes, result: LuminanceSweepFit) -> None:
     factors = np.array([row.achieved_factor for row in rows])
     deviation = 100 * np.array([row.deviation for row in rows], dtype=np.float64)
     means = np.array([row.luminance for row in rows], dtype=np.float64)
-    counts = np.array([row.n_readings for row in rows])
-    half = 100 * T_95 * np.sqrt(result.curve_fit.noise.variance(means) / counts) / means
+    counts, fit = np.array([row.n_readings for row in rows]), result.curve_fit
+    half = 100 * _half(fit, np.sqrt(fit.noise.variance(means) / counts)) / means
     axes.axhspan(-2, 2, color=OURS, alpha=0.12, linewidth=0, zorder=0, label="tolerated: 2 %")
     axes.axhline(0, color=FAINT, linewidth=text_size() / 11, zorder=1)
     draw_points(axes, factors, deviation, half, "level mean, 95 %")
@@ -134,3 +134,8 @@ def _draw_brightness(axes: Axes, result: LuminanceSweepFit) -> None:
     axes.set(xlabel="achieved brightness factor b [1]", ylabel="luminance, from b · full [%]", xlim=(0, 1.03))
     widen(axes, 3.0)
     legend_in(axes, "best")
+
+
+def _half(fit: GammaFit, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return half the 95 % interval of level means, by what their repeats know of the noise."""
+    return half_width(errors, fit.noise.freedom)

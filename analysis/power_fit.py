@@ -82,6 +82,8 @@ class LineFit:
         Mean luminance of each level [cd/m^2], and measured over fitted power, less 1.
     level_errors : array (k,)
         Standard error of each level's mean power at its luminance [W]; 0 where repeats are wanting.
+    noise_freedom : float
+        Degrees of freedom of those errors; 0 where repeats are wanting.
     """
 
     base_power: float
@@ -97,6 +99,7 @@ class LineFit:
     level_luminance: Array
     deviations: Array
     level_errors: Array
+    noise_freedom: float
 
     def power(self, luminance: ArrayLike) -> Array:
         """Return P(L) [W]."""
@@ -164,6 +167,7 @@ def fit_line(points: PowerPoints) -> LineFit:
         level_luminance=points.level_means(points.luminance),
         deviations=points.level_means(residuals) / fitted,
         level_errors=np.asarray(np.bincount(points.level, weights) ** -0.5 * float(freedom > 0)),
+        noise_freedom=freedom,
     )
 
 

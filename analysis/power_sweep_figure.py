@@ -10,12 +10,17 @@ from analysis.figure_style import INK, LIMIT, OURS, PAGE, Medium, look, text_siz
 from analysis.luminance_sweep import SIMULATED
 from analysis.power_fit import TOLERATED_DEVIATION
 from analysis.power_sweep import PowerSweepFit
-from analysis.sweep_panels import draw_over_time, draw_points, legend_in, name_panel, page_of_panels
+from analysis.sweep_panels import (
+    ROW,
+    draw_over_time,
+    draw_points,
+    half_width,
+    legend_in,
+    name_panel,
+    page_of_panels,
+)
 from data_schema.sweep import SweepPhase
 from data_schema.sweep_fit import LuminanceSource
-
-ROW = 3.0  # [inch] height of a row of panels
-T_95 = 1.96  # the noise is told from many repeats
 
 
 def power_sweep_figure(result: PowerSweepFit, medium: Medium = PAGE) -> Figure:
@@ -81,7 +86,7 @@ def _draw_residuals(axes: Axes, result: PowerSweepFit) -> None:
     residuals = 1e3 * (points.power - fitted)
     axes.plot(points.luminance, residuals, "o", color=INK, ms=0.3 * text_size(), mew=0, alpha=0.45,
               label="one reading", zorder=3)  # fmt: skip
-    half = 1e3 * T_95 * line.level_errors
+    half = 1e3 * half_width(line.level_errors, line.noise_freedom)
     draw_points(axes, line.level_luminance, points.level_means(residuals), half, "level mean, 95 %")
     reach = 1.3 * max(float(np.abs(residuals).max()), float(allowed[0]))
     axes.set(xlabel="luminance L [cd/m²]", ylabel="measured less fitted [mW]", xlim=(0, ends[1]))
@@ -114,7 +119,8 @@ def _draw_slopes(axes: Axes, result: PowerSweepFit) -> None:
     order = np.argsort(luminance)
     step = np.diff(luminance[order])
     slopes = 1e3 * np.diff(power[order]) / step
-    half = 1e3 * T_95 * np.hypot(line.level_errors[order][1:], line.level_errors[order][:-1]) / step
+    errors = np.hypot(line.level_errors[order][1:], line.level_errors[order][:-1])
+    half = 1e3 * half_width(errors, line.noise_freedom) / step
     axes.axhline(1e3 * line.slope, color=OURS, label="slope of the line", zorder=2)
     draw_points(axes, luminance[order][:-1] + step / 2, slopes, half, "between two levels, 95 %")
     axes.set(xlabel="luminance L [cd/m²]", ylabel="slope of power [mW m²/cd]")

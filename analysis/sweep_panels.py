@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
 from analysis.figure_style import (
     FAINT,
@@ -22,6 +24,8 @@ from analysis.figure_style import (
     text_size,
 )
 from data_schema.sweep import SweepPhase
+
+ROW = 3.0  # [inch] height of a row of panels
 
 PHASE_MARKS = {
     SweepPhase.WARM_UP: ("s", MUTED, "warm-up"),
@@ -70,6 +74,23 @@ def draw_points(axes: Axes, x: ArrayLike, y: ArrayLike, half: ArrayLike, label: 
     size = text_size()
     axes.errorbar(x, y, yerr=half, fmt="o", color=INK, ms=0.42 * size, capsize=0.2 * size,
                   elinewidth=size / 10, capthick=size / 10, label=label, zorder=4)  # fmt: skip
+
+
+def half_width(errors: ArrayLike, freedom: float) -> NDArray[np.float64]:
+    """Return half the 95 % interval of means with some standard errors.
+
+    Parameters
+    ----------
+    errors : array_like
+        Standard errors.
+    freedom : float
+        Degrees of freedom that they are known with (Student's t); 0 for errors that are assumed.
+
+    >>> half_width([1.0, 2.0], 10).round(3).tolist()  # t of 10 degrees of freedom: 2.228
+    [2.228, 4.456]
+    """
+    quantile = stats.t.ppf(0.975, freedom) if freedom > 0 else stats.norm.ppf(0.975)
+    return float(quantile) * np.asarray(errors, dtype=np.float64)
 
 
 def draw_over_time(

@@ -234,11 +234,24 @@ def test_a_complete_sweep_that_is_resumed_has_only_its_results_made(tmp_path):
     assert (tmp_path / "lab/sweeps/luminance-sweep_01" / READINGS).read_text() == before
 
 
-def test_without_backlight_and_display_file_factors_are_left_out_and_the_log_says_so(tmp_path):
-    # In a rehearsal the simulated panel's backlight makes them; the screen alone is asked here.
-    screen = sweep_devices.SweepScreen(RIG, (lambda: 0.0, lambda seconds: None))
-    assert not screen.makes_factors
-    assert sweep_devices.SweepScreen(RIG, (lambda: 0.0, lambda s: None), display=DISPLAY).makes_factors
+def test_without_backlight_and_display_file_factors_are_left_out_and_the_log_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_devices, "_backlight", lambda *where, **how: None)
+    rig = dataclasses.replace(RIG, pixels_per_degree=40.0)
+    outcome = run_sweep(request(tmp_path, rig=rig, display=None))
+    assert outcome.done == N_LUMINANCE - 3  # the readings of the one factor
+    assert {row["factor"] for row in lines(tmp_path)} == {None}
+    said = [event["detail"] for event in lines(tmp_path, EVENTS) if event["kind"] == "changed"]
+    assert any("factors left out" in detail for detail in said)
+
+
+def test_without_a_backlight_the_pixels_of_a_known_display_make_factors(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_devices, "_backlight", lambda *where, **how: None)
+    assert run_sweep(request(tmp_path)).done == N_LUMINANCE
+    half = [row for row in lines(tmp_path) if row["factor"] == 0.5]
+    # By hand: black + (peak - black) L'^2.2 = peak / 2, so L' = ((60 - 0.3) / (120 - 0.3))^(1 / 2.2).
+    code = round(255 * (59.7 / 119.7) ** (1 / 2.2))
+    assert {row["pixel_value"] for row in half} == {code / 255}
+    assert all(abs(row["achieved_factor"] - 0.5) < 0.005 for row in half)
 
 
 @pytest.mark.parametrize(
@@ -348,7 +361,9 @@ def test_a_warm_up_that_was_interrupted_goes_on_at_its_intervals(tmp_path, faili
     assert 58 < warm[2] - warm[1] < 62
 
 
-def test_a_display_file_that_appears_in_the_midst_does_not_change_the_plan(tmp_path, failing):
+def test_a_display_file_that_appears_in_the_midst_does_not_change_the_plan(tmp_path, failing, monkeypatch):
+    # Without a backlight, factors are made by the pixels of a known display only.
+    monkeypatch.setattr(sweep_devices, "_backlight", lambda *where, **how: None)
     rig = dataclasses.replace(RIG, pixels_per_degree=40.0)
     failing({5: PausePressed()})
     began = run_sweep(request(tmp_path, display=None, rig=rig))

@@ -70,9 +70,6 @@ def test_three_flashes_come_before_and_three_after(measured):
     for some in (flashes[:7], flashes[7:]):
         assert [flash.factor for flash in some] == [0.2, 1.0] * 3 + [0.2]
         np.testing.assert_allclose(np.diff([flash.time for flash in some]), 0.5, atol=1e-9)
-    times = np.array([sample.received for sample in read_rows(PowerSample, measured[0] / "power.csv")])
-    inside = np.sort(times[(times > flashes[0].time) & (times < flashes[6].time)])
-    assert np.diff(inside).max() < 0.05  # a polled meter has no other samples of them
     assert flashes[6].time < flips[0].flip
     assert flashes[7].time > flips[-1].flip
 
