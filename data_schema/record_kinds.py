@@ -20,11 +20,13 @@ from data_schema.meter_reading import MeterReading
 from data_schema.played_power import PlayedPower, VersionPower
 from data_schema.power_log import BacklightSetting, ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.power_model import PowerModel
+from data_schema.published_value import PublishedValue
 from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.session import SessionEvent, SessionManifest
+from data_schema.statistic import PlottedPoint, Statistic
 from data_schema.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
@@ -234,6 +236,24 @@ PLAYED_POWER = RecordKind(
     "`evenlight play --measure-power`",
 )
 
+STATISTIC = RecordKind(
+    "statistic",
+    Statistic,
+    FileFormat.CSV,
+    ("*_statistics.csv",),
+    "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`",
+)
+PLOTTED_POINT = RecordKind(
+    "plotted_point",
+    PlottedPoint,
+    FileFormat.CSV,
+    ("*_points.csv",),
+    "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`",
+)
+PUBLISHED_VALUE = RecordKind(
+    "published_value", PublishedValue, FileFormat.CSV, ("*.published.csv",), "whoever read the paper"
+)
+
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
     DISPLAY,
@@ -278,6 +298,9 @@ KINDS = (
     FRAME_ENERGY,
     VERSION_POWER,
     PLAYED_POWER,
+    STATISTIC,
+    PLOTTED_POINT,
+    PUBLISHED_VALUE,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 
 from analysis.calibration import calibrate, summary_of, trials_of_one_task
 from analysis.level_estimates import difference_in_words, estimate_levels
-from analysis.loading import RampData, RampSession
+from analysis.loading import RampData
 from analysis.rate_limit_curve import RateLimitOptions
+from analysis.session_loading import Session
 from analysis.thresholds import fit_thresholds_of
 from data_schema.display import Display
 from data_schema.errors import InputError
@@ -80,7 +82,7 @@ def data(trials: list[RampTrial]) -> RampData:
         manifest = SessionManifest(
             who, "01", "ramp", True, SessionStatus.COMPLETE, 0, DISPLAY, RampDesign(), Provenance()
         )
-        sessions.append(RampSession(manifest, tuple(own)))
+        sessions.append(Session(Path(), manifest, tuple(own)))
     return RampData(tuple(sessions), DISPLAY, True, "0" * 64, ())
 
 

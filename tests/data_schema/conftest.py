@@ -26,6 +26,7 @@ from data_schema.rate_limit import RateLimit
 from data_schema.rig import Keys, Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.session import DESIGN_OF_TASK, SessionManifest
+from data_schema.statistic import Statistic
 from data_schema.sweep import (
     DESIGN_OF_SWEEP,
     LuminanceReading,
@@ -217,6 +218,10 @@ def a_session_of_its_task(values: Values) -> Values:
     return values | {"task": next(t for t, d in DESIGN_OF_TASK.items() if isinstance(values["design"], d))}
 
 
+def with_a_reason(values: Values) -> Values:
+    return values | {"flag": values["flag"] or ("" if values["value"] is not None else "too few answers")}
+
+
 def usable_rig(values: Values) -> Values:
     return values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
 
@@ -280,6 +285,7 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     FrameLog: a_trial_of_frames,
     Keys: keys_that_differ,
     Rig: usable_rig,
+    Statistic: with_a_reason,
     RatingDesign: named_sequences,
     ComparisonDesign: named_sequences,
     SearchDesign: a_search_design,

@@ -1,0 +1,74 @@
+"""What an analysis found, in the one shape in which every analysis hands it on: numbers, figures, words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.report import Picture, Section
+from data_schema.files import write_whole
+from data_schema.statistic import PlottedPoint, Statistic
+from data_schema.text_files import write_rows
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A figure, and the numbers that are drawn in it.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its files.
+    png : bytes
+        The figure, from `png_bytes`.
+    caption : str
+        What is to be seen; also the text for those who cannot see it.
+    points : tuple of PlottedPoint
+        Every number that is drawn.
+    """
+
+    name: str
+    png: bytes
+    caption: str
+    points: tuple[PlottedPoint, ...]
+
+    @property
+    def picture(self) -> Picture:
+        """The figure as a report shows it."""
+        return Picture(self.png, self.caption)
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What an analysis found.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its files, e.g. "rating".
+    lead : str
+        What came out, in a sentence or two.
+    statistics : tuple of Statistic
+        Every number that the sections show, and those behind them.
+    drawings : tuple of Drawing
+        The figures that the sections show.
+    sections : tuple of Section
+        Of a report.
+    warnings : tuple of str
+        What is amiss but does not forbid the use.
+    """
+
+    name: str
+    lead: str
+    statistics: tuple[Statistic, ...]
+    drawings: tuple[Drawing, ...]
+    sections: tuple[Section, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def write_findings(folder: Path, findings: Findings) -> None:
+    """Write `NAME_statistics.csv`, and of each drawing `DRAWING.png` and `DRAWING_points.csv`."""
+    write_rows(folder / f"{findings.name}_statistics.csv", Statistic, findings.statistics)
+    for drawing in findings.drawings:
+        write_whole(folder / f"{drawing.name}.png", drawing.png)
+        write_rows(folder / f"{drawing.name}_points.csv", PlottedPoint, drawing.points)

@@ -1,0 +1,266 @@
+"""Reading the sessions of one task from a data set, checked line by line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
+from data_schema.errors import InputError
+from data_schema.mapping import record_from_mapping
+from data_schema.provenance import sha256_of_bytes, sha256_of_file
+from data_schema.ramp import RampTrial
+from data_schema.record_kinds import TRIALS_OF_TASK
+from data_schema.search import SearchTrial
+from data_schema.session import SessionManifest, SessionStatus
+from data_schema.text_files import read_json, read_text
+from data_schema.viewing import ComparisonTrial, RatingTrial
+
+Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
+
+
+@dataclass(frozen=True, slots=True)
+class Session(Generic[Trial]):
+    """One session of an experiment.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies.
+    manifest : SessionManifest
+        What it is.
+    trials : tuple of trials
+        Those that count: without practice, and without flagged ones.
+    n_practice, n_flagged : int
+        Trials that were left out.
+    n_repeated : int
+        Trials that count, and had been shown before and interrupted.
+    """
+
+    folder: Path
+    manifest: SessionManifest
+    trials: tuple[Trial, ...]
+    n_practice: int = 0
+    n_flagged: int = 0
+    n_repeated: int = 0
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be said about it: trials that are missing or do not count."""
+        manifest, used = self.manifest, len(self.trials)
+        remarks = []
+        if manifest.status is not SessionStatus.COMPLETE or used < manifest.n_trials:
+            remarks.append(
+                f"{self.folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
+                "trials; they are used"
+            )
+        if self.n_repeated:
+            remarks.append(
+                f"{self.folder}: {self.n_repeated} trials had been shown before and interrupted; they are "
+                "used"
+            )
+        if self.n_flagged:
+            remarks.append(f"{self.folder}: trials left out: {self.n_flagged} flagged (dropped frames)")
+        return remarks
+
+
+@dataclass(frozen=True, slots=True)
+class TaskData(Generic[Trial]):
+    """All sessions of one task in a data set.
+
+    Attributes
+    ----------
+    task : str
+        "ramp", "rating", "comparison" or "search".
+    sessions : tuple of Session
+        In order of participant and session.
+    simulated : bool
+        Whether simulated observers answered.
+    sha256 : str
+        Of the manifests and trials that were read.
+    warnings : tuple of str
+        What is amiss but does not forbid the use: sessions cut short, a torn last line, trials left out.
+    """
+
+    task: str
+    sessions: tuple[Session[Trial], ...]
+    simulated: bool
+    sha256: str
+    warnings: tuple[str, ...]
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """All trials of all sessions that count."""
+        return tuple(trial for session in self.sessions for trial in session.trials)
+
+    @property
+    def participant_ids(self) -> tuple[str, ...]:
+        """The participants, in order."""
+        return tuple(dict.fromkeys(session.manifest.participant_id for session in self.sessions))
+
+
+def tasks_in(dataset: Path) -> tuple[str, ...]:
+    """Return the tasks of which a data set has sessions, in the order ramp, rating, comparison, search.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, or trials without a manifest.
+    """
+    _require_folder(dataset)
+    _require_manifests(dataset)
+    found = {task_of(folder / MANIFEST) for folder in session_folders(dataset)}
+    return tuple(task for task in TRIALS_OF_TASK if task in found)
+
+
+def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
+    """Return the sessions of a task.
+
+    Parameters
+    ----------
+    dataset : Path
+        The data set.
+    task : str
+        Which one, a key of `data_schema.record_kinds.TRIALS_OF_TASK`.
+    cls : type
+        The class of its trials.
+
+    Raises
+    ------
+    InputError
+        If there is no trial that counts, a session has trials but no manifest, a record is not as it should
+        be, or simulated and recorded sessions are mixed; the message names the file, and the line.
+    """
+    _require_folder(dataset)
+    _require_manifests(dataset)
+    warnings: list[str] = []
+    sessions = []
+    for folder in session_folders(dataset):
+        if task_of(folder / MANIFEST) == task:
+            session, remarks = _read_session(folder, cls)
+            sessions.append(session)
+            warnings += remarks
+    if not any(session.trials for session in sessions):
+        flagged = sum(session.n_flagged for session in sessions)
+        none = f"whose {flagged} trials are all flagged (dropped frames)" if flagged else "without any trial"
+        found = f"{len(sessions)} {none}" if sessions else "no session"
+        raise InputError(
+            f"{dataset}: expected {task} sessions (sub-*/ses-*/{MANIFEST} and {TRIALS}), found {found}"
+        )
+    files = [session.folder / name for session in sessions for name in (MANIFEST, TRIALS)]
+    digests = (f"{path.relative_to(dataset).as_posix()} {sha256_of_file(path)}\n" for path in files)
+    return TaskData(
+        task=task,
+        sessions=tuple(sessions),
+        simulated=_all_or_none_simulated(sessions, dataset, task),
+        sha256=sha256_of_bytes("".join(digests).encode()),
+        warnings=tuple(warnings),
+    )
+
+
+def has_sessions(dataset: Path, task: str) -> bool:
+    """Return whether a data set holds anything that `load_task` would read or refuse."""
+    trials = dataset.glob(f"sub-*/ses-*/{TRIALS}")
+    if any(not (path.parent / MANIFEST).exists() for path in trials):
+        return True
+    return any(task_of(folder / MANIFEST) == task for folder in session_folders(dataset))
+
+
+def task_of(manifest: Path) -> object:
+    """Return the task that a manifest names, whatever else it holds."""
+    content = read_json(manifest, "the manifest of a session")
+    return content.get("task") if isinstance(content, dict) else None
+
+
+def _require_folder(dataset: Path) -> None:
+    """Refuse what is no folder."""
+    if not dataset.is_dir():
+        raise InputError(f"{dataset}: no such folder; expected a data set ({DESCRIPTION}, sub-* folders)")
+
+
+def _require_manifests(dataset: Path) -> None:
+    """Refuse trials without a manifest, which nothing else would read or miss."""
+    for trials in sorted(dataset.glob(f"sub-*/ses-*/{TRIALS}")):
+        if not (trials.parent / MANIFEST).exists():
+            raise InputError(
+                f"{trials.parent}: holds {TRIALS} but no {MANIFEST}; restore the manifest, or move the "
+                "session out of the data set"
+            )
+
+
+def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[str]]:
+    """Return a session and what is to be said about it."""
+    path = folder / MANIFEST
+    manifest = record_from_mapping(SessionManifest, read_json(path, "the manifest of a session"), str(path))
+    trials, warnings = _read_trials(folder / TRIALS, cls)
+    seen: set[int] = set()
+    for trial in trials:
+        _require_own(trial, manifest, folder / TRIALS)
+        if trial.trial_index in seen:
+            raise InputError(
+                f"{folder / TRIALS}: trial {trial.trial_index} is there twice; each trial_index may appear "
+                "once in a session"
+            )
+        seen.add(trial.trial_index)
+    session = Session(
+        folder,
+        manifest,
+        tuple(trial for trial in trials if trial.usable),
+        n_practice=sum(trial.practice for trial in trials),
+        n_repeated=sum(trial.usable and trial.attempt > 1 for trial in trials),
+        n_flagged=sum(not trial.practice and not trial.usable for trial in trials),
+    )
+    return session, warnings + session.remarks
+
+
+def _require_own(
+    trial: RampTrial | RatingTrial | ComparisonTrial | SearchTrial, manifest: SessionManifest, path: Path
+) -> None:
+    """Refuse a trial that does not belong to its session."""
+    for name in ("participant_id", "session_id", "simulated"):
+        got, right = getattr(trial, name), getattr(manifest, name)
+        if got != right:
+            raise InputError(
+                f"{path}: trial {trial.trial_index}: {name} is {got!r}, but {right!r} in the session's "
+                f"{MANIFEST}"
+            )
+
+
+def _read_trials(path: Path, cls: type[Trial]) -> tuple[list[Trial], list[str]]:
+    """Return the trials of a file, and a warning if its last line was torn by an interruption."""
+    if not path.exists():
+        return [], []
+    trials: list[Trial] = []
+    lines = list(_numbered_lines(path))
+    for place, (number, line) in enumerate(lines, start=1):
+        where = f"{path}, line {number}"
+        try:
+            content = json.loads(line)
+        except json.JSONDecodeError as error:
+            if place == len(lines):
+                return trials, [
+                    f"{where}: the last line is torn and was left out; the trial was not complete"
+                ]
+            raise InputError(f"{where}: not valid JSON ({error.msg}); expected one trial per line") from None
+        trials.append(record_from_mapping(cls, content, where))
+    return trials, []
+
+
+def _numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Return the lines of a text file that hold anything, with their numbers."""
+    for number, line in enumerate(read_text(path, "one trial per line in JSON").splitlines(), start=1):
+        if line.strip():
+            yield number, line
+
+
+def _all_or_none_simulated(sessions: list[Session[Trial]], dataset: Path, task: str) -> bool:
+    """Return whether the sessions are simulated, or refuse a mixture."""
+    kinds = {session.manifest.simulated for session in sessions}
+    if len(kinds) > 1:
+        raise InputError(
+            f"{dataset}: holds simulated and recorded {task} sessions; put them in two data sets"
+        )
+    return kinds.pop()
