@@ -17,8 +17,9 @@ lab: .venv/.lab-ready
 demo: setup
 	$(BIN)/evenlight demo --out demo
 
+# The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
 test: lab
-	$(BIN)/python -m pytest
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 
 check: lab
 	$(BIN)/ruff format --check .

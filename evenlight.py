@@ -12,11 +12,18 @@ from typing import Annotated, Any, NoReturn, cast
 
 import typer
 
-from analysis import fit_commands, optimize_command, plan_command
+from analysis import (
+    analyze_command,
+    audit_command,
+    fit_commands,
+    optimize_command,
+    plan_command,
+    reproduce_command,
+)
 from data_schema import export_command, validate_command
 from data_schema.errors import InputError
-from data_schema.files import results_folder, write_whole
-from data_schema.provenance import sha256_of_file
+from data_schema.files import results_folder
+from data_schema.sealed_folder import require_sealed, seal
 from experiments import commands as experiment_commands
 from experiments import play_command, run_command
 from hardware import measure_command
@@ -31,7 +38,7 @@ app = typer.Typer(
 )
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
-DATASET, SEAL = "dataset", "dataset.sha256"  # the demo's data set, and by what a later one knows it
+DATASET = "dataset"  # the demo's
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
 UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
@@ -80,12 +87,20 @@ def _write_power(folder: Path, power_model: str | None) -> list[str]:
     return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
 
 
+def _simulate(task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
+    """Write a data set of simulated participants, in the paper's design."""
+    experiment_commands.simulate(task, out, participants, seed, stimuli=stimuli, quiet=True)
+
+
 app.command()(stimuli_commands.render)
 app.command()(play_command.play_command(_write_power))
 app.command()(run_command.run_command(_fit_sweep))
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
+app.command()(analyze_command.analyze)
 app.command()(optimize_command.optimize)
+app.command()(audit_command.audit)
+app.command("reproduce")(reproduce_command.reproduce_command(_simulate))
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 app.add_typer(measure_command.measure, name="measure")
 app.command()(validate_command.validate)
@@ -106,28 +121,15 @@ def demo(
 
     if not 0.2 <= budget <= 1:
         raise InputError(f"--budget must lie between 0.2 and 1, got {budget:g}")
-    _refuse_data_of_others(out)
+    require_sealed(out / DATASET, "demo")
     # Experiments and analysis meet here alone, and only through the files of the data set.
     with results_folder(out, replacing=(DATASET,)) as folder:
         experiment_commands.simulate("ramp", folder / DATASET, participants, seed, quiet=True)
-        write_whole(folder / SEAL, sha256_of_file(folder / DATASET) + "\n")
+        seal(folder / DATASET)
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
         close_loop(folder / DATASET, sunrise, budget, folder, quiet)
     if not quiet:
         typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
-
-
-def _refuse_data_of_others(out: Path) -> None:
-    """Raise `InputError` if in the demo's place lies a data set that no demo made, or that was changed."""
-    dataset, seal = out / DATASET, out / SEAL
-    if not dataset.exists() or (dataset.is_dir() and not any(dataset.iterdir())):
-        return
-    made = seal.is_file() and seal.read_text(errors="replace").strip() == sha256_of_file(dataset)
-    if not made:
-        raise InputError(
-            f"{dataset} holds data that no demo made, or that were changed since; "
-            f"choose another folder with --out"
-        )
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from analysis.calibration import Calibration
 from analysis.conditions import condition_of
 from analysis.figure_style import PAGE, Medium, write_png
 from analysis.psychometric_figure import psychometric_figure
 from analysis.rate_limit_figure import rate_limit_figure
 from data_schema.rate_limit import RateLimit
+from data_schema.threshold import Threshold
 
 
 def write_figures(
@@ -29,18 +32,26 @@ def write_figures(
     medium : Medium
         Where they are shown.
     """
-    simulated = calibration.data.simulated
-    limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
-    reference = calibration.rate_limit.reference
-    thresholds = [
-        fit.threshold
-        for fit in calibration.thresholds
-        if reference in (None, condition_of(fit.threshold))  # others lie off the curve by their effect
-    ]
-    figures = {
-        "psychometric.png": psychometric_figure(calibration.thresholds, simulated, medium),
-        "rate_limit.png": rate_limit_figure(limit, thresholds, compared, medium),
-    }
+    figures = calibration_figures(calibration, compared, medium)
     for name, figure in figures.items():
         write_png(folder / name, figure)
     return tuple(figures)
+
+
+def calibration_figures(
+    calibration: Calibration, compared: RateLimit | None = None, medium: Medium = PAGE
+) -> dict[str, Figure]:
+    """Return the two figures by the names of their files."""
+    simulated = calibration.data.simulated
+    limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
+    return {
+        "psychometric.png": psychometric_figure(calibration.thresholds, simulated, medium),
+        "rate_limit.png": rate_limit_figure(limit, drawn_thresholds(calibration), compared, medium),
+    }
+
+
+def drawn_thresholds(calibration: Calibration) -> list[Threshold]:
+    """Return the thresholds of the condition that the limit is for; others lie off it by their effect."""
+    reference = calibration.rate_limit.reference
+    thresholds = (fit.threshold for fit in calibration.thresholds)
+    return [t for t in thresholds if reference in (None, condition_of(t))]

@@ -52,6 +52,8 @@ class ContrastMap:
         Where contrast is visible at full brightness, and dimmed by b.
     loss : float
         𝓛_c of the frame, over all bands.
+    label : str
+        What a figure calls it; empty for the usual name of its panel.
     """
 
     factor: float
@@ -59,6 +61,7 @@ class ContrastMap:
     reference: Mask
     dimmed: Mask
     loss: float
+    label: str = ""
 
     @property
     def lost(self) -> Mask:
@@ -139,8 +142,13 @@ def contrast_map_figure(
         _draw_map(panels[1], ours)
         _draw_map(panels[2], baseline)
         _name_panel(panels[0], "full brightness", ("the frame", ""), MUTED)
-        _name_panel(panels[1], f"ours, b = {ours.factor:.2f}", _loss_in_words(ours), OURS)
-        _name_panel(panels[2], f"constant, b = {baseline.factor:.2f}", _loss_in_words(baseline), BASELINE)
+        _name_panel(panels[1], f"{ours.label or 'ours'}, b = {ours.factor:.2f}", _loss_in_words(ours), OURS)
+        _name_panel(
+            panels[2],
+            f"{baseline.label or 'constant'}, b = {baseline.factor:.2f}",
+            _loss_in_words(baseline),
+            BASELINE,
+        )
         _draw_key(figure, em, panel_top + high + 0.8 * em, key_columns)
     return figure
 

@@ -67,8 +67,18 @@ class Findings:
 
 
 def write_findings(folder: Path, findings: Findings) -> None:
-    """Write `NAME_statistics.csv`, and of each drawing `DRAWING.png` and `DRAWING_points.csv`."""
-    write_rows(folder / f"{findings.name}_statistics.csv", Statistic, findings.statistics)
+    """Write the table of findings, and each of their drawings, into one folder."""
+    write_statistics(folder, findings)
     for drawing in findings.drawings:
-        write_whole(folder / f"{drawing.name}.png", drawing.png)
-        write_rows(folder / f"{drawing.name}_points.csv", PlottedPoint, drawing.points)
+        write_drawing(folder, drawing)
+
+
+def write_statistics(folder: Path, findings: Findings) -> None:
+    """Write `NAME_statistics.csv`."""
+    write_rows(folder / f"{findings.name}_statistics.csv", Statistic, findings.statistics)
+
+
+def write_drawing(folder: Path, drawing: Drawing) -> None:
+    """Write `DRAWING.png` and `DRAWING_points.csv`."""
+    write_whole(folder / f"{drawing.name}.png", drawing.png)
+    write_rows(folder / f"{drawing.name}_points.csv", PlottedPoint, drawing.points)

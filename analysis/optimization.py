@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -67,6 +67,8 @@ class Work:
         Loss curves of an earlier run.
     quiet : bool
         Whether to show no progress.
+    watch : callable, optional
+        Sees each frame as it is analysed, and hands it on.
     """
 
     source: VideoSource
@@ -81,6 +83,7 @@ class Work:
     field_of_view: float | None = None
     curves: Path | None = None
     quiet: bool = False
+    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +132,7 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
 def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
     """Return the loss curves: of an earlier run if one is given and fits, else of the frames."""
     with _progress(work) as frames:
-        watched, display = _with_field_of_view(samples.watch(frames), work)
+        watched, display = _with_field_of_view(samples.watch(work.watch(frames)), work)
         if work.curves is None:
             return analyze_frames(
                 watched,

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from analysis.planning_draws import (
-    MOST_PARTICIPANTS,
     Drawing,
     draw_experiments,
     participant_sd,
@@ -30,7 +29,7 @@ from analysis.planning_pool import PoolMember, SimulateRamps, pool_of, require_p
 from analysis.rate_limit_curve import RateLimitOptions
 from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.quantities import described, quantity
+from data_schema.plan import MOST_PARTICIPANTS, RampPlanRow
 from data_schema.ramp import Procedure, RampDesign
 
 NOT_COMPARABLE = (
@@ -88,49 +87,14 @@ class PlanRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanRow:
-    """What one design with so many trials and participants gives: a row of `plan.csv`."""
-
-    design: str = described("name of the design")
-    procedure: str = described("yes_no or two_interval")
-    placement: str = described("how the rates are chosen")
-    levels: int = quantity("1", "initial luminances")
-    trials_per_level: int = quantity("1", "ramps per level")
-    participants: int = quantity("1", "how many participants")
-    minutes: float = quantity("1", "length of a participant's sessions, breaks included", key="minutes")
-    total_hours: float = quantity("1", "of all participants", key="total_hours")
-    participant_sd_ln: float = quantity("1", "true SD of ln(threshold) between participants, level by level")
-    threshold_error_ln: float = quantity("1", "RMS of ln(fitted / true) of a single threshold")
-    half_width: float = quantity("1", "half-width of the 95 % band of the rate limit, as a share; typical")
-    half_width_assured: float = quantity("1", "half-width that 80 % of the experiments stay within")
-    error: float = quantity("1", "RMS error of the rate limit against the truth, as a share")
-    bias: float = quantity("1", "mean error of the rate limit, as a share")
-    coverage: float = quantity("1", "share of the bands that hold the truth, whatever their participants")
-    meets: bool = described("true if the typical half-width is within the wanted one")
-    participants_needed: int | None = quantity("1", "for the wanted half-width; null beyond 1000")
-    participants_needed_low: int | None = quantity("1", "lower end of its 95 % interval")
-    participants_needed_high: int | None = quantity("1", "upper end of its 95 % interval; null beyond 1000")
-    hours_needed: float | None = quantity("1", "of all of them", key="hours_needed")
-
-    @property
-    def participants_needed_in_words(self) -> str:
-        """How many participants are needed, with the interval that the pool leaves: "33 (26 to 40)"."""
-        low, high = self.participants_needed_low, self.participants_needed_high
-        if low is None:
-            return f"above {MOST_PARTICIPANTS}"
-        middle = self.participants_needed or f"above {MOST_PARTICIPANTS}"
-        return f"{middle} ({low} to {high or f'above {MOST_PARTICIPANTS}'})"
-
-
-@dataclass(frozen=True, slots=True)
 class Plan:
     """A plan: a row for each design, number of trials and number of participants."""
 
     request: PlanRequest
-    rows: tuple[PlanRow, ...]
+    rows: tuple[RampPlanRow, ...]
 
     @property
-    def best(self) -> dict[Procedure, PlanRow | None]:
+    def best(self) -> dict[Procedure, RampPlanRow | None]:
         """Of each task the row that meets the precision with the fewest hours of all; None if none does.
 
         The tasks' thresholds are different quantities, so that their hours are not set off.
@@ -198,14 +162,14 @@ def plan_ramps(
         for name, pool in zip(request.designs, pools, strict=True)
         for trials in sorted(request.trials)
     ]
-    rows: list[PlanRow] = []
+    rows: list[RampPlanRow] = []
     for done, own in enumerate(mapped(_rows, sessions), start=len(works) * each + 1):
         rows += own
         report(done, total)
     return Plan(request, tuple(rows))
 
 
-def _rows(sessions: _Sessions) -> list[PlanRow]:
+def _rows(sessions: _Sessions) -> list[RampPlanRow]:
     """Return a row for each number of participants."""
     request, trials, pool = sessions.request, sessions.trials, sessions.pool
     design = request.designs[sessions.name]
@@ -226,7 +190,7 @@ def _rows(sessions: _Sessions) -> list[PlanRow]:
     spread_of_people = participant_sd([member.truth for member in pool])
     single = np.log([t.threshold / m.truth[t.luminance] for m in pool for t in m.thresholds[trials]])
     return [
-        PlanRow(
+        RampPlanRow(
             design=sessions.name,
             procedure=design.procedure.value,
             placement=design.placement.value,

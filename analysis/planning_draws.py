@@ -13,13 +13,12 @@ from scipy import special
 from analysis.rate_limit_curve import RateLimitOptions
 from analysis.rate_limit_fit import fit_thresholds
 from data_schema.display import Display
+from data_schema.plan import MOST_PARTICIPANTS
 from data_schema.rate_limit import RateLimit
 from data_schema.threshold import Threshold
 from method.rate_limit import rate_limit_at
 
 Array = NDArray[np.float64]
-
-MOST_PARTICIPANTS = 1000  # a plan that needs more is no plan
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,8 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from analysis.planning import Plan, PlanRow
+from analysis.planning import Plan
+from data_schema.plan import RampPlanRow
 
 COLOURS = (INK, BASELINE, OURS, LIMIT, PARTICIPANT, LOST)
 MARKERS = ("o", "s", "D", "^", "v", "P")
@@ -102,7 +103,7 @@ def _draw_key(figure: Figure, plan: Plan, place: tuple[float, float], columns: i
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=anchor, ncols=columns)
 
 
-def _rows_of(plan: Plan, design: str, participants: int) -> list[PlanRow]:
+def _rows_of(plan: Plan, design: str, participants: int) -> list[RampPlanRow]:
     """Return the rows of a design for so many participants, shortest sessions first."""
     own = [row for row in plan.rows if (row.design, row.participants) == (design, participants)]
     return sorted(own, key=lambda row: row.minutes)
@@ -128,7 +129,7 @@ def _draw_precision(axes: Axes, plan: Plan, participants: int, first: bool) -> N
     axes.set_xlabel("minutes per participant")
 
 
-def _draw_needs(axes: Axes, plan: Plan, need: Callable[[PlanRow], float | None], words: str) -> None:
+def _draw_needs(axes: Axes, plan: Plan, need: Callable[[RampPlanRow], float | None], words: str) -> None:
     """Draw what the wanted precision takes, over the minutes of a participant."""
     size = text_size()
     number = plan.rows[0].participants

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from analysis.published import published, published_values
 from analysis.rate_limit_fit import RateLimitFit, fit_points
 from data_schema.display import Display
 from data_schema.mapping import mapping_from_record, record_from_mapping
@@ -16,12 +17,15 @@ from data_schema.rate_limit import RateLimit
 from data_schema.text_files import write_json_record
 
 # Varjo XR-3, ramps of 5 s, 75 % detection; data behind the figure of Section 3.4, from the authors' program.
-PUBLISHED_LUMINANCE = (8.8, 14.1, 18.3, 23.4, 43.5, 63.6, 83.9, 104.4)  # initial luminance L [cd/m^2]
-PUBLISHED_DROP = (1.3, 2.4, 2.7, 3.8, 9.2, 9.6, 13.3, 13.8)  # decrease over the ramp [cd/m^2]
-PUBLISHED_RAMP_DURATION = 5.0  # [s]
+_THRESHOLDS = published_values("authors_thresholds")
+PUBLISHED_LUMINANCE = tuple(
+    v.number for v in _THRESHOLDS if v.name.endswith(".luminance")
+)  # initial L [cd/m^2]
+PUBLISHED_DROP = tuple(v.number for v in _THRESHOLDS if v.name.endswith(".drop"))  # over the ramp [cd/m^2]
+PUBLISHED_RAMP_DURATION = published("ramp.duration").number  # [s]
 
 # The authors' polynomial: ln(ΔL) = Σ c_k L^k, highest power first, L in cd/m^2.
-PUBLISHED_COEFFICIENTS = (-7.32344335e-08, 2.23659401e-05, -2.59136234e-03, 1.42944472e-01, -2.40443357)
+PUBLISHED_COEFFICIENTS = tuple(v.number for v in published_values("authors_rate_limit"))
 
 SIGNIFICANT_DIGITS = 12  # below them, linear-algebra libraries differ
 SOURCE = (

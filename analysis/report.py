@@ -76,6 +76,10 @@ class Section:
         What a reader should be warned of.
     simulated : bool
         Whether it rests on simulated data; the heading says so.
+    mark : str
+        What else the heading says of where it comes from, e.g. "computed".
+    below : bool
+        Whether it belongs to the section before it: a smaller heading, and no line of the contents.
     """
 
     title: str
@@ -84,6 +88,13 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     notes: tuple[str, ...] = ()
     simulated: bool = False
+    mark: str = ""
+    below: bool = False
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """What its heading says of where it comes from."""
+        return tuple(mark for mark in ("simulated" if self.simulated else "", self.mark) if mark)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,16 +162,18 @@ def report_html(report: Report) -> str:
 
 def _contents(sections: tuple[Section, ...]) -> str:
     """Return the table of contents."""
-    links = (f'<a href="#s{k}">{escape(s.title)}</a>' for k, s in enumerate(sections, start=1))
+    own = [(k, section) for k, section in enumerate(sections, start=1) if not section.below]
+    links = (f'<a href="#s{k}">{escape(section.title)}</a>' for k, section in own)
     return f"<nav>{' '.join(links)}</nav>" if len(sections) > 1 else ""
 
 
 def _section(number: int, section: Section) -> str:
     """Return a section."""
-    mark = ' <span class="mark">simulated</span>' if section.simulated else ""
+    mark = "".join(f' <span class="mark">{escape(words)}</span>' for words in section.marks)
+    heading = "h3" if section.below else "h2"
     return "\n".join(
         [
-            f'<section id="s{number}"><h2>{escape(section.title)}{mark}</h2>',
+            f'<section id="s{number}"><{heading}>{escape(section.title)}{mark}</{heading}>',
             *(f"<p>{escape(text)}</p>" for text in section.paragraphs),
             *(f'<p class="note">{escape(text)}</p>' for text in section.notes),
             *(_figure(picture) for picture in section.pictures),
@@ -231,12 +244,13 @@ _STYLE = """
 html { background: #fff; color: var(--ink); font: 17px/1.55 Georgia, "Times New Roman", serif; }
 body { margin: 0; }
 main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
-h1, h2, nav, table, figcaption, .mark, .simulated {
+h1, h2, h3, nav, table, figcaption, .mark, .simulated {
   font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif;
 }
 h1 { font-size: 2.1rem; line-height: 1.2; letter-spacing: -0.01em; margin: 0 0 0.6rem; }
 h2 { font-size: 1.35rem; line-height: 1.3; margin: 3rem 0 0.6rem; padding-top: 0.8rem;
   border-top: 2px solid var(--ink); }
+h3 { font-size: 1.1rem; line-height: 1.3; margin: 2.2rem 0 0.5rem; }
 p { max-width: 42rem; margin: 0 0 0.9rem; }
 .lead { font-size: 1.2rem; color: var(--muted); }
 .simulated, .note { border-left: 4px solid var(--warn); padding: 0.1rem 0 0.1rem 0.9rem; }
@@ -264,7 +278,9 @@ td { border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: a
   html { font-size: 10.5pt; }
   main { max-width: none; padding: 0; }
   nav { display: none; }
-  h2 { break-after: avoid; margin-top: 1.6rem; }
+  h2, h3 { break-after: avoid; margin-top: 1.6rem; }
+  table { font-size: 0.68rem; }
+  th, td { padding-right: 0.7rem; }
   figure, tr, .note { break-inside: avoid; }
   figure img { max-height: 225mm; width: auto; max-width: 100%; }
   thead { display: table-header-group; }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from data_schema.errors import InputError
+
 DESCRIPTION = "dataset_description.json"
 PARTICIPANTS = "participants.tsv"
 MANIFEST = "manifest.json"
@@ -24,6 +26,17 @@ CLOCK_PINGS = "clock.csv"
 FLIPS = "flips.csv"
 FLASHES = "flashes.csv"
 BACKLIGHT_SETTINGS = "backlight.csv"
+
+
+def require_apart(out: Path, dataset: Path) -> None:
+    """Raise `InputError` if results would be written into a data set: what was recorded stays as it is."""
+    is_dataset = (dataset / DESCRIPTION).is_file() or any(dataset.glob(f"sub-*/ses-*/{MANIFEST}"))
+    inside = out.resolve() == dataset.resolve() or dataset.resolve() in out.resolve().parents
+    if is_dataset and inside:
+        raise InputError(
+            f"--out {out} lies in the data set {dataset}; results go elsewhere, so that what was recorded "
+            "stays apart from what was made of it"
+        )
 
 
 def session_folder(dataset: Path, participant_id: str, session_id: str) -> Path:

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from data_schema.analysis_summary import AnalysisSummary
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
@@ -17,6 +18,7 @@ from data_schema.frame_log import FrameLog
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
 from data_schema.meter_reading import MeterReading
+from data_schema.plan import RampPlanRow, ViewingPlanRow
 from data_schema.played_power import PlayedPower, VersionPower
 from data_schema.power_log import BacklightSetting, ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.power_model import PowerModel
@@ -250,8 +252,26 @@ PLOTTED_POINT = RecordKind(
     ("*_points.csv",),
     "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`",
 )
+ANALYSIS_SUMMARY = RecordKind(
+    "analysis_summary",
+    AnalysisSummary,
+    FileFormat.JSON,
+    ("analysis.json", "audit.json", "reproduction.json"),
+    "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`",
+)
 PUBLISHED_VALUE = RecordKind(
     "published_value", PublishedValue, FileFormat.CSV, ("*.published.csv",), "whoever read the paper"
+)
+
+RAMP_PLAN_ROW = RecordKind(
+    "ramp_plan_row", RampPlanRow, FileFormat.CSV, ("plan.csv",), "`evenlight plan ramp`"
+)
+VIEWING_PLAN_ROW = RecordKind(
+    "viewing_plan_row",
+    ViewingPlanRow,
+    FileFormat.CSV,
+    ("plan.csv",),
+    "`evenlight plan rating`, `comparison` and `search`",
 )
 
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
@@ -300,7 +320,10 @@ KINDS = (
     PLAYED_POWER,
     STATISTIC,
     PLOTTED_POINT,
+    ANALYSIS_SUMMARY,
     PUBLISHED_VALUE,
+    RAMP_PLAN_ROW,
+    VIEWING_PLAN_ROW,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

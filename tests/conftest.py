@@ -1,6 +1,8 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
+import os
 import shutil
+import signal
 import subprocess
 import time
 import types
@@ -11,9 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import settings
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 import evenlight
+from analysis import figure_style
 from data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
@@ -30,6 +34,10 @@ from method.optimize import Problem, Request, pose
 from method.preset_files import load_display, load_power_model
 from stimuli.sequence_format import on_grid
 from stimuli.video_writer import write_video
+
+# Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
+# that are started from here, those that run the tests among them.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A busy machine is no failure; pytest's own timeout ends what hangs.
 settings.register_profile("evenlight", deadline=None)
@@ -175,6 +183,27 @@ class Outcome:
     code: int
     out: str
     err: str
+
+
+@pytest.fixture(scope="module")
+def coarse_pictures() -> Iterator[None]:
+    """Write pictures of a fifth of their resolution, in tests that are about what else a command does."""
+    png_bytes = figure_style.png_bytes
+
+    def coarsely(figure: Figure) -> bytes:
+        figure.set_dpi(40)
+        return png_bytes(figure)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_style, "png_bytes", coarsely)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def heeded_interruptions() -> None:
+    """Let processes heed Ctrl-C where a shell started the tests in the background: it has them ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stimuli.scenes.scene import Floats, Ground, Material, Patches, Place, Scene, Sky, Sun, Vector, stream
-from stimuli.scenes.shapes import BOX_SIDES, frame_along, ring, sphere
+from stimuli.scenes.shapes import BOX_SIDES, at_right_angles, frame_along, ring, sphere
 
 __all__ = ["Material", "SceneModel"]
 
@@ -38,7 +38,8 @@ class SceneModel:
         self.name, self.seed = name, seed
         self.rng = stream(seed, name)
         self._materials: dict[str, Material] = {}
-        self._rows: list[tuple[Floats, ...]] = []
+        self._rows: list[tuple[Floats, ...]] = []  # origin, along, across, normals and uvs of an object
+        self._shared: list[tuple[bool, int, Floats, Floats]] = []  # its triangle, material, tint and shine
         self._windows: list[Floats] = []
         self._sun: Sun | None = None
         self._sky = Sky()
@@ -126,9 +127,9 @@ class SceneModel:
             with self.at(middle, turn):
                 self.box(low - middle, high - middle, material, skip=skip, tint=tint)
             return
-        for side, corners in BOX_SIDES.items():
-            if side not in skip:
-                self.quad(low + np.array(corners) * (high - low), material, tint=tint)
+        sides = [corners for side, corners in BOX_SIDES.items() if side not in skip]
+        if sides:
+            self._rectangles(low + np.array(sides) * (high - low), material, tint)
 
     def cylinder(
         self,
@@ -222,7 +223,7 @@ class SceneModel:
         local, chosen = np.asarray(positions, dtype=float), np.asarray(triangles, dtype=int)
         chosen = _from_widest_corner(local, chosen)
         corners = local[chosen]
-        facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        facing = at_right_angles(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size = np.linalg.norm(facing, axis=1)
         corners, chosen, facing = corners[size > 0], chosen[size > 0], facing[size > 0]
         facing /= size[size > 0, np.newaxis]
@@ -285,7 +286,13 @@ class SceneModel:
         """Return the scene."""
         if not self._rows:
             raise ValueError(f"scene {self.name}: there is nothing in it")
-        columns = [np.concatenate(rows) for rows in zip(*self._rows, strict=True)]
+        origin, along, across, normals, uvs = (np.concatenate(rows) for rows in zip(*self._rows, strict=True))
+        # What is the same for all pieces of an object is written out here, for all objects at once.
+        counts = [len(row[0]) for row in self._rows]
+        triangle, index, tint, shine = (
+            np.repeat(np.array(shared), counts, axis=0) for shared in zip(*self._shared, strict=True)
+        )
+        columns = (origin, along, across, triangle, normals, uvs, index, tint, shine)
         for column in columns:
             column.setflags(write=False)
         return Scene(
@@ -312,10 +319,11 @@ class SceneModel:
         four = np.asarray(corners, dtype=float)
         if four.shape != (4, 3):
             raise ValueError(f"quad of {material.name}: need 4 corners of 3 numbers, got shape {four.shape}")
-        facing = np.cross(four[2] - four[0], four[3] - four[1])
-        if not np.linalg.norm(facing) > 0:
+        facing = at_right_angles(four[2] - four[0], four[3] - four[1])
+        size = np.sqrt(facing @ facing)
+        if not size > 0:
             raise ValueError(f"quad of {material.name}: it has no area, corners {four.tolist()}")
-        facing = facing / np.linalg.norm(facing)
+        facing = facing / size
         mapped = (
             self._projected(four[None], facing[None], material)[0] if uvs is None else np.asarray(uvs, float)
         )
@@ -323,7 +331,7 @@ class SceneModel:
             np.abs(mapped[0] + mapped[2] - mapped[1] - mapped[3]).max() < FLAT
         )
         chosen = np.array([[0, 1, 3]] if regular else [[0, 1, 2], [0, 2, 3]])
-        normals = np.broadcast_to(facing, (len(chosen), 3, 3))
+        normals = np.tile(facing, (len(chosen), 3, 1))
         self._take(
             four[chosen],
             normals,
@@ -332,6 +340,22 @@ class SceneModel:
             np.asarray(tint, float),
             np.asarray(shine, float),
             triangle=not regular,
+        )
+
+    def _rectangles(self, fours: Floats, material: Material, tint: Sequence[float]) -> None:
+        """Add rectangles, (n, 4, 3), whose texture coordinates follow from their positions."""
+        facing = at_right_angles(fours[:, 2] - fours[:, 0], fours[:, 3] - fours[:, 1])
+        facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+        mapped, three = self._projected(fours, facing, material), [0, 1, 3]
+        normals = np.repeat(facing[:, None], 3, axis=1)
+        self._take(
+            fours[:, three],
+            normals,
+            mapped[:, three],
+            material,
+            np.asarray(tint, float),
+            np.zeros(3),
+            triangle=False,
         )
 
     def _disc(self, middle: Floats, around: Floats, material: Material, tint: Sequence[float]) -> None:
@@ -349,7 +373,7 @@ class SceneModel:
             np.stack([-facing[:, 1], facing[:, 0], np.zeros(len(facing))], axis=1),
         )
         u /= np.linalg.norm(u, axis=1, keepdims=True)
-        v = np.cross(facing, u)
+        v = at_right_angles(facing, u)
         # What is moved shows another part of the pattern, so that two boards are not twins.
         offset = (self._moved * [0.731, 0.417, 0.0]).sum() if self._moved.any() else 0.0
         return np.asarray(
@@ -373,20 +397,12 @@ class SceneModel:
         if known is not material and known != material:
             raise ValueError(f"scene {self.name}: two different materials are called {material.name!r}")
         index = list(self._materials).index(material.name)
-        placed, n = self._placed(corners), len(corners)
+        placed = self._placed(corners)
+        origin = placed[:, 0]
         self._rows.append(
-            (
-                placed[:, 0],
-                placed[:, 1] - placed[:, 0],
-                placed[:, 2] - placed[:, 0],
-                np.full(n, triangle),
-                normals @ self._turned.T,
-                uvs,
-                np.full(n, index),
-                np.broadcast_to(tint, (n, 3)),
-                np.broadcast_to(shine, (n, 3)),
-            )
+            (origin, placed[:, 1] - origin, placed[:, 2] - origin, normals @ self._turned.T, uvs)
         )
+        self._shared.append((triangle, index, tint, shine))
 
     def _placed(self, points: Floats) -> Floats:
         """Return points where the surrounding `at` puts them."""

@@ -19,6 +19,8 @@ from experiments.simulated_observers import ObserverPopulation
 from method.preset_files import load_display, load_rate_limit
 from method.rate_limit import rate_limit_at
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 CONTRACT = (
     "participant_id,factor,luminance_cd_m2,threshold_cd_m2_s,ci_low,ci_high,false_alarm_rate,n_trials,flag"
 )
@@ -143,10 +145,10 @@ def test_a_participant_who_sees_everything_is_left_out_with_a_warning_on_the_err
     assert any("unsafe side" in warning for warning in summary["warnings"])
 
 
-def test_the_error_stream_of_a_pipe_holds_words_alone(dataset: Path, tmp_path: Path, command) -> None:
+def test_the_error_stream_of_a_pipe_holds_words_alone(tmp_path: Path, command) -> None:
     """A progress bar leaves an empty line where there is no terminal to draw it on."""
     made = command("simulate", "ramp", "--participants", 1, "--out", tmp_path / "data")
-    fitted = command("fit", dataset, "--out", tmp_path / "out", "--no-clip")
+    fitted = command("fit", tmp_path / "data", "--out", tmp_path / "out", "--no-clip")
     assert made.code == fitted.code == 0
     assert made.err == ""
     assert all(line.startswith("evenlight: ") for line in fitted.err.splitlines())
@@ -156,7 +158,7 @@ def test_a_data_set_without_catch_trials_is_fitted_with_a_warning(
     dataset: Path, results: Path, tmp_path: Path
 ) -> None:
     changed = tmp_path / "changed"
-    shutil.copytree(dataset, changed)
+    shutil.copytree(dataset / "sub-01", changed / "sub-01")
     for trials in changed.glob("sub-*/ses-*/trials.jsonl"):
         lines = [line for line in trials.read_text().splitlines() if not json.loads(line)["is_catch"]]
         trials.write_text("".join(line + "\n" for line in lines))

@@ -15,12 +15,13 @@ from scipy import special
 
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from analysis.plan_command import plan_command, whole_numbers, write_plan
-from analysis.planning import NOT_COMPARABLE, Plan, PlanRequest, PlanRow, in_words, plan_ramps
+from analysis.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
 from analysis.planning_draws import Experiments, participants_needed, resampling_spread
 from analysis.planning_figure import planning_figure
 from analysis.planning_pool import first_trials, with_trials_per_level
 from data_schema.display import Display
 from data_schema.errors import InputError
+from data_schema.plan import RampPlanRow
 from data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
 from data_schema.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
 from method.luminance import displayed_luminance
@@ -81,7 +82,7 @@ def plan() -> Plan:
     return plan_ramps(request(), simulated)
 
 
-def row_of(plan: Plan, trials: int, participants: int) -> PlanRow:
+def row_of(plan: Plan, trials: int, participants: int) -> RampPlanRow:
     return next(
         row for row in plan.rows if (row.trials_per_level, row.participants) == (trials, participants)
     )
@@ -250,9 +251,9 @@ def test_an_unknown_design_is_refused_by_its_name(command, tmp_path: Path) -> No
     assert not (tmp_path / "out").exists()
 
 
-def test_another_task_than_the_ramp_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="task 'search' cannot be planned"):
-        plan_command(simulated, lambda name: DESIGN)("search", out=tmp_path / "out")
+def test_a_task_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="task 'reading' cannot be planned; there is 'ramp', 'rating'"):
+        plan_command(simulated, lambda name: DESIGN)("reading", out=tmp_path / "out")
 
 
 def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tmp_path: Path) -> None:

@@ -27,6 +27,8 @@ from experiments.simulated_observers import ObserverPopulation
 from hardware.simulated_panel import PanelPhysics
 from method.preset_files import load_display, load_rate_limit
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 LUMINANCE = LuminanceSweepDesign(factors=(0.25, 0.5, 1.0))
 POWER = PowerSweepDesign()
 METER = Meter()

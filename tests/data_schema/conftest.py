@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import functools
 import types
 import typing
 from collections.abc import Callable
@@ -43,6 +44,7 @@ from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, Rati
 Values = dict[str, Any]
 
 
+@functools.cache  # to make a strategy takes longer than to draw from it
 def any_record(cls: type[Any]) -> st.SearchStrategy[Any]:
     """Records of a class: fields within their own limits, then made to keep the rules between fields."""
     kinds = type_hints(cls)

@@ -96,21 +96,24 @@ JUNK = st.one_of(
 )
 
 
+# To draw a record takes ten times as long as to change it: each is changed in four ways.
 @kinds
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_what_a_schema_refuses_cannot_be_made_into_a_record(
     kind: RecordKind, records_of: Strategies, data: st.DataObject
 ) -> None:
     """`evenlight validate` relies on it: it asks the schema about a row only if the record cannot be made."""
-    content = changed(mapping_from_record(data.draw(records_of(kind.record))), data)
-    problems = schema_problems(content, kind.name)
-    try:
-        record_from_mapping(kind.record, content, "memory")
-        refused = False
-    except InputError:
-        refused = True
-    assert refused or not problems
+    written = mapping_from_record(data.draw(records_of(kind.record)))
+    for _ in range(4):
+        content = changed(written, data)
+        problems = schema_problems(content, kind.name)
+        try:
+            record_from_mapping(kind.record, content, "memory")
+            refused = False
+        except InputError:
+            refused = True
+        assert refused or not problems
 
 
 def changed(content: dict[str, Any], data: st.DataObject) -> dict[str, Any]:

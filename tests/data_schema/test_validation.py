@@ -1,45 +1,28 @@
 """`evenlight validate`: every problem is found, told with its place, and nothing else is."""
 
-import dataclasses
 import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from checked_files import problems_of, results
 from typer.testing import CliRunner
 
 import evenlight
-from data_schema.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    OptimizationSummary,
-    TrackHeader,
-    write_track,
-)
 from data_schema.dataset_layout import behaviour_file, session_folder
 from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves, write_loss_curves
 from data_schema.mapping import mapping_from_record
-from data_schema.provenance import SCHEMA_VERSION, Provenance
+from data_schema.provenance import SCHEMA_VERSION
 from data_schema.ramp import RampTrial, Response
-from data_schema.results_checks import mean_absolute_difference
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
 from data_schema.validation import validate
 
 VERSION = f'"schema_version": {SCHEMA_VERSION}'
 CELLS = len(columns_of(RampTrial))
-
-
-def problems_of(path: Path) -> list[str]:
-    """The problems at a path, without the path."""
-    found = [problem for checked in validate(path) for problem in checked.problems]
-    assert all(problem.startswith(str(path)) and "\n" not in problem for problem in found)
-    return [problem.removeprefix(str(path)).lstrip("/") for problem in found]
 
 
 def trial(index: int, **changes: Any) -> dict[str, Any]:
@@ -251,133 +234,6 @@ def test_trials_of_a_task_without_a_record_are_not_checked(
     (root / TRIALS).write_text('{"balls": 3}\n')
     assert not [told for told in problems_of(root) if told.startswith(TRIALS)]
     assert [c.words for c in validate(root) if c.path == root / TRIALS] == [""]
-
-
-def results(folder: Path, **changes: Any) -> Path:
-    """Results of an optimization of four frames; their loss is 0, 0.1, 0.2, 0.4."""
-    loss = np.array([0.0, 0.1, 0.2, 0.4])
-    origin = Provenance()
-    display = Display("bench", 104.4, 0.2, 1.95, 72.28)
-    header = TrackHeader(
-        "v", "bench", display.fingerprint, "panel", "limit", 0.6, BudgetUnit.FACTOR, "s", origin
-    )
-    factors, rest = np.full(4, 0.6), [np.full(4, value) for value in (20.0, 0.0, 2.0, 0.5)]
-    times = np.arange(4) * 0.04
-    write_track(folder / "track.csv", BrightnessTrack(times, factors, loss, *rest, header=header))
-    values: dict[str, Any] = {field.name: 0.5 for field in dataclasses.fields(OptimizationSummary)} | {
-        "video": "v",
-        "display": "bench",
-        "rate_limit": "limit",
-        "power_model": "panel",
-        "frames": 4,
-        "budget": 0.6,
-        "budget_unit": BudgetUnit.FACTOR,
-        # pairs: 0.1 + 0.2 + 0.4 + 0.1 + 0.3 + 0.2 = 1.3 in 6
-        "objective": 1.3 / 6,
-        "lower_bound": 0.2,
-        "achieved": 0.6,
-        "max_rate_ratio": 0.0,
-        "limit_curve": "fitted",
-        "modulated": "frame_mean",
-        "contrast_model": "default",
-        "simulated": False,
-        "mean_contrast_loss": 0.175,
-        "mean_factor": 0.6,
-        "frames_without_contrast": 0,
-        "solver": "s",
-        "iterations": 3,
-        "seed": None,
-        "versions": {},
-        "provenance": origin,
-        "rate_limit_procedure": None,
-    }
-    write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
-    curves = LossCurves(
-        "v", display, times, np.full(4, 0.04), np.array([0.2, 1.0]), np.zeros((4, 2)),
-        np.full(4, 0.5), np.full(4, 20.0), np.full((4, 3), 0.2), origin,
-    )  # fmt: skip
-    write_loss_curves(folder / "loss_curves.npz", curves)
-    return folder
-
-
-def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:
-    (results(tmp_path) / "track.png").write_bytes(b"\x89PNG")
-    assert problems_of(tmp_path) == []
-    assert {c.path.name: c.words for c in validate(tmp_path)} == {
-        "loss_curves.npz": "loss curves",
-        "summary.json": "optimization summary",
-        "track.csv": "brightness track",
-        "track.json": "track header",
-        "track.png": "",
-    }
-
-
-@pytest.mark.parametrize(
-    ("changes", "problem"),
-    [
-        ({"frames": 5}, "summary.json: frames: expected 4, the rows of track.csv, got 5"),
-        ({"video": "w"}, "summary.json: video: expected 'v', as in track.json, got 'w'"),
-        ({"display": "w"}, "summary.json: display: expected 'bench', as in track.json, got 'w'"),
-        ({"budget": 0.5, "achieved": 0.5}, "summary.json: budget: expected 0.6, as in track.json, got 0.5"),
-        ({"budget_unit": BudgetUnit.WATT}, "summary.json: budget_unit: expected 'factor', as in"),
-        ({"solver": "t"}, "summary.json: solver: expected 's', as in track.json, got 't'"),
-        ({"mean_factor": 0.7}, "summary.json: mean_factor: expected 0.6 to 0.6, as the track's column"),
-        ({"mean_contrast_loss": 0.5}, "summary.json: mean_contrast_loss: expected 0 to 0.4"),
-        ({"achieved": 0.5}, "summary.json: achieved: expected the budget 0.6, got 0.5"),
-        (
-            {"objective_baseline": 0.21},
-            "summary.json: objective: expected at most 0.21, that of constant dimming",
-        ),
-        ({"max_rate_ratio": 7.0}, "summary.json: max_rate_ratio: expected 0, as in the track, got 7"),
-        ({"mean_power": 0.6}, "summary.json: mean_power_w: expected 0.5 to 0.5"),
-        ({"objective": 0.2}, "summary.json: objective: expected 0.216667, the mean absolute difference"),
-    ],
-)
-def test_results_that_contradict_each_other_are_told(
-    changes: dict[str, Any], problem: str, tmp_path: Path
-) -> None:
-    found = problems_of(results(tmp_path, **changes))
-    assert len(found) == 1
-    assert found[0].startswith(problem)
-
-
-def test_a_row_missing_from_a_track_is_told(tmp_path: Path) -> None:
-    track = results(tmp_path) / "track.csv"
-    track.write_text("".join(track.read_text().splitlines(keepends=True)[:-1]))
-    assert "summary.json: frames: expected 3, the rows of track.csv, got 4" in problems_of(tmp_path)
-
-
-def test_loss_curves_of_another_display_are_told(tmp_path: Path) -> None:
-    text = (results(tmp_path) / "track.json").read_text()
-    fingerprint = json.loads(text)["display_fingerprint"]
-    (tmp_path / "track.json").write_text(text.replace(fingerprint, "0" * 16))
-    assert problems_of(tmp_path) == [
-        f"loss_curves.npz: display fingerprint: expected '{'0' * 16}', as in the track's header, "
-        f"got {fingerprint!r}"
-    ]
-
-
-def test_every_wrong_cell_of_a_track_is_told(tmp_path: Path) -> None:
-    track = results(tmp_path) / "track.csv"
-    text = track.read_text().replace("\n1,0.04,0.6,", "\n1,0.04,1.6,").replace("\n2,0.08,", "\n2,now,")
-    track.write_text(text.replace("\n3,0.12,0.6,0.4,", "\n3,0.12,0.6,-0.4,"))
-    assert [told for told in problems_of(tmp_path) if told.startswith("track.csv")] == [
-        "track.csv, line 3: factor: expected at most 1, got 1.6",
-        "track.csv, line 4: time_s: expected a number, got 'now'",
-        "track.csv, line 5: contrast_loss: expected at least 0, got -0.4",
-    ]
-
-
-def test_a_track_without_its_header_is_told(tmp_path: Path) -> None:
-    (results(tmp_path) / "track.json").unlink()
-    assert problems_of(tmp_path) == ["track.json: no such file; expected a TrackHeader in JSON"]
-
-
-@pytest.mark.parametrize("values", [[], [0.3], [0.0, 1.0], [0.2, 0.2, 0.9, 0.1, 0.4]])
-def test_the_mean_absolute_difference_is_the_double_sum(values: list[float]) -> None:
-    pairs = [abs(x - y) for i, x in enumerate(values) for y in values[i + 1 :]]
-    expected = sum(pairs) / len(pairs) if pairs else 0.0
-    assert mean_absolute_difference(np.array(values)) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_file_is_known_by_its_keys_where_its_name_says_nothing(display: Display, tmp_path: Path) -> None:

@@ -1,188 +1,31 @@
 """Playing clips, on a window that draws nothing: which frame each refresh shows, drops, probes, refusals."""
 
 import dataclasses
-import threading
-from collections.abc import Callable, Iterator
-from time import perf_counter, sleep
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from clip_windows import LAB, RIG, STEADY, Renderer, Video, Window, clip_of, played, readers, staged
 
-from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.rig import Actuator, Rig
+from data_schema.rig import Actuator
 from experiments import clip_player, window_stage
 from experiments.blind_stage import BlindStage
-from experiments.stage import Clip, PausePressed, ShownClip
-from experiments.window_stage import WindowStage
+from experiments.stage import Clip, PausePressed
 from hardware.backlights import SimulatedBacklight
 from hardware.clocks import RefreshClock
 from hardware.simulated_keyboard import SimulatedKeyboard
 from method.luminance import emitted_luminance
-from stimuli.dithering import thresholds_of
 from stimuli.field_renderer import Field
-from stimuli.image_codes import image_codes
 from stimuli.image_renderer import Picture
-
-LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
-RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)
-SIZE = (64, 48)
-
-
-class Video:
-    """Noise on gray, brighter from frame to frame."""
-
-    name = "walk"
-
-    def __init__(self, times: np.ndarray, size: tuple[int, int] = SIZE, fails_at: int | None = None) -> None:
-        self.times, self.size, self.fails_at = times, size, fails_at
-        self.n_frames: int | None = len(times)
-
-    def pixels(self, k: int) -> np.ndarray:
-        rng = np.random.default_rng(k)
-        return (rng.integers(0, 40, (self.size[1], self.size[0], 3)) + 100 + k).astype(np.uint8)
-
-    def frames(self) -> Iterator[Frame]:
-        for k, time in enumerate(self.times):
-            if k == self.fails_at:
-                raise InputError(f"walk.mkv is damaged at frame {k}")
-            yield Frame(float(time), 0.04, self.pixels(k))
-
-    def sha256(self) -> str:
-        return ""
-
-
-def clip_of(times: Any, video: Video | None = None, **changes: Any) -> Clip:
-    """A clip of frames that get darker; the last one lasts 0.04 s."""
-    times = np.asarray(times, dtype=float)
-    plain = {
-        "video": video or Video(times),
-        "times": times,
-        "duration": float(times[-1]) + 0.04,
-        "factors": np.linspace(1.0, 0.5, len(times)),
-        "noise_seed": 9,
-    }
-    return Clip(**(plain | changes))
-
-
-STEADY = clip_of(np.arange(50) / 25)  # 2 s
-
-
-class Renderer:
-    """Notes pictures and fields instead of drawing them."""
-
-    drawn: list[Any]
-
-    def __init__(self, *_: object) -> None:
-        type(self).drawn = []
-
-    def upload(self, levels: np.ndarray, count: int) -> np.ndarray:
-        assert count == 256
-        return levels
-
-    def draw(self, framebuffer: object, shown: Any, frame: int = 0, seed: int = 0) -> None:
-        Renderer.drawn.append((shown, frame, seed))
-
-
-class Window:
-    """A window whose flips take as many refreshes as a list says, then one each."""
-
-    def __init__(self, late: dict[int, int] | None = None, dims: bool = True) -> None:
-        self.clock, self.flips, self.late, self.dims = RefreshClock(50.0), 0, late or {}, dims
-
-    def size(self) -> tuple[int, int]:
-        return 401, 300
-
-    def bits(self) -> int:
-        return 8
-
-    def now(self) -> float:
-        return self.clock.now()
-
-    def context(self) -> None:
-        return None
-
-    def framebuffer(self) -> None:
-        return None
-
-    def flip(self) -> float:
-        self.flips += 1
-        return self.clock.advance(self.late.get(self.flips - 1, 1))
-
-    def read_codes(self, size: tuple[int, int] | None = None) -> np.ndarray:
-        """Return the codes of the image, which the part that is read back is as large as."""
-        assert size == SIZE
-        picture, frame, seed = Renderer.drawn[-1]
-        factor = picture.factor if self.dims else 1.0
-        thresholds = thresholds_of(RIG.dither, SIZE[::-1], frame, seed)
-        return image_codes(picture.image, factor, thresholds, LAB, 8)
-
-    def apparatus(self) -> dict[str, str]:
-        return {"window": "none"}
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture(autouse=True)
-def no_graphics(monkeypatch) -> Iterator[None]:
+def no_graphics(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
     monkeypatch.setattr(clip_player, "ImageRenderer", Renderer)
     yield
     assert readers() == 0
-
-
-class WindowInTime(Window):
-    """A window whose flips wait for the refreshes of a display of 50 Hz."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.times: list[float] = []
-
-    def now(self) -> float:
-        return perf_counter()
-
-    def flip(self) -> float:
-        sleep(0.02 - self.now() % 0.02)
-        self.times.append(self.now())
-        return self.times[-1]
-
-
-class SlowVideo(Video):
-    """A video that takes its time to decode a frame [s]."""
-
-    def __init__(self, times: np.ndarray, seconds: float) -> None:
-        super().__init__(times)
-        self.seconds, self.decoded = seconds, 0
-
-    def frames(self) -> Iterator[Frame]:
-        for frame in super().frames():
-            sleep(self.seconds)
-            self.decoded += 1
-            yield frame
-
-
-def readers() -> int:
-    return sum(thread.name == "frames of walk" for thread in threading.enumerate())
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait for something that takes a moment."""
-    end = perf_counter() + 10
-    while not happened() and perf_counter() < end:
-        sleep(0.001)
-    assert happened()
-
-
-def staged(window: Window, rig: Rig = RIG, backlight: SimulatedBacklight | None = None):
-    keyboard = SimulatedKeyboard(window.now)
-    return WindowStage(window, keyboard, rig, LAB, 20.0, backlight), keyboard
-
-
-def played(clip: Clip, window: Window | None = None) -> ShownClip:
-    return staged(window or Window())[0].play(clip)
 
 
 def test_a_frame_of_25_hz_is_shown_for_two_refreshes_of_50_hz() -> None:
@@ -340,105 +183,3 @@ def test_without_a_window_the_same_frames_are_counted() -> None:
     keyboard.queue("escape", delay=0.1)
     with pytest.raises(PausePressed):
         BlindStage(RIG, clock, keyboard).play(STEADY)
-
-
-FEW = np.arange(10) / 25  # 0.4 s, all of which are decoded before the first is shown
-
-
-def test_until_a_clip_can_begin_the_field_goes_on_and_the_wait_is_in_the_record() -> None:
-    """10 frames of 0.03 s each: 0.3 s, in which a display of 50 Hz has 15 refreshes."""
-    window, video = WindowInTime(), SlowVideo(FEW, 0.03)
-    stage, _ = staged(window)
-    stage.wait(0.1, 33.0)
-    Renderer.drawn.clear()
-    begun = window.now()
-    shown = stage.play(clip_of(FEW, video))
-    fields = [field.luminance for field, _, _ in Renderer.drawn if isinstance(field, Field)]
-    assert set(fields) == {33.0}
-    assert [type(drawn) for drawn, _, _ in Renderer.drawn[: len(fields)]] == [Field] * len(fields)
-    assert 0.3 <= shown.waited <= shown.onset - begun
-    assert shown.onset - begun - shown.waited < 0.2
-    assert len(fields) >= shown.waited * 50 / 2  # all of them, but for a machine that is busy
-    assert len(window.times) >= len(fields) + len(shown.flip_times)
-
-
-def test_a_long_clip_begins_when_two_seconds_of_it_are_there(monkeypatch) -> None:
-    """2 s at 25 Hz are 51 frames, from the first to the last; all 500 would take 3 s."""
-    times = np.arange(500) / 25
-    video, window = SlowVideo(times, 0.006), WindowInTime()
-    stage, keyboard = staged(window)
-    decoded: list[int] = []
-
-    def upload(_: Renderer, levels: np.ndarray, count: int) -> np.ndarray:
-        decoded.append(video.decoded)
-        keyboard.queue("escape", delay=0.001)
-        return levels
-
-    monkeypatch.setattr(Renderer, "upload", upload)
-    with pytest.raises(PausePressed):
-        stage.play(clip_of(times, video))
-    assert 51 <= decoded[0] < 250
-
-
-def test_the_pause_key_is_taken_while_a_clip_is_waited_for() -> None:
-    window, video = WindowInTime(), SlowVideo(FEW, 0.1)
-    stage, keyboard = staged(window)
-    keyboard.queue("escape", delay=0.1)
-    begun = window.now()
-    with pytest.raises(PausePressed):
-        stage.play(clip_of(FEW, video))
-    assert window.now() - begun < 0.6  # of 1 s that it would take
-    assert not [drawn for drawn, _, _ in Renderer.drawn if isinstance(drawn, Picture)]
-    assert readers() == 0
-
-
-def test_a_clip_prepared_in_time_is_not_waited_for_and_read_once() -> None:
-    window, video = WindowInTime(), SlowVideo(FEW, 0.01)
-    stage, _ = staged(window)
-    clip = clip_of(FEW, video)
-    stage.prepare_clip(clip)
-    stage.prepare_clip(clip)
-    until(lambda: readers() == 0)  # all of it is there
-    shown = stage.play(dataclasses.replace(clip, factors=np.full(10, 0.4), label=""))
-    assert shown.waited < 0.05  # of 0.1 s that the reading took
-    assert set(shown.factors) == {0.4}
-    assert video.decoded == 10
-
-
-def test_on_a_clock_that_counts_refreshes_nothing_is_waited_for() -> None:
-    video = SlowVideo(FEW, 0.01)
-    assert played(clip_of(FEW, video)) == played(clip_of(FEW))
-    assert played(clip_of(FEW, video)).waited == 0.0
-
-
-def close_the_stage(stage: WindowStage, _: SimulatedKeyboard) -> None:
-    stage.close()
-
-
-def prepare_another(stage: WindowStage, _: SimulatedKeyboard) -> None:
-    stage.prepare_clip(clip_of(FEW, Video(FEW), seconds=0.04))
-    until(lambda: readers() == 0)
-
-
-def play_another(stage: WindowStage, _: SimulatedKeyboard) -> None:
-    stage.play(clip_of(FEW))
-
-
-def press_the_pause_key(stage: WindowStage, keyboard: SimulatedKeyboard) -> None:
-    keyboard.queue("escape", delay=0.02)
-    with pytest.raises(PausePressed):
-        stage.wait(1.0, 20.0)
-
-
-@pytest.mark.parametrize("end", [close_the_stage, prepare_another, play_another, press_the_pause_key])
-def test_a_clip_that_is_prepared_and_not_played_is_let_go(end: Callable[..., None]) -> None:
-    stage, keyboard = staged(Window())
-    stage.prepare_clip(clip_of(np.arange(10**4) / 25, SlowVideo(np.arange(10**4) / 25, 0.01)))
-    assert readers() == 1
-    end(stage, keyboard)
-    assert readers() == 0
-
-
-def test_a_video_of_another_length_is_refused_when_it_is_prepared() -> None:
-    with pytest.raises(InputError, match="'walk' has 40 frames, and its brightness track 50"):
-        staged(Window())[0].prepare_clip(clip_of(TIMES, Video(TIMES[:40])))

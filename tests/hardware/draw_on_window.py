@@ -24,8 +24,9 @@ from stimuli.field_renderer import Field, FieldRenderer
 from stimuli.page_image import page_image
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=60.0)
-SLOW = RampInterval(100.0, 99.0, 1.0, 0.0, 5.0, 0.1, noise_seed=20260731)  # 0.2 cd/m^2/s
+SLOW = RampInterval(100.0, 99.0, 1.0, 0.0, 5.0, 0.2, noise_seed=20260731)  # 0.2 cd/m^2/s
 SIZE = (321, 243)  # odd, so that rows and columns are no multiples of anything
+RATE = 30.0  # [Hz]
 
 
 class ReadBack:
@@ -88,19 +89,19 @@ def page(window: PsychoPyWindow, rig: Rig) -> int:
 def refusal(rig: Rig, **changes: object) -> str:
     """Return what is said of a rig that the computer has not."""
     try:
-        open_window(dataclasses.replace(rig, **changes), RefreshClock(60.0))
+        open_window(dataclasses.replace(rig, **changes), RefreshClock(RATE))
     except InputError as error:
         return str(error)
     return ""
 
 
 def main(bits: int) -> None:
-    rig = dataclasses.replace(load_rig("simulated")[0], window_size=SIZE, bits=bits)
+    rig = dataclasses.replace(load_rig("simulated")[0], window_size=SIZE, bits=bits, refresh_rate=RATE)
     said = {
         "bits": refusal(rig, bits=18 - bits),
         "screen": refusal(rig, screen=7),
     }
-    with open_window(rig, RefreshClock(60.0)) as window:
+    with open_window(rig, RefreshClock(RATE)) as window:
         ramps = {dither.value: slow_ramp(window, rig, dither) for dither in Dither}
         result = {
             "size": window.size(),

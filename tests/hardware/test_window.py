@@ -55,7 +55,7 @@ def errors(drawn: Drawn, dither: str) -> np.ndarray:
     times = np.array(ramp["flip_times"])
     wanted = 100.0 - 0.2 * np.minimum(times, 5.0)
     np.testing.assert_allclose(ramp["intended"], wanted, atol=1e-9)
-    assert len(ramp["means"]) == 306  # 5.1 s at 60 Hz
+    assert len(ramp["means"]) == 156  # 5.2 s at 30 Hz
     return np.asarray(ramp["means"]) - wanted
 
 
@@ -93,7 +93,7 @@ def test_the_noise_is_fresh_in_each_frame(drawn_8: Drawn) -> None:
 def test_a_dozen_frames_are_read_back_by_the_stage_itself(drawn_8: Drawn) -> None:
     ramp = drawn_8["ramps"]["noisy_bit"]
     assert len(ramp["probe_frames"]) == 12
-    assert (ramp["probe_frames"][0], ramp["probe_frames"][-1]) == (0, 305)
+    assert (ramp["probe_frames"][0], ramp["probe_frames"][-1]) == (0, 155)
     intended = np.array(ramp["intended"])[ramp["probe_frames"]]
     # 256 x 243 pixels: 0.43 / sqrt(n) = 0.0017
     assert np.abs(np.array(ramp["probes"]) - intended).max() < 0.01
@@ -101,8 +101,8 @@ def test_a_dozen_frames_are_read_back_by_the_stage_itself(drawn_8: Drawn) -> Non
 
 def test_the_virtual_clock_goes_by_one_refresh_a_flip(drawn_8: Drawn) -> None:
     times = drawn_8["ramps"]["noisy_bit"]["flip_times"]
-    np.testing.assert_allclose(times, np.arange(306) / 60, atol=1e-9)
-    assert drawn_8["measured"] == pytest.approx(60.0)
+    np.testing.assert_allclose(times, np.arange(156) / 30, atol=1e-9)
+    assert drawn_8["measured"] == pytest.approx(30.0)
     assert drawn_8["apparatus"]["clock"] == "refreshes drawn"
 
 

@@ -1,22 +1,21 @@
 """A laboratory on a virtual screen, for sessions that are seen, killed and resumed."""
 
+import dataclasses
 import json
+import math
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from warm_evenlight import Run
 
-import evenlight
 from data_schema.dataset_layout import EVENTS, TRIALS
 from data_schema.text_files import write_toml_record
-
-ROOT = Path(evenlight.__file__).parent
+from hardware.rig_files import load_rig
 
 
 class Laboratory:
@@ -26,22 +25,15 @@ class Laboratory:
         seed = int(os.environ.get("KILL_SEED") or random.randrange(2**32))
         print(f"moments of the kills: KILL_SEED={seed}")  # shown if the test fails; set it to see them again
         self._chance = random.Random(seed)
-        self.folder, self._task, self._options = folder, task, options or ("--rig", "simulated")
+        self.folder, self._task, self._options = folder, task, options
         self._design = folder / f"{task}.design.toml"
         write_toml_record(self._design, design)
         self._environment = os.environ | {"DISPLAY": display}
 
-    def start(self, name: str, *more: object) -> subprocess.Popen[str]:
+    def start(self, name: str, *more: object) -> Run:
         words = ["--participant", "01", "--session", "01", "--simulate", "visual", *self._options]
         words += ["--out", self.folder / name, "--design", self._design, *more]
-        return subprocess.Popen(
-            [sys.executable, "-m", "evenlight", "run", self._task, *map(str, words)],
-            cwd=ROOT,
-            env=self._environment,
-            text=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
+        return Run(["run", self._task, *map(str, words)], self._environment)
 
     def run(self, name: str, *more: object, told: str = "") -> str:
         """Run a session to its end; return what it said. On standard error there is `told`, or nothing."""
@@ -57,9 +49,12 @@ class Laboratory:
         begun = self.count(name)
         process = self.start(name, *more)
         goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 100
-        while self.count(name) < goal and process.poll() is None and time.monotonic() < end:
+        first = math.inf  # when the first trial began
+        while (count := self.count(name)) < goal and process.poll() is None and time.monotonic() < end:
+            first = min(first, time.monotonic()) if count > begun else first
             time.sleep(0.005)
-        time.sleep(self._chance.uniform(0.0, 0.15))
+        a_trial = max(0.0, time.monotonic() - first) / (goal - begun - 1)  # as long as one takes here
+        time.sleep(self._chance.uniform(0.0, a_trial))
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=60)
         assert process.returncode == -signal.SIGKILL
@@ -78,3 +73,12 @@ class Laboratory:
 def laboratory() -> type[Laboratory]:
     """Make a laboratory of a folder, a task, a design, a DISPLAY and more options of `run`."""
     return Laboratory
+
+
+@pytest.fixture(scope="session")
+def small_rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A window as small as pages find room on, which a processor draws soon, at half the usual refreshes."""
+    rig = dataclasses.replace(load_rig("simulated")[0], window_size=(480, 300), refresh_rate=30.0)
+    path = tmp_path_factory.mktemp("rig") / "small.rig.toml"
+    write_toml_record(path, rig)
+    return path

@@ -13,6 +13,7 @@ from data_schema.rate_limit import RateLimit
 from data_schema.text_files import read_json_record, read_rows
 from data_schema.threshold import Threshold
 from method.rate_limit import rate_limit_at
+from stimuli.sequences import built_in_sequence
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,10 @@ def test_everything_validates(folder, command) -> None:
     assert command("validate", folder / "track").code == 0
 
 
-def test_a_second_demo_may_take_the_place_of_the_first(folder) -> None:
+def test_a_second_demo_may_take_the_place_of_the_first(folder, monkeypatch) -> None:
+    """Of a smaller video: what is shown of the first is in the tests above."""
+    shorter = built_in_sequence("sunrise", size=(64, 36), duration=4.0, frames_per_second=5.0)
+    monkeypatch.setattr("stimuli.sequences.built_in_sequence", lambda name, **_: shorter)
     before = sha256_of_file(folder / "calibration" / "thresholds.csv")
     with pytest.raises(SystemExit) as ended:
         evenlight.main(["demo", "--out", str(folder), "--participants", "2", "--seed", "3", "--quiet"])

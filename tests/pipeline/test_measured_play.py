@@ -4,42 +4,32 @@ import csv
 import itertools
 import json
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from warm_evenlight import Run
 
-import evenlight
 from data_schema.power_log import FlashMark, PlayedFlip, PowerSample
 from data_schema.text_files import read_rows
 from hardware.simulated_panel import PanelPhysics
 from method.preset_files import load_display
 
-ROOT = Path(evenlight.__file__).parent
 FRAMES, RATE = 30, 20.0
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory, virtual_screen, make_stimulus, make_video):
+def measured(tmp_path_factory, virtual_screen, small_rig, make_stimulus, make_video):
     """A video of a second and a half with its track, and the folder of its measured power."""
     folder = tmp_path_factory.mktemp("measured")
     factors = np.linspace(0.9, 0.3, FRAMES)
     make_stimulus(folder / "track", factors, frames_per_second=RATE)
     make_video(folder / "clip.mkv", np.linspace(0.2, 0.9, FRAMES), (64, 48), RATE)
-    words = ["play", folder / "clip.mkv", folder / "track", "--rig", "simulated", "--simulate"]
+    words = ["play", folder / "clip.mkv", folder / "track", "--rig", small_rig, "--simulate"]
     words += ["--measure-power", "--passes", "2", "--out", folder / "power"]
-    done = subprocess.run(
-        [sys.executable, "-m", "evenlight", *map(str, words)],
-        cwd=ROOT,
-        env=os.environ | {"DISPLAY": virtual_screen(24)},
-        capture_output=True,
-        text=True,
-        timeout=200,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder / "power", done.stdout, factors
+    done = Run([str(word) for word in words], os.environ | {"DISPLAY": virtual_screen(24)})
+    out, err = done.communicate(timeout=200)
+    assert done.returncode == 0, err
+    return folder / "power", out, factors
 
 
 def panel_power(factor):

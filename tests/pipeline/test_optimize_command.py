@@ -13,6 +13,8 @@ from data_schema.text_files import write_json_record
 from method.preset_files import load_display
 from stimuli.video_writer import write_video
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 
 def texture(seed, height=36, width=48):
     """A picture with detail at every scale, pixel values in [0, 1]."""

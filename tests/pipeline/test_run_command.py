@@ -2,47 +2,17 @@
 
 import dataclasses
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from blind_sessions import RIG, SMALL, arguments, rows, written
 
-import evenlight
 from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
-from data_schema.ramp import Placement, Procedure, RampDesign, RampTrial
-from data_schema.text_files import write_toml_record
+from data_schema.ramp import RampDesign, RampTrial
 
-Run = Callable[..., Any]
-PROGRAM = [sys.executable, "-m", "evenlight"]
-ROOT = Path(evenlight.__file__).parent
-SMALL = RampDesign(
-    screens=("white",),
-    factors=(0.5, 1.0),
-    relative_rates=(0.02, 0.06),
-    repetitions=2,
-    practice_trials=2,
-    trials_between_breaks=4,
-    adaptation_duration=0.1,
-    ramp_durations=(0.5,),
-    hold_duration=0.1,
-)  # 8 ramps, 2 catch trials
-ADAPTIVE = RampDesign(
-    procedure=Procedure.TWO_INTERVAL,
-    placement=Placement.TARGETED,
-    factors=(0.4, 1.0),
-    trials_per_level=50,
-    practice_trials=2,
-    trials_between_breaks=0,
-)  # 200 trials at real durations: slow enough to be killed in the midst of it
-# What an interruption may change: when a trial was shown, and how often.
-CHANGES = {"onset_s", "attempt"}
+Command = Callable[..., Any]
 
 
 @pytest.fixture
@@ -50,27 +20,9 @@ def design(tmp_path: Path) -> Path:
     return written(SMALL, tmp_path)
 
 
-def written(design: RampDesign, folder: Path) -> Path:
-    path = folder / "small.design.toml"
-    write_toml_record(path, design)
-    return path
-
-
-def arguments(dataset: Path, design: Path, *more: object) -> list[str]:
-    ids = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "data"]
-    return ["run", "ramp", *ids, "--out", str(dataset), "--design", str(design), *map(str, more)]
-
-
-def rows(dataset: Path, name: str = TRIALS, participant: str = "01") -> list[dict[str, Any]]:
-    path = dataset / f"sub-{participant}/ses-01" / name
-    return [json.loads(line) for line in path.read_text().splitlines()]
-
-
-def without_times(trials: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{key: value for key, value in trial.items() if key not in CHANGES} for trial in trials]
-
-
-def test_a_whole_session_leaves_a_data_set_that_validates(command: Run, tmp_path: Path, design: Path) -> None:
+def test_a_whole_session_leaves_a_data_set_that_validates(
+    command: Command, tmp_path: Path, design: Path
+) -> None:
     lab = tmp_path / "lab"
     ended = command(*arguments(lab, design))
     assert (ended.code, ended.err) == (0, "")
@@ -86,7 +38,7 @@ def test_a_whole_session_leaves_a_data_set_that_validates(command: Run, tmp_path
     assert len(manifest["pages"]["consent"]) == 64
 
 
-def test_frames_are_logged_for_every_interval(command: Run, tmp_path: Path, design: Path) -> None:
+def test_frames_are_logged_for_every_interval(command: Command, tmp_path: Path, design: Path) -> None:
     """0.1 + 0.5 + 0.1 s at 60 Hz are 42 frames."""
     command(*arguments(tmp_path / "lab", design))
     frames = rows(tmp_path / "lab", FRAMES)
@@ -98,7 +50,7 @@ def test_frames_are_logged_for_every_interval(command: Run, tmp_path: Path, desi
         assert frame["intended_luminance_cd_m2"][-1] == pytest.approx(trial["final_luminance_cd_m2"])
 
 
-def test_events_tell_the_course_of_the_session(command: Run, tmp_path: Path, design: Path) -> None:
+def test_events_tell_the_course_of_the_session(command: Command, tmp_path: Path, design: Path) -> None:
     """Consent, instructions, two trials for practice with feedback, breaks after 4 and 8 of 10, thanks."""
     command(*arguments(tmp_path / "lab", design))
     events = rows(tmp_path / "lab", EVENTS)
@@ -111,7 +63,7 @@ def test_events_tell_the_course_of_the_session(command: Run, tmp_path: Path, des
 
 
 def test_a_rehearsal_is_the_same_every_time_and_another_for_everybody(
-    command: Run, tmp_path: Path, design: Path
+    command: Command, tmp_path: Path, design: Path
 ) -> None:
     for name in ("a", "b"):
         command(*arguments(tmp_path / name, design))
@@ -121,51 +73,6 @@ def test_a_rehearsal_is_the_same_every_time_and_another_for_everybody(
     command(*other)
     first, second = rows(tmp_path / "a"), rows(tmp_path / "a", participant="02")
     assert [t["rate_cd_m2_s"] for t in first] != [t["rate_cd_m2_s"] for t in second]
-
-
-def killed(dataset: Path, design: Path, resume: bool, after: int) -> None:
-    """Run a session and kill it with SIGKILL once some more lines are in its log of events."""
-    path = dataset / "sub-01/ses-01" / EVENTS
-    goal = (len(path.read_text().splitlines()) if path.exists() else 0) + after
-    more = ["--resume"] if resume else []
-    process = subprocess.Popen(
-        [*PROGRAM, *arguments(dataset, design, *more)], cwd=ROOT, stdout=subprocess.DEVNULL
-    )
-    end = time.monotonic() + 60
-    while process.poll() is None and time.monotonic() < end:
-        if path.exists() and path.read_bytes().count(b"\n") >= goal:
-            process.send_signal(signal.SIGKILL)
-    process.wait(timeout=60)
-    assert process.returncode == -signal.SIGKILL
-
-
-def test_a_session_killed_again_and_again_gives_the_trials_of_an_unbroken_one(
-    command: Run, tmp_path: Path
-) -> None:
-    """Adaptive placement: every rate depends on all answers before, so a lost one would change the rest."""
-    design = written(ADAPTIVE, tmp_path)
-    assert command(*arguments(tmp_path / "whole", design)).code == 0
-    whole = rows(tmp_path / "whole")
-    assert len(whole) == 202
-    broken = tmp_path / "broken"
-    seed = int.from_bytes(os.urandom(4))
-    print(f"the moments of the kills have the seed {seed}")  # pytest shows it where the test fails
-    rng = np.random.default_rng(seed)
-    seen: list[dict[str, Any]] = []
-    for attempt in range(4):
-        killed(broken, design, resume=attempt > 0, after=int(rng.integers(5, 35)))
-        lines = (broken / "sub-01/ses-01" / TRIALS).read_text().split("\n")[:-1]
-        recorded = [json.loads(line) for line in lines]
-        assert recorded[: len(seen)] == seen  # no completed trial is lost
-        seen = recorded
-    assert command(*arguments(broken, design, "--resume")).code == 0
-    assert without_times(rows(broken)) == without_times(whole)
-    assert command("validate", broken).code == 0
-    events = rows(broken, EVENTS)
-    assert sum(e["kind"] == "resumed" for e in events) == 4
-    interrupted = [e for e in events if e["kind"] == "trial_interrupted"]
-    again = {t["trial_index"] for t in rows(broken) if t["attempt"] > 1}
-    assert again == {e["trial_index"] for e in interrupted}
 
 
 @pytest.mark.parametrize(
@@ -188,7 +95,7 @@ def test_a_session_killed_again_and_again_gives_the_trials_of_an_unbroken_one(
     ],
 )
 def test_bad_input_ends_in_one_line_and_leaves_nothing(
-    command: Run, tmp_path: Path, design: Path, changed: dict[str, str | None], message: str
+    command: Command, tmp_path: Path, design: Path, changed: dict[str, str | None], message: str
 ) -> None:
     words = arguments(tmp_path / "lab", design)
     for option, value in changed.items():
@@ -201,9 +108,6 @@ def test_bad_input_ends_in_one_line_and_leaves_nothing(
     assert message in ended.err
     assert ended.err.count("\n") == 1
     assert not (tmp_path / "lab").exists()
-
-
-RIG = 'name = "desk"\ndisplay = "varjo-xr3"\nviewing_distance_m = 0.6\nrefresh_rate_hz = 60.0\n'
 
 
 @pytest.mark.parametrize(
@@ -222,7 +126,7 @@ RIG = 'name = "desk"\ndisplay = "varjo-xr3"\nviewing_distance_m = 0.6\nrefresh_r
     ],
 )
 def test_a_rig_that_cannot_be_used_is_refused_in_one_line(
-    command: Run, tmp_path: Path, design: Path, text: str, message: str
+    command: Command, tmp_path: Path, design: Path, text: str, message: str
 ) -> None:
     path = tmp_path / "bad.rig.toml"
     path.write_text(text)
@@ -234,7 +138,7 @@ def test_a_rig_that_cannot_be_used_is_refused_in_one_line(
     assert not (tmp_path / "lab").exists()
 
 
-def test_slopes_that_the_display_would_clip_are_refused(command: Run, tmp_path: Path) -> None:
+def test_slopes_that_the_display_would_clip_are_refused(command: Command, tmp_path: Path) -> None:
     """Black is 20 of 100 cd/m^2: a ramp from 100 by 18 %/s for 5 s would end at 10."""
     (tmp_path / "washed.toml").write_text(
         'name = "washed"\npeak_luminance_cd_m2 = 100.0\nblack_level_cd_m2 = 20.0\n'
@@ -253,7 +157,7 @@ def test_slopes_that_the_display_would_clip_are_refused(command: Run, tmp_path: 
 
 @pytest.mark.parametrize("rehearsal", ["data", "visual"])
 def test_ramps_below_the_backlights_lowest_factor_are_refused_before_a_window_opens(
-    command: Run, tmp_path: Path, rehearsal: str
+    command: Command, tmp_path: Path, rehearsal: str
 ) -> None:
     """99.5 % less than b = 0.04 is b = 0.0002; 12 bits have 1/4095 = 0.00024. From 0.06 on it is 0.0003."""
     (tmp_path / "dimmer.rig.toml").write_text(RIG + 'actuator = "backlight"\nbacklight = "simulated"\n')
@@ -274,7 +178,7 @@ def test_ramps_below_the_backlights_lowest_factor_are_refused_before_a_window_op
 
 
 def test_a_rehearsal_without_a_window_needs_no_backlight_of_the_rigs_computer(
-    command: Run, tmp_path: Path, design: Path
+    command: Command, tmp_path: Path, design: Path
 ) -> None:
     text = RIG + 'actuator = "backlight"\nbacklight = "sysfs:no_panel_of_this_name"\n'
     (tmp_path / "panel.rig.toml").write_text(text)
@@ -291,68 +195,6 @@ def test_a_rehearsal_without_a_window_needs_no_backlight_of_the_rigs_computer(
 
 
 @pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ([], "this session is there already and data are never overwritten"),
-        (["--resume"], "this session is complete; give another --session"),
-    ],
-)
-def test_a_complete_session_is_neither_overwritten_nor_resumed(
-    command: Run, tmp_path: Path, design: Path, more: list[str], message: str
-) -> None:
-    lab = tmp_path / "lab"
-    command(*arguments(lab, design))
-    before = {p: p.read_bytes() for p in lab.rglob("*") if p.is_file()}
-    ended = command(*arguments(lab, design, *more))
-    assert ended.code == 2
-    assert message in ended.err
-    assert {p: p.read_bytes() for p in lab.rglob("*") if p.is_file()} == before
-
-
-def test_a_session_is_resumed_only_as_it_began(command: Run, tmp_path: Path) -> None:
-    design = written(ADAPTIVE, tmp_path)
-    killed(tmp_path / "lab", design, resume=False, after=20)
-    other = tmp_path / "other.toml"
-    write_toml_record(other, SMALL)
-    ended = command(*arguments(tmp_path / "lab", other, "--resume"))
-    assert (ended.code, "--design is not as it was when this session began" in ended.err) == (2, True)
-    ended = command(*arguments(tmp_path / "lab", design, "--resume", "--seed", 5))
-    assert (ended.code, "--seed is not as it was" in ended.err) == (2, True)
-
-
-def test_another_rig_is_refused_but_another_language_and_keys_are_noted(command: Run, tmp_path: Path) -> None:
-    design = written(ADAPTIVE, tmp_path)
-    killed(tmp_path / "lab", design, resume=False, after=20)
-    other = tmp_path / "other.rig.toml"
-    other.write_text(RIG.replace("60.0", "144.0"))
-    words = arguments(tmp_path / "lab", design, "--resume")
-    words[words.index("--rig") + 1] = str(other)
-    ended = command(*words)
-    assert (ended.code, "--rig is not as it was" in ended.err) == (2, True)
-    assert command(*arguments(tmp_path / "lab", design, "--resume", "--language", "de")).code == 0
-    changed = [e for e in rows(tmp_path / "lab", EVENTS) if e["kind"] == "changed"]
-    assert len(changed) == 1
-    assert "page consent" in json.loads(changed[0]["detail"])
-
-
-def test_a_session_that_is_interrupted_says_that_it_can_be_resumed(tmp_path: Path) -> None:
-    design = written(ADAPTIVE, tmp_path)
-    path = tmp_path / "lab/sub-01/ses-01" / TRIALS
-    process = subprocess.Popen(
-        [*PROGRAM, *arguments(tmp_path / "lab", design)], cwd=ROOT, stderr=subprocess.PIPE, text=True
-    )
-    end = time.monotonic() + 60
-    while not (path.exists() and path.read_bytes().count(b"\n") > 5) and time.monotonic() < end:
-        time.sleep(0.002)
-    process.send_signal(signal.SIGINT)
-    err = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
-    assert err.count("\n") == 1
-    assert "all of them are safe, go on with --resume" in err
-    assert rows(tmp_path / "lab", EVENTS)[-1]["kind"] == "stopped"
-
-
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         (('"factor": 0.5', '"factor": 0.7'), "the session's design has no white screen at factor 0.7"),
@@ -361,7 +203,7 @@ def test_a_session_that_is_interrupted_says_that_it_can_be_resumed(tmp_path: Pat
     ],
 )
 def test_rows_out_of_range_are_refused_by_the_fit(
-    command: Run, tmp_path: Path, design: Path, change: tuple[str, str], message: str
+    command: Command, tmp_path: Path, design: Path, change: tuple[str, str], message: str
 ) -> None:
     command(*arguments(tmp_path / "lab", design))
     path = tmp_path / "lab/sub-01/ses-01" / TRIALS
@@ -376,7 +218,7 @@ def test_rows_out_of_range_are_refused_by_the_fit(
     assert not (tmp_path / "fit").exists()
 
 
-def test_frames_that_are_lost_are_found(command: Run, tmp_path: Path, design: Path) -> None:
+def test_frames_that_are_lost_are_found(command: Command, tmp_path: Path, design: Path) -> None:
     command(*arguments(tmp_path / "lab", design))
     (tmp_path / "lab/sub-01/ses-01" / FRAMES).write_text("")
     ended = command("validate", tmp_path / "lab")
@@ -384,7 +226,7 @@ def test_frames_that_are_lost_are_found(command: Run, tmp_path: Path, design: Pa
     assert "no frames of trial 0, attempt 1, interval 1" in ended.out
 
 
-def test_sessions_of_one_participant_have_another_order_of_blocks(command: Run, tmp_path: Path) -> None:
+def test_sessions_of_one_participant_have_another_order_of_blocks(command: Command, tmp_path: Path) -> None:
     both = RampDesign(
         factors=(0.5,), relative_rates=(0.02, 0.06), repetitions=1, practice_trials=0, ramp_durations=(0.5,)
     )
@@ -400,7 +242,7 @@ def test_sessions_of_one_participant_have_another_order_of_blocks(command: Run, 
     assert sorted(screens) == ["gray", "white"]
 
 
-def test_the_columns_of_the_export_are_described(command: Run, tmp_path: Path, design: Path) -> None:
+def test_the_columns_of_the_export_are_described(command: Command, tmp_path: Path, design: Path) -> None:
     command(*arguments(tmp_path / "lab", design))
     sidecar = tmp_path / "lab/sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.json"
     content = json.loads(sidecar.read_text())

@@ -51,12 +51,13 @@ CHANGES = {"onset_s", "attempt"}  # what an interruption may change: when, and h
 def test_a_killed_and_resumed_session_gives_the_trials_of_an_unbroken_one(
     tmp_path: Path,
     name: str,
+    small_rig: Path,
     laboratory: Callable[..., Any],
     virtual_screen: Callable[..., str],
     command: Callable[..., Any],
 ) -> None:
     """Rows are compared whole: rates, answers, response times, and what was read back from the window."""
-    lab = laboratory(tmp_path, "ramp", DESIGNS[name], virtual_screen())
+    lab = laboratory(tmp_path, "ramp", DESIGNS[name], virtual_screen(), "--rig", small_rig)
     shots = tmp_path / "screens"
     assert "complete" in lab.run("whole", "--screenshots", shots)
     seen: list[dict[str, Any]] = []

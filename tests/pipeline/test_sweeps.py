@@ -2,13 +2,11 @@
 
 import dataclasses
 import json
-import subprocess
-import sys
-from pathlib import Path
+import os
 
 import pytest
+from warm_evenlight import Run
 
-import evenlight
 from analysis.sweep_results import fit_sweep
 from data_schema.display import Display
 from data_schema.power_model import PowerModel
@@ -21,7 +19,6 @@ from experiments.staging import Staging
 from hardware.simulated_panel import PanelPhysics, SimulatedPanel
 from method.preset_files import load_display
 
-ROOT = Path(evenlight.__file__).parent
 NEW_RIG = """
 name = "new"
 display = "new.display.toml"
@@ -201,20 +198,13 @@ def test_a_display_measured_too_long_ago_is_refused_before_a_window_opens(tmp_pa
     assert (done.code, "2020-01-01" in done.err) == (2, True)
 
 
-def test_a_sweep_on_a_window_draws_the_codes_that_it_says(tmp_path, virtual_screen):
-    import os
-
-    words = ["run", "luminance-sweep", "--session", "01", "--rig", "simulated", "--design", "quick"]
-    done = subprocess.run(
-        [sys.executable, "-m", "evenlight", *words, "--simulate", "visual", "--out", str(tmp_path / "lab")],
-        cwd=ROOT,
-        env=os.environ | {"DISPLAY": virtual_screen(24)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+def test_a_sweep_on_a_window_draws_the_codes_that_it_says(tmp_path, small_rig, virtual_screen):
+    words = ["run", "luminance-sweep", "--session", "01", "--rig", str(small_rig), "--design", "quick"]
+    words += ["--simulate", "visual", "--out", str(tmp_path / "lab")]
+    done = Run(words, os.environ | {"DISPLAY": virtual_screen(24)})
+    _, err = done.communicate(timeout=120)
     # The screen reads each code back after drawing it, and refuses another.
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, err
     manifest = json.loads((tmp_path / "lab/sweeps/luminance-sweep_01/sweep.json").read_text())
     assert manifest["simulated"]
     assert manifest["apparatus"]["bits"] == "8"

@@ -11,6 +11,8 @@ import pytest
 from data_schema.brightness_track import read_track
 from data_schema.loss_curves import read_loss_curves
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 STEPS = (1, 2, 1, 1, 2, 1, 1, 3, 6, 10, 8, 9, 7, 10, 6, 8)  # how long each frame stays [s]
 TIMES = np.cumsum((0.0, *STEPS[:-1]))
 TICKS = 25  # of the file's clock [1/s]

@@ -4,8 +4,6 @@ import dataclasses
 import json
 import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,14 +12,13 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from warm_evenlight import Run
 
-import evenlight
 from data_schema.text_files import write_toml_record
 from data_schema.viewing import RatingDesign
 from hardware.rig_files import load_rig
 from method.preset_files import load_display
 
-ROOT = Path(evenlight.__file__).parent
 NAMES = ("bright", "dark")
 N = 10
 
@@ -136,33 +133,25 @@ def test_a_track_that_ends_before_its_path_is_refused(
 class Screen:
     """Sessions in processes of their own, on a virtual screen."""
 
-    def __init__(self, folder: Path, display: str) -> None:
-        self._folder, self._environment = folder, os.environ | {"DISPLAY": display}
+    def __init__(self, folder: Path, rig: Path, display: str) -> None:
+        self._folder, self._rig = folder, rig
+        self._environment = os.environ | {"DISPLAY": display}
 
-    def start(self, stimuli: Path, design: Path, *more: str) -> subprocess.Popen[str]:
-        words = ["--participant", "01", "--session", "01", "--rig", "simulated", "--simulate", "visual"]
-        words += [
-            "--stimuli",
-            str(stimuli),
-            "--design",
-            str(design),
-            "--out",
-            str(self._folder / "lab"),
-            *more,
-        ]
-        command = [sys.executable, "-m", "evenlight", "run", "rating", *words]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        return subprocess.Popen(command, cwd=ROOT, env=self._environment, text=True, **pipes)
+    def start(self, stimuli: Path, design: Path, *more: str) -> Run:
+        words = ["--participant", "01", "--session", "01", "--rig", self._rig, "--simulate", "visual"]
+        words += ["--stimuli", stimuli, "--design", design, "--out", self._folder / "lab", *more]
+        return Run(["run", "rating", *map(str, words)], self._environment)
 
-    def run(self, stimuli: Path, design: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    def run(self, stimuli: Path, design: Path, *more: str) -> tuple[int | None, str]:
+        """Run a session; return its exit code, and what it said on standard error."""
         process = self.start(stimuli, design, *more)
-        out, err = process.communicate(timeout=120)
-        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+        _, err = process.communicate(timeout=120)
+        return process.returncode, err
 
 
 @pytest.fixture
-def screen(tmp_path: Path, virtual_screen: Callable[..., str]) -> Screen:
-    return Screen(tmp_path, virtual_screen())
+def screen(tmp_path: Path, small_rig: Path, virtual_screen: Callable[..., str]) -> Screen:
+    return Screen(tmp_path, small_rig, virtual_screen())
 
 
 def test_a_track_of_another_video_than_the_one_that_is_shown_is_refused(
@@ -173,9 +162,9 @@ def test_a_track_of_another_video_than_the_one_that_is_shown_is_refused(
     said = json.loads(header.read_text())
     said["provenance"]["inputs"] = {"video": "0" * 64}
     header.write_text(json.dumps(said))
-    ended = screen.run(stimuli, design)
-    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
-    assert "the track was made from another video than video.mkv" in ended.stderr
+    code, err = screen.run(stimuli, design)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "the track was made from another video than video.mkv" in err
     assert not (tmp_path / "lab").exists()
 
 
@@ -189,14 +178,14 @@ def test_a_video_that_does_not_fit_track_or_window_is_refused_before_anybody_is_
         ((np.full(N, 0.5), (2000, 64), 5.0), "render it at --size"),
     ):
         make_video(video, *made)
-        ended = screen.run(stimuli, design)
-        assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
-        assert words in ended.stderr
+        code, err = screen.run(stimuli, design)
+        assert (code, err.count("\n")) == (2, 1)
+        assert words in err
         assert not (tmp_path / "lab").exists()
     video.unlink()
-    ended = screen.run(stimuli, design)
-    assert ended.returncode == 2
-    assert "holds no video; render it with `evenlight render dark" in ended.stderr
+    code, err = screen.run(stimuli, design)
+    assert code == 2
+    assert "holds no video; render it with `evenlight render dark" in err
 
 
 def test_a_video_that_is_damaged_is_refused_before_anybody_is_asked(
@@ -204,9 +193,9 @@ def test_a_video_that_is_damaged_is_refused_before_anybody_is_asked(
 ) -> None:
     """A byte of its eighth frame is another, which the checksum of the frame tells."""
     spoil(stimuli / "dark" / "video.mkv", frame=7)
-    ended = screen.run(stimuli, design)
-    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
-    assert "is damaged at frame 7" in ended.stderr
+    code, err = screen.run(stimuli, design)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "is damaged at frame 7" in err
     assert not (tmp_path / "lab").exists()
 
 
@@ -215,7 +204,7 @@ def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what
 ) -> None:
     """The file is cut off after some trials; once it is whole again, the session goes on."""
     long = tmp_path / "long.rating.design.toml"
-    design = RatingDesign(NAMES, repetitions=5, practice_trials=0, adaptation_duration=0.1)
+    design = RatingDesign(NAMES, repetitions=3, practice_trials=0, adaptation_duration=0.1)
     write_toml_record(long, dataclasses.replace(design, trials_between_breaks=0))
     video, trials = stimuli / "dark" / "video.mkv", tmp_path / "lab/sub-01/ses-01/trials.jsonl"
     whole = video.read_bytes()
@@ -227,12 +216,12 @@ def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what
     assert (session.returncode, err.count("\n")) == (2, 1)
     assert "video.mkv is damaged" in err
     answered = trials.read_text()
-    assert 3 <= count(trials) < 20
+    assert 3 <= count(trials) < 12
     assert '"stopped"' in trials.with_name("events.jsonl").read_text()
     video.write_bytes(whole)
-    assert screen.run(stimuli, long, "--resume").returncode == 0
+    assert screen.run(stimuli, long, "--resume")[0] == 0
     assert trials.read_text().startswith(answered)
-    assert count(trials) == 20
+    assert count(trials) == 12
 
 
 def count(trials: Path) -> int:

@@ -21,15 +21,16 @@ from stimuli.scenes.camera_path import path_named
 
 NAMES = ("bright", "dark")
 SIZE = (160, 96)
-FRAMES_PER_SECOND = 5.0
+FRAMES_PER_SECOND = 10.0
+KEYPOINTS = ("library/lockers", "library/schoolyard", "library/window bay")
 DESIGNS: dict[str, Any] = {
     "rating": RatingDesign(NAMES, adaptation_duration=0.1, practice_trials=1, practice_duration=0.5),
     "comparison": ComparisonDesign(
         NAMES, repetitions=2, adaptation_duration=0.1, practice_trials=1, practice_duration=0.5
     ),
-    # 60 arcmin are 3 pixels on the coarse display of the test.
+    # 60 arcmin are 3 pixels on the coarse display of the test; rings so black are found in time, two of six.
     "search": SearchDesign(
-        ("library",), ring_gap=60.0, ring_contrast=-0.4, time_limit=1.5, adaptation_duration=0.1,
+        ("library",), KEYPOINTS, ring_gap=60.0, ring_contrast=-0.9, time_limit=1.5, adaptation_duration=0.1,
         practice_trials=1, trials_between_breaks=4,
     ),
 }  # fmt: skip
@@ -52,7 +53,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plain: Rig = load_rig("simulated")[0]
     # Pages need room for their text; the videos are smaller than the window.
     small = dataclasses.replace(
-        plain, display="coarse.display.toml", window_size=(480, 300), full_screen=False
+        plain, display="coarse.display.toml", window_size=(480, 300), full_screen=False, refresh_rate=30.0
     )
     write_toml_record(folder / "small.rig.toml", small)
     return folder / "small.rig.toml"

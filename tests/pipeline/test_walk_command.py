@@ -3,19 +3,16 @@
 import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from warm_evenlight import Run
 
-import evenlight
 from stimuli.scenes.camera_path import path_named
 from stimuli.video_source import open_video
 
-ROOT = Path(evenlight.__file__).parent
 SPEED = 1.4  # [m/s] of somebody who walks straight on
 
 
@@ -27,15 +24,13 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     A second at 25 Hz has 25 frames. The first run on a machine reckons the light of the house: a minute.
     """
     way, video = tmp_path / "way.json", tmp_path / "x.mkv"
-    environment = os.environ | {"DISPLAY": virtual_screen(), "PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"DISPLAY": virtual_screen()}
 
     def evenlight_does(*words: object) -> str:
-        command = [sys.executable, "-m", "evenlight", *map(str, words)]
-        done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=280, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        run = Run([str(word) for word in words], environment)
+        out, err = run.communicate(timeout=280)
+        assert run.returncode == 0, err
+        return out
 
     simulated = ("--walk", "--simulate", "--seconds", "1", "--size", "64x36")
     said = evenlight_does("play", "house", *simulated, "--record", way)

@@ -29,14 +29,23 @@ REC_709 = np.array([0.2126, 0.7152, 0.0722])
 
 @pytest.fixture(scope="module", autouse=True)
 def one_cache(tmp_path_factory):
-    """Light of the scenes, baked once for this file."""
+    """Light of this file's own scene, baked once; the user's cache has none of it."""
     before = os.environ.get("XDG_CACHE_HOME")
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
-    yield
+    yield before
     if before is None:
         del os.environ["XDG_CACHE_HOME"]
     else:
         os.environ["XDG_CACHE_HOME"] = before
+
+
+@pytest.fixture
+def users_cache(one_cache, monkeypatch):
+    """The light of the house and the school, which takes long to bake and serves every run of the tests."""
+    if one_cache is None:
+        monkeypatch.delenv("XDG_CACHE_HOME")
+    else:
+        monkeypatch.setenv("XDG_CACHE_HOME", one_cache)
 
 
 def grained(rng, size):
@@ -131,7 +140,7 @@ def test_a_shorter_walk_is_the_beginning_of_the_path_at_the_same_speed():
     ]
 
 
-def test_a_walk_yields_frames_on_the_10_bit_grid_and_outdoors_is_far_brighter_than_the_basement():
+def test_a_walk_yields_frames_on_the_10_bit_grid_and_outdoors_is_far_brighter_than_the_basement(users_cache):
     sequence = SceneSequence(SequenceFormat(64, 36, 0.08, 25.0), "basement", Quality.COARSE)
     frames = list(sequence.frames())
     assert [frame.pixel_values.shape for frame in frames] == [(36, 64, 3)] * 2

@@ -1,0 +1,97 @@
+"""The command that makes the statistics of whatever tasks a data set holds."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from analysis.dataset_findings import AnalysisOptions, DatasetFindings
+
+REPORT, SUMMARY = "report.html", "analysis.json"
+
+
+def analyze(
+    dataset: Annotated[
+        Path, typer.Argument(help="Data set with sessions of ramp, rating, comparison or search.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the tables, figures and report.html.")],
+    task: Annotated[
+        list[str] | None, typer.Option(help="Which task; may be given repeatedly. Else all there are.")
+    ] = None,
+    margin: Annotated[
+        float, typer.Option(help="Comparison: shares within 0.5 plus or minus this count as no difference.")
+    ] = 0.15,
+    slowing: Annotated[
+        float, typer.Option(help="Search: times longer by less than this share count as no slowing.")
+    ] = 0.25,
+    seed: Annotated[int, typer.Option(help="Seed of what is drawn at random.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+) -> None:
+    """Make the statistics of a data set: ratings, comparisons, search times, calibration."""
+    from analysis.dataset_findings import AnalysisOptions
+    from analysis.earlier_results import earlier_files, remove_stale
+    from data_schema.dataset_layout import require_apart
+    from data_schema.errors import InputError
+    from data_schema.files import results_folder
+    from data_schema.record_kinds import TRIALS_OF_TASK
+
+    for name in task or ():
+        if name not in TRIALS_OF_TASK:
+            raise InputError(f"--task must be one of {', '.join(TRIALS_OF_TASK)}, got {name!r}")
+    require_apart(out, dataset)
+    options = AnalysisOptions(
+        seed=seed, margin=margin, slowing=slowing, tasks=tuple(dict.fromkeys(task or ()))
+    )
+    before = earlier_files(out / SUMMARY)
+    with results_folder(out) as folder:
+        found = _found(dataset, options, folder, quiet)
+        written = _write(found, options, folder)
+    remove_stale(out, before, written)
+    for warning in found.warnings:
+        print(f"evenlight: warning: {warning}", file=sys.stderr)
+    if not quiet:
+        for findings in found.findings.values():
+            typer.echo(f"{findings.name}: {findings.lead}")
+        if any(found.simulated.values()):
+            typer.echo("simulated participants answered: this says nothing about people")
+        typer.echo(f"{out / REPORT} tells the whole")
+
+
+def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -> DatasetFindings:
+    """Return what the data set shows, under a progress line."""
+    from rich.console import Console
+
+    from analysis.dataset_findings import find_in_dataset
+
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        return find_in_dataset(dataset, options, folder)
+    with console.status("analysing") as status:
+        return find_in_dataset(dataset, options, folder, lambda task: status.update(f"analysing {task}"))
+
+
+def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tuple[str, ...]:
+    """Write the tables and figures of each task, the report and the summary, and return the files' names."""
+    from analysis.dataset_report import dataset_report
+    from analysis.earlier_results import files_in
+    from analysis.findings import write_findings
+    from analysis.report import write_report
+    from data_schema.analysis_summary import AnalysisSummary
+    from data_schema.provenance import provenance_now
+    from data_schema.text_files import write_json_record
+
+    origin = provenance_now(seed=options.seed, inputs=found.inputs)
+    for findings in found.findings.values():
+        write_findings(folder, findings)
+    leads = {task: findings.lead for task, findings in found.findings.items()}
+    write_report(folder / REPORT, dataset_report(found, origin))
+    files = (*files_in(folder), SUMMARY)
+    summary = AnalysisSummary(
+        any(found.simulated.values()), leads, found.refused, found.warnings, origin, files
+    )
+    write_json_record(folder / SUMMARY, summary)
+    return files

@@ -1,0 +1,31 @@
+"""The command that audits the paper's published numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def audit(
+    out: Annotated[Path, typer.Option(help="Folder for audit_statistics.csv, the figures and report.html.")],
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+) -> None:
+    """Audit the paper's published numbers: what they can and cannot support."""
+    from rich.console import Console
+
+    from analysis.audit_findings import TITLE, audit_findings
+    from analysis.findings import write_findings
+    from analysis.report import Report, write_report
+    from data_schema.files import results_folder
+
+    console = Console(stderr=True)
+    console.quiet = quiet or not console.is_terminal
+    with results_folder(out) as folder, console.status("Trying every distribution and every pairing"):
+        findings = audit_findings()
+        write_findings(folder, findings)
+        write_report(folder / "report.html", Report(TITLE, findings.lead, findings.sections))
+    if not quiet:
+        typer.echo(findings.lead)
+        typer.echo(f"{out / 'report.html'} has the tables and figures, audit_statistics.csv every number")

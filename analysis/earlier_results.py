@@ -1,0 +1,31 @@
+"""The files of an earlier run in the same folder: what a new run does not write anew does not stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from data_schema.analysis_summary import AnalysisSummary
+from data_schema.errors import InputError
+from data_schema.text_files import read_json_record
+
+
+def files_in(folder: Path) -> tuple[str, ...]:
+    """Return the files of a folder of results, as paths below it."""
+    paths = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return tuple(path.relative_to(folder).as_posix() for path in paths)
+
+
+def earlier_files(summary: Path) -> tuple[str, ...]:
+    """Return the files that an earlier run says it wrote; none if there was none, or its word is no good."""
+    try:
+        return read_json_record(AnalysisSummary, summary).files
+    except InputError:
+        return ()
+
+
+def remove_stale(folder: Path, before: tuple[str, ...], now: tuple[str, ...]) -> None:
+    """Remove the files of an earlier run that a new one did not write; nothing outside of the folder."""
+    for name in sorted(set(before) - set(now)):
+        path = folder / name
+        if folder.resolve() in path.resolve().parents and path.is_file():
+            path.unlink()

@@ -1,0 +1,51 @@
+"""The numbers that the paper prints, each with the table, equation, figure or section that it stands in.
+
+Every published number that this code uses or is compared with has its one home in
+`published/surace2025.published.csv`. Places that begin with "the authors' program" are not in the paper: they
+come from the short program that its authors published.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from data_schema.published_value import PublishedValue
+from data_schema.text_files import read_rows
+
+SURACE_2025 = Path(__file__).parent / "published" / "surace2025.published.csv"
+SEQUENCES = ("library", "gym", "living_room", "basement")  # in the order of Table 1
+
+
+def published(name: str) -> PublishedValue:
+    """Return a published number by its name.
+
+    Raises
+    ------
+    KeyError
+        If the paper has no number of that name.
+
+    >>> value = published("detail_quality.gym.baseline_mean")
+    >>> value.text, value.number, value.unit, value.place
+    ('3.23', 3.23, '1', 'Table 1')
+    """
+    values = _values()
+    if name not in values:
+        raise KeyError(f"{SURACE_2025.name} has no value {name!r}")
+    return values[name]
+
+
+def published_values(prefix: str = "") -> tuple[PublishedValue, ...]:
+    """Return the published numbers whose names begin with the parts of `prefix`, in the order of the file.
+
+    >>> [value.text for value in published_values("adaptation.library")]
+    ['0.5', '0.4189', '0.7311']
+    """
+    inside = f"{prefix}." if prefix else ""
+    return tuple(v for v in _values().values() if v.name == prefix or v.name.startswith(inside))
+
+
+@cache
+def _values() -> dict[str, PublishedValue]:
+    """Return all published numbers by name."""
+    return {value.name: value for value in read_rows(PublishedValue, SURACE_2025)}

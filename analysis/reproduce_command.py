@@ -1,0 +1,90 @@
+"""The command that makes every table and figure of the paper anew."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from analysis.reproduction import ReproductionPlan, Simulate
+
+REPORT = "report.html"
+QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0}
+
+
+def reproduce_command(simulate: Simulate) -> Callable[..., None]:
+    """Return the command `reproduce`; the participants who answer it are simulated elsewhere.
+
+    Parameters
+    ----------
+    simulate : Simulate
+        Writes data sets of simulated participants.
+    """
+
+    def reproduce(
+        out: Annotated[Path, typer.Option(help="Folder for tables/, figures/, report.html and the rest.")],
+        data: Annotated[
+            Path | None,
+            typer.Option(help="Data set, or folder with several results: takes the place of simulated data."),
+        ] = None,
+        display: Annotated[
+            str, typer.Option(help="Display of recorded calibrations: a preset or a toml file.")
+        ] = "varjo-xr3",
+        seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
+        quick: Annotated[
+            bool, typer.Option("--quick", help="Small pictures and few frames: to see that it runs.")
+        ] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+    ) -> None:
+        """Make every table and figure of the paper anew, published numbers beside our own."""
+        from analysis.reproduction import ReproductionPlan
+
+        smaller = QUICK if quick else {}
+        plan = ReproductionPlan(seed=seed, data=data, display=display, **smaller)  # type: ignore[arg-type] # a table of options of several types
+        lead, warnings = _made(plan, simulate, out, quiet)
+        for warning in warnings:
+            print(f"evenlight: warning: {warning}", file=sys.stderr)
+        if not quiet:
+            typer.echo(lead)
+            typer.echo(f"{out / REPORT} shows all tables and figures")
+
+    return reproduce
+
+
+def _made(plan: ReproductionPlan, simulate: Simulate, out: Path, quiet: bool) -> tuple[str, tuple[str, ...]]:
+    """Run the pipeline, write everything, and return what came out and what is amiss."""
+    from analysis.earlier_results import earlier_files, remove_stale
+    from analysis.reproduction import PIPELINE, run_pipeline
+    from analysis.reproduction_files import SUMMARY, write_reproduction
+    from data_schema.dataset_layout import require_apart
+    from data_schema.files import results_folder
+    from data_schema.sealed_folder import require_sealed, seal
+
+    require_sealed(out / PIPELINE, "reproduction")
+    if plan.data is not None:
+        require_apart(out, plan.data)
+    before = earlier_files(out / SUMMARY)
+    with results_folder(out, replacing=(PIPELINE,)) as folder, _progress(quiet) as report:
+        made = run_pipeline(plan, simulate, folder / PIPELINE, report)
+        seal(folder / PIPELINE)
+        lead, files = write_reproduction(made, folder)
+    remove_stale(out, before, files)
+    return lead, made.tasks.warnings
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Yield what names the step that is begun, on a terminal."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        yield lambda step: None
+        return
+    with console.status("starting") as status:
+        yield status.update

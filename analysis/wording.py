@@ -1,0 +1,63 @@
+"""How names and numbers are written in words and in the cells of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def in_words(name: str) -> str:
+    """Return the name of a sequence as it is written in a title.
+
+    >>> in_words("living_room")
+    'Living room'
+    """
+    return spaced(name).capitalize()
+
+
+def spaced(name: str) -> str:
+    """Return the name of a sequence as it is written within a sentence.
+
+    >>> spaced("living_room")
+    'living room'
+    """
+    return name.replace("_", " ")
+
+
+def p_text(value: float | None) -> str | None:
+    """Return a p value with two significant digits, or that it is smaller than 0.001.
+
+    >>> p_text(0.2344), p_text(0.04904), p_text(0.0002), p_text(1.0), p_text(None)
+    ('0.23', '0.049', '< 0.001', '1', None)
+    """
+    if value is None:
+        return None
+    return "< 0.001" if value < 0.001 else f"{value:.2g}"
+
+
+def p_in_words(value: float) -> str:
+    """Return a p value for a sentence.
+
+    >>> p_in_words(0.2344), p_in_words(0.0002)
+    ('p = 0.23', 'p < 0.001')
+    """
+    text = p_text(value) or ""
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names with commas and an "and".
+
+    >>> listed(["library", "gym", "basement"])
+    'library, gym and basement'
+    """
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def first_few(names: Sequence[str], most: int = 8) -> str:
+    """Return names with commas between them, the first few of many.
+
+    >>> first_few(["01", "02", "03", "04"], most=2)
+    '01, 02 and 2 others'
+    """
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} others" if len(names) > most else shown

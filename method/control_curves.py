@@ -1,0 +1,140 @@
+"""The online controller over loss curves that are known already, frame by frame as it would run live."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves
+from data_schema.quantities import read_only
+from method.controller import Controller, ControllerState, FrameSeen
+from method.curve_lookup import factor_at_loss, loss_and_slope
+from method.modulation import Array, allowed_rate, modulation_rate
+
+
+@dataclass(frozen=True, slots=True)
+class ControlledTrack:
+    """What the controller made of a video of N frames.
+
+    Attributes
+    ----------
+    durations : array, (N,)
+        How long each frame is shown [s].
+    factors : array, (N,)
+        b of each frame.
+    contrast_loss : array, (N,)
+        𝓛_c of each frame at its factor.
+    rate, rate_limit : array, (N,)
+        Luminance change that the modulation makes to the next frame, and the largest allowed [cd/m^2/s].
+    limited : array of bool, (N,)
+        Where the rate limit or a bound kept the factor from where the controller wanted it.
+    """
+
+    durations: Array
+    factors: Array
+    contrast_loss: Array
+    rate: Array
+    rate_limit: Array
+    limited: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for name in ("durations", "factors", "contrast_loss", "rate", "rate_limit"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def time_share(self) -> Array:
+        """Share of the time that each frame is shown, (N,)."""
+        return np.asarray(self.durations / self.durations.sum())
+
+    @property
+    def mean_factor(self) -> float:
+        """Mean of b over time: constant dimming by it has the same mean brightness."""
+        return float(self.time_share @ self.factors)
+
+
+def control_curves(
+    curves: LossCurves,
+    controller: Controller,
+    start_factor: float | None = None,
+    luminance: Array | None = None,
+) -> ControlledTrack:
+    """Return what the controller does with a video, seeing one frame after the other.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        Contrast loss of each of N frames over the factor.
+    controller : Controller
+        Target, gains, bounds and rate limit.
+    start_factor : float, optional
+        b of the first frame; without it, where that frame has the target loss.
+    luminance : array, (N,), optional
+        Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]; without it, the frame's mean.
+
+    Raises
+    ------
+    InputError
+        If the controller may choose factors that the curves do not reach.
+    """
+    _require_reach(curves, controller)
+    shown = curves.mean_luminance if luminance is None else luminance
+    states = _states(curves, controller, shown, _start(curves, controller, start_factor))
+    factors = np.array([state.factor for state in states])
+    limits = np.array([controller.rate_limit(light) for light in (factors * shown).tolist()])
+    return ControlledTrack(
+        durations=curves.durations,
+        factors=factors,
+        contrast_loss=loss_and_slope(curves, factors)[0],
+        rate=modulation_rate(factors, shown, curves.durations),
+        rate_limit=allowed_rate(factors, shown, lambda _: limits),
+        limited=np.array([state.limited for state in states]),
+    )
+
+
+def _require_reach(curves: LossCurves, controller: Controller) -> None:
+    """Raise `InputError` if the curves begin above the lowest factor."""
+    lowest, known = controller.settings.lowest_factor, float(curves.factors[0])
+    if lowest < known:
+        raise InputError(
+            f"the controller's lowest_factor is {lowest:g}, the loss curves of {curves.video!r} begin at "
+            f"{known:g}; raise the one, or analyse the video for lower factors"
+        )
+
+
+def _start(curves: LossCurves, controller: Controller, start_factor: float | None) -> float:
+    """Return the factor of the first frame."""
+    settings = controller.settings
+    if start_factor is None:
+        wanted = factor_at_loss(curves, np.full(curves.n_frames, settings.target_loss))[0]
+        return float(np.clip(wanted, settings.lowest_factor, settings.highest_factor))
+    if not settings.lowest_factor <= start_factor <= settings.highest_factor:
+        raise InputError(
+            f"the first factor must lie in {settings.lowest_factor:g} to {settings.highest_factor:g}, "
+            f"got {start_factor:g}"
+        )
+    return start_factor
+
+
+def _states(
+    curves: LossCurves, controller: Controller, luminance: Array, first_factor: float
+) -> list[ControllerState]:
+    """Return the controller's state at each frame."""
+    knots = curves.factors.tolist()
+    frames = zip(curves.loss.tolist(), luminance.tolist(), curves.durations.tolist(), strict=True)
+    states: list[ControllerState] = []
+    for losses, light, duration in frames:
+        factor = states[-1].factor if states else first_factor
+        seen = FrameSeen(_interpolated(factor, knots, losses), light, duration)
+        states.append(controller.step(states[-1], seen) if states else controller.start(factor, seen))
+    return states
+
+
+def _interpolated(factor: float, knots: list[float], losses: list[float]) -> float:
+    """Return the loss at a factor, between knots linearly; `loss_and_slope` for one frame, much faster."""
+    above = min(max(bisect_right(knots, factor), 1), len(knots) - 1)
+    share = (factor - knots[above - 1]) / (knots[above] - knots[above - 1])
+    return losses[above - 1] + share * (losses[above] - losses[above - 1])

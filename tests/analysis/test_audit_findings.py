@@ -1,0 +1,182 @@
+"""The audit as a whole: its numbers, words and files."""
+
+import dataclasses
+import re
+import struct
+from pathlib import Path
+
+import pytest
+
+from analysis.audit_conventions import CONVENTIONS, conventions_that_allow
+from analysis.audit_distribution_section import CELLS
+from analysis.audit_findings import audit_findings
+from analysis.audit_open_points import CONTRADICTIONS, LEFT_OPEN
+from analysis.audit_ratings import printed_cell
+from analysis.figure_style import PAGE
+from analysis.findings import Findings, write_findings
+from analysis.published import SEQUENCES, published
+from analysis.report import Report, report_html
+from data_schema.statistic import Origin, PlottedPoint, Statistic
+from data_schema.text_files import read_rows
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def findings() -> Findings:
+    return audit_findings(dataclasses.replace(PAGE, dots_per_inch=40.0))  # how sharp is not the point
+
+
+def number(findings: Findings, table: str, group: str, what: str) -> float:
+    (found,) = [s for s in findings.statistics if (s.table, s.group, s.what) == (table, group, what)]
+    assert found.value is not None
+    return found.value
+
+
+def test_every_number_is_published_says_how_and_stands_once(findings: Findings) -> None:
+    keys = [(s.table, s.group, s.what) for s in findings.statistics]
+    repeated = {key for key in keys if keys.count(key) > 1}
+    assert repeated <= {("choices", "all", "number of people for whom 53 % and 47 % are counts")}
+    assert {s.origin for s in findings.statistics} == {Origin.PUBLISHED}
+    assert {p.origin for d in findings.drawings for p in d.points} == {Origin.PUBLISHED}
+    assert all(s.method for s in findings.statistics)
+
+
+def test_seventeen_is_the_only_number_of_people_that_fits_every_cell(findings: Findings) -> None:
+    fitting = {s.n: s.value for s in findings.statistics if s.table == "numbers_of_people"}
+    assert min(fitting) == 8
+    assert max(fitting) == 24
+    assert [n for n, cells in fitting.items() if cells == 8] == [17]
+
+
+def test_two_numbers_are_a_digit_off_and_are_told_with_what_they_would_be(findings: Findings) -> None:
+    # 55/17 = 3.2353. Sums of squares 243 and 245 of 17 ratings that add up to 63: SEM of the population
+    # 0.1816 and 0.1997, of the sample 0.1872 and 0.2059 (cut off: 0.18 and 0.20).
+    words = findings.sections[0].paragraphs[2]
+    assert "3.23 of the gym, baseline, is 55/17 = 3.2353 and would be 3.24;" in words
+    assert "0.19 of the gym, ours, would be 0.18 or 0.20: 1 unit of the last digit away" in words
+    assert "in the row of the gym alone" in words
+
+
+def test_no_convention_holds_for_all_cells_and_the_best_fail_in_the_gym_alone() -> None:
+    failing = {
+        str(c): [cell for cell in CELLS if c not in conventions_that_allow(printed_cell(*cell))]
+        for c in CONVENTIONS
+    }
+    assert all(failing.values())
+    gym = [("gym", "baseline"), ("gym", "ours")]
+    assert [name for name, cells in failing.items() if cells == gym] == [
+        "means rounded, SEM of the sample SD cut off",
+        "means rounded, SEM of the population SD rounded",
+    ]
+
+
+def test_after_holm_no_sequence_differs_whatever_the_pairing_and_the_library_in_none(findings) -> None:
+    corrected = [s for s in findings.statistics if s.table == "paired" and s.p_adjusted is not None]
+    assert len(corrected) == 4 * 5 * 2  # sequences, tests, ends
+    assert all(s.p_adjusted >= s.p_value for s in corrected)
+    assert min(s.p_adjusted for s in corrected if s.what.startswith("largest")) > 0.05
+    assert min(s.p_adjusted for s in corrected if s.group == "library") > 0.05
+
+
+def test_what_seventeen_answers_show_is_what_the_page_tells(findings: Findings) -> None:
+    margin = "smallest margin within which the share is shown to be one half"
+    assert round(number(findings, "choices", "library", margin), 2) == 0.24
+    assert round(number(findings, "choices", "all", margin), 2) == 0.11
+    assert round(number(findings, "power_of_choices", "17 answers", "power for a share of 0.75"), 2) == 0.57
+    fewest = "fewest choices of ours that differ from one half"
+    assert number(findings, "power_of_choices", "17 answers", fewest) == 13
+
+
+def test_the_page_tells_the_ranges_that_are_found(findings: Findings) -> None:
+    text = (DOCS / "audit.md").read_text()
+    for sequence in ("library", "gym", "living_room", "basement"):
+        (line,) = re.findall(rf"^\| {sequence.replace('_', ' ')} \|.*$", text, re.MULTILINE)
+        cells = [cell.strip(" *") for cell in line.strip("|").split("|")]
+        difference = number(findings, "paired", sequence, "mean difference of ratings")
+        assert cells[1] == f"{difference:.2f}"
+        for cell, test in zip(cells[2:4], ("sign-flip test of the mean", "t test"), strict=True):
+            for told, end in zip(cell.split(" to "), ("smallest", "largest"), strict=True):
+                p = number(findings, "paired", sequence, f"{end} p of the {test}")
+                if told.startswith("< "):
+                    assert p < float(told[2:])
+                else:
+                    assert float(told) == pytest.approx(
+                        p, abs=0.5 * 10 ** -len(told.split(".")[1]) if "." in told else 0.0
+                    )
+    total = len(CONTRADICTIONS) + len(LEFT_OPEN)
+    assert f"lists {total} of them" in text
+
+
+def test_the_page_and_the_lead_tell_what_the_other_tests_and_holm_make_of_it(findings: Findings) -> None:
+    text = " ".join((DOCS / "audit.md").read_text().split())
+    assert "the library (0.25) or the living room (0.062)" in text
+    assert "the basement open too (up to 0.23 and 0.057)" in text
+    rows = {(s.group, s.what): s for s in findings.statistics if s.table == "paired"}
+    flips, others = "p of the sign-flip test of the mean", ("sign test", "signed ranks, zeros dropped")
+    best = {g: s.p_adjusted for (g, what), s in rows.items() if what == f"smallest {flips}"}
+    assert {g for g, p in best.items() if p is not None and p > 0.05} == {"library", "living_room"}
+    assert (best["library"], best["living_room"]) == (0.25, 0.0625)
+    worst = [rows["basement", f"largest p of the {test}"].value for test in others]
+    assert worst == pytest.approx([0.227, 0.057], abs=5e-4)
+    section = findings.sections[1].paragraphs[1]
+    for told in (findings.lead, section):
+        assert "the library and living room differ in none; the gym and basement depend" in told
+    assert (
+        "the basement depends on the pairing in the signed ranks with zeros dropped and sign test" in section
+    )
+
+
+def test_the_page_tells_the_powers_that_are_found(findings: Findings) -> None:
+    text = " ".join((DOCS / "audit.md").read_text().split())
+    full = [number(findings, "power", f"{s}, full", "luminance on P(L)") for s in SEQUENCES]
+    assert f"is {min(full):.0f} to {max(full):.0f} cd/m² on P(L)" in text
+    more = number(findings, "power", "library", "power of ours less baseline")
+    share = number(findings, "power", "library", "power of ours over baseline, less 1")
+    assert f"in the library ours took {1000 * more:.0f} mW ({share:.1f} %) more" in text
+    low = [
+        number(findings, "power", f"{s}, {v}", "nominal brightness factor")
+        - number(findings, "power", f"{s}, {v}", "factor on P(L), full brightness as in Table 3")
+        for s in SEQUENCES
+        for v in ("baseline", "ours")
+    ]
+    assert f"have factors {min(low):.2f} to {max(low):.2f} below" in text
+    # The row of full brightness stands apart: the line through the dimmed rows lies below all of it.
+    at_full = number(findings, "power_model", "all", "power at factor 1 on the nominal line")
+    assert at_full < min(published(f"power.{s}.full").number for s in SEQUENCES)
+
+
+def test_the_samples_bend_upwards_as_currents_rise_faster_at_the_top(findings: Findings) -> None:
+    # 440 to 750 cd/m²: 0.13 A for 310 cd/m²; 48 to 440: 0.14 A for 392.
+    assert 0.13 / 310 > 0.14 / 392
+    assert "They bend upwards" in findings.sections[3].paragraphs[0]
+    assert "too low" in findings.sections[3].paragraphs[0]
+
+
+def test_every_page_that_an_open_point_names_is_there() -> None:
+    for point in (*CONTRADICTIONS, *LEFT_OPEN):
+        assert point.places
+        assert point.printed
+        assert point.here
+        assert (DOCS / "decisions" / point.page).is_file(), point.page
+
+
+def test_the_pages_pictures_are_small() -> None:
+    for name in ("distributions", "pairings", "choices", "power"):
+        width = struct.unpack(">I", (DOCS / "pictures" / f"audit-{name}.png").read_bytes()[16:20])[0]
+        assert 600 < width <= 1000
+
+
+def test_files_are_written_and_read_back(findings: Findings, tmp_path: Path) -> None:
+    write_findings(tmp_path, findings)
+    assert tuple(read_rows(Statistic, tmp_path / "audit_statistics.csv")) == findings.statistics
+    for drawing in findings.drawings:
+        assert tuple(read_rows(PlottedPoint, tmp_path / f"{drawing.name}_points.csv")) == drawing.points
+        assert drawing.points
+
+
+def test_the_report_reads_whole(findings: Findings) -> None:
+    page = report_html(Report("title", findings.lead, findings.sections))
+    assert page.count("<figure>") == 4
+    assert "nan" not in re.sub(r"base64,[^\"]+", "", page).lower().split()
+    assert "simulated</span>" not in page

@@ -1,0 +1,438 @@
+"""Claims about the artifact comparison: what answers show is said, and what they do not is flagged."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparison_levels import PEOPLE, SEED, model_rates, pooled_rates, trials_of
+from scipy import stats
+from statsmodels.stats.contingency_tables import cochrans_q
+from statsmodels.stats.multitest import multipletests
+
+from analysis.binomial_power import difference_power, smallest_margin_ever
+from analysis.comparison_chance import consistency_of, sequence_differences
+from analysis.comparison_counts import Choices, count_choices
+from analysis.comparison_figure import power_figure, shares_figure
+from analysis.comparison_findings import answers_per_sequence, comparison_findings
+from analysis.comparison_limits import answer_limits, limit_rows
+from analysis.comparison_model import choice_model
+from analysis.comparison_results import Comparison, compare
+from analysis.comparison_sections import pooled_section, shares_section
+from analysis.comparison_shares import estimate_share, standard_error
+from analysis.comparison_statistics import statistics_of
+from analysis.comparison_words import lead_of
+from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from analysis.findings import Findings
+from analysis.report import Picture
+from analysis.session_loading import Session, TaskData
+from analysis.viewing_plan_comparison import ComparisonTruth
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.provenance import Provenance
+from data_schema.ramp import Response
+from data_schema.session import SessionManifest, SessionStatus
+from data_schema.statistic import Statistic
+from data_schema.viewing import ComparisonDesign, ComparisonTrial
+
+NAMES = ("library", "gym", "living_room", "basement")
+Answer = tuple[str, str, bool, int]  # participant, sequence, ours chosen, interval of ours
+
+
+def data_of(answers: Sequence[Answer], sequences: tuple[str, ...] = NAMES, simulated: bool = True):  # type: ignore[no-untyped-def]
+    """A data set with these answers, one session for each participant."""
+    design = ComparisonDesign(sequences=sequences)
+    sessions = []
+    for who in sorted({answer[0] for answer in answers}):
+        own = [answer for answer in answers if answer[0] == who]
+        trials = tuple(
+            ComparisonTrial(
+                who, "01", k, name, 1, interval, 0.5, 0.5,
+                Response.FIRST if ours == (interval == 1) else Response.SECOND, None, simulated,
+            )
+            for k, (_, name, ours, interval) in enumerate(own)
+        )  # fmt: skip
+        manifest = SessionManifest(
+            participant_id=who, session_id="01", task="comparison", simulated=simulated,
+            status=SessionStatus.COMPLETE, n_trials=len(trials), display=Display("bench", 100.0, 0.1, 2.2,
+            60.0), design=design, provenance=Provenance(),
+        )  # fmt: skip
+        sessions.append(Session(Path(who), manifest, trials))
+    return TaskData("comparison", tuple(sessions), simulated, "0" * 64, ())
+
+
+def answers_of(
+    chosen: Callable[[int, int], bool], people: int = PEOPLE, repetitions: int = 1
+) -> list[Answer]:
+    """Answers of so many people about the four sequences, ours first in every other."""
+    return [
+        (f"{who:02d}", NAMES[s], chosen(who, s), 1 + (who + s + r) % 2)
+        for who, s, r in itertools.product(range(people), range(4), range(repetitions))
+    ]
+
+
+def rows_of(answers: Sequence[Answer], margin: float = 0.15) -> tuple[Statistic, ...]:
+    """The rows of these answers, without figures."""
+    return statistics_of(compare(data_of(answers), 1, margin))
+
+
+def row(rows: Sequence[Statistic], table: str, group: str, what: str) -> Statistic:
+    """The row of these words, or the one that begins with them."""
+    own = [s for s in rows if (s.table, s.group) == (table, group)]
+    (one,) = [s for s in own if s.what == what] or [s for s in own if s.what.startswith(what)]
+    return one
+
+
+@pytest.fixture(scope="module")
+def found() -> Comparison:
+    return compare(data_of(answers_of(lambda who, s: (who + s) % 3 == 0)), 1, 0.15)
+
+
+@pytest.fixture(scope="module")
+def published_like() -> Findings:
+    """9, 8, 8 and 9 of 17, as the percentages of the paper's table say."""
+    wanted = (9, 8, 8, 9)
+    return comparison_findings(data_of(answers_of(lambda who, s: (who + 4 * s) % 17 < wanted[s])))
+
+
+def test_nine_of_seventeen_is_neither_told_from_a_coin_nor_shown_to_be_one(published_like: Findings) -> None:
+    share = row(published_like.statistics, "shares", "library", "ours chosen")
+    assert (share.value, share.p_value, share.p_adjusted, share.n) == (9 / 17, 1.0, 1.0, 17)
+    equal = row(published_like.statistics, "equivalence", "library", "share within")
+    # P(X >= 9 | 0.35) and P(X <= 9 | 0.65) of 17: the larger.
+    p_value = max(stats.binom.sf(8, 17, 0.35), stats.binom.cdf(9, 17, 0.65))
+    assert equal.p_value == pytest.approx(p_value)
+    assert p_value > 0.05
+    assert "17 answers cannot show a share within 0.5 ± 0.15" in published_like.lead
+
+
+def test_each_sequence_stands_in_the_order_of_the_design(published_like: Findings) -> None:
+    shares = [s.group for s in published_like.statistics if s.what == "ours chosen"]
+    assert shares == [*NAMES, "all"]
+
+
+def test_holm_adjusts_for_the_number_of_sequences() -> None:
+    counts = (16, 14, 9, 8)
+    found = compare(data_of(answers_of(lambda who, s: (who + 5 * s) % 17 < counts[s])), 1, 0.15)
+    raw = [stats.binomtest(k, 17).pvalue for k in counts]
+    assert [own.estimate.p_value for own in found.sequences if own.estimate] == pytest.approx(raw)
+    adjusted = multipletests(raw, method="holm")[1].tolist()
+    assert [own.p_holm for own in found.sequences] == pytest.approx(adjusted)
+    # 0.0003 and 0.0127: 14 of 17 by itself, times three.
+    assert "differ from a coin's in library and gym" in lead_of(found, [answer_limits(17, 0.15)])
+
+
+def test_sequences_are_written_with_spaces() -> None:
+    found = compare(data_of(answers_of(lambda who, s: s == 2)), 1, 0.15)
+    words = [
+        lead_of(found, [answer_limits(17, 0.15)]),
+        *(str(r[0]) for r in shares_section(found, Picture(b"", "")).tables[0].rows),
+    ]
+    words += [label.get_text() for label in shares_figure(found).axes[0].get_yticklabels()]
+    assert not any("living_room" in text for text in words)
+    assert sum("iving room" in text for text in words) == 3
+
+
+def test_the_margin_is_the_readers_and_said_with_every_result(published_like: Findings) -> None:
+    found = compare(data_of(answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)), 1, 0.3)
+    equal = row(statistics_of(found), "equivalence", "gym", "share within 0.5 ± 0.3")
+    assert equal.value is not None
+    k = round(17 * equal.value)
+    assert equal.p_value == pytest.approx(max(stats.binom.sf(k - 1, 17, 0.2), stats.binom.cdf(k, 17, 0.8)))
+    assert "0.5 ± 0.3" in lead_of(found, [answer_limits(17, 0.3)])
+    assert "0.5 ± 0.15" in published_like.drawings[0].caption
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.5, -0.1])
+def test_a_margin_that_is_none_is_refused(margin: float) -> None:
+    with pytest.raises(InputError, match=r"must lie between 0 and 0\.5, got"):
+        compare(data_of(answers_of(lambda who, s: True)), 1, margin)
+
+
+def test_one_answer_of_each_gives_the_binomial_test_by_signs_as_well() -> None:
+    """All choices of signs of ±1 are the outcomes of a coin."""
+    for k in range(18):
+        one = estimate_share(Choices(tuple("abcdefghijklmnopq"), np.arange(17) < k, np.ones(17, int)), 0.15)
+        assert one.p_value == pytest.approx(stats.binomtest(k, 17).pvalue)
+
+
+def test_the_scatter_of_participants_with_equal_answers_is_that_of_their_mean_share() -> None:
+    chosen = np.array([0, 1, 2, 2, 3, 4])
+    choices = Choices(tuple("abcdef"), chosen, np.full(6, 4))
+    assert standard_error(choices) == pytest.approx(stats.sem(chosen / 4))
+    found = estimate_share(choices, 0.2)
+    theirs = stats.ttest_1samp(chosen / 4, 0.5).confidence_interval(0.95)
+    assert found.interval == pytest.approx((theirs.low, theirs.high))
+    above = stats.ttest_1samp(chosen / 4, 0.3, alternative="greater").pvalue
+    below = stats.ttest_1samp(chosen / 4, 0.7, alternative="less").pvalue
+    assert found.equivalence_p == pytest.approx(max(above, below))
+
+
+def test_several_answers_of_one_person_are_no_sample_of_people() -> None:
+    """Four answers of each, all alike: as good as one. 12 of 17 is p = 0.14, 48 of 68 would be p = 0.001."""
+    people = tuple("abcdefghijklmnopq")
+    alike = estimate_share(Choices(people, 4 * (np.arange(17) < 12), np.full(17, 4)), 0.15)
+    assert alike.p_value == pytest.approx(stats.binomtest(12, 17).pvalue)
+    assert alike.exact is None
+
+
+def test_dependent_answers_have_no_bayes_factor() -> None:
+    rows = rows_of(answers_of(lambda who, s: (who + s) % 3 < 2, repetitions=2))
+    bayes = [s for s in rows if s.table == "bayes"]
+    assert [s.value for s in bayes] == [None] * 15
+    assert {s.flag for s in bayes} == {"answers of one person are not independent"}
+
+
+def test_people_who_take_the_same_difference_either_way_are_found_though_the_share_is_one_half() -> None:
+    choices = Choices(tuple("abcdefghijklmnop"), 4 * (np.arange(16) < 8), np.full(16, 4))
+    assert estimate_share(choices, 0.15).p_value == 1.0
+    guessing = consistency_of(choices)
+    assert guessing is not None
+    assert guessing.ratio == 4.0  # 16 people with (±4)² by 64 answers
+    assert guessing.p_value == pytest.approx((2 / 16) ** 16, rel=1e-9)
+
+
+def test_consistency_is_the_chance_over_all_outcomes() -> None:
+    answers = np.array([1, 2, 4])
+    choices = Choices(("a", "b", "c"), np.array([1, 0, 3]), answers)
+    reached = total = 0
+    for outcome in itertools.product((0, 1), repeat=7):
+        parts = np.split(np.array(outcome), [1, 3])
+        total += 1
+        reached += sum((2 * p.sum() - p.size) ** 2 for p in parts) >= 1 + 4 + 4
+    found = consistency_of(choices)
+    assert found is not None
+    assert found.p_value == pytest.approx(reached / total)
+    assert found.ratio == pytest.approx(9 / 7)
+
+
+def test_sequences_are_told_apart_as_by_cochrans_q() -> None:
+    rng = np.random.default_rng(5)
+    table = rng.random((17, 4)) < np.array([0.3, 0.5, 0.6, 0.7])
+    trials = data_of(answers_of(lambda who, s: bool(table[who, s]))).trials
+    found = sequence_differences(trials, NAMES, np.random.default_rng(1))
+    assert found is not None
+    assert found.spread == pytest.approx(np.ptp(table.mean(axis=0)))
+    # Q is a constant times the statistic; its chi-squared p is that of many people, hence the tolerance.
+    assert found.p_value == pytest.approx(cochrans_q(table).pvalue, abs=0.03)
+
+
+def test_a_sequence_compared_more_often_than_others_is_no_difference() -> None:
+    """Answers 0, 0 to the library and 1 to the gym: of three places for the one, this alone lies as far out.
+
+    Expected are 2/3 and 1/3: squares add up to 8/9 here, and to 2/9 for the other two places.
+    """
+    one = [("01", "library", False, 1), ("01", "library", False, 2), ("01", "gym", True, 1)]
+    found = sequence_differences(data_of(one).trials, ("library", "gym"), np.random.default_rng(1))
+    assert found is not None
+    assert found.spread == 1.0
+    assert found.p_value == pytest.approx(1 / 3, abs=0.015)  # 9999 permutations: three times 0.005
+
+
+def test_nobody_who_compared_two_sequences_leaves_nothing_to_compare() -> None:
+    one_each = [(f"{k:02d}", NAMES[k % 4], k % 3 == 0, 1 + k % 2) for k in range(12)]
+    found = compare(data_of(one_each), 1, 0.15)
+    assert found.differences is None
+    assert found.consistency is None
+
+
+def test_the_same_seed_gives_the_same_numbers() -> None:
+    trials = data_of(answers_of(lambda who, s: (who * who + 3 * s + who * s) % 5 < 2)).trials
+    one, two, other = (sequence_differences(trials, NAMES, np.random.default_rng(k)) for k in (3, 3, 4))
+    assert one == two != other
+
+
+class TestHardCases:
+    @pytest.mark.parametrize("ours", [True, False])
+    def test_everybody_gives_the_same_answer(self, ours: bool) -> None:
+        rows = rows_of(answers_of(lambda who, s: ours))
+        share = row(rows, "shares", "gym", "ours chosen")
+        assert (share.value, share.p_value) == (float(ours), 2 / 2**17)
+        pooled = row(rows, "shares", "all", "ours chosen")
+        assert "every answer was the same" in pooled.flag
+        assert pooled.ci_low is not None
+        assert pooled.ci_high is not None
+        # An interval with people as the sample, of mid-p: (1 - width)^17 / 2 = 2.5 %.
+        assert pooled.ci_high - pooled.ci_low == pytest.approx(1 - 0.05 ** (1 / 17), abs=1e-9)
+        model = row(rows, "model", "all", "ours chosen")
+        assert (model.value, model.p_value) == (None, None)
+        assert model.flag
+
+    def test_one_participant(self) -> None:
+        rows = rows_of(answers_of(lambda who, s: s < 3, people=1))
+        for share in (s for s in rows if s.what == "ours chosen"):
+            assert "one participant" in share.flag
+            assert share.p_value == 1.0
+        assert row(rows, "equivalence", "all", "smallest margin").value is None
+
+    def test_a_participant_with_one_answer_and_sequences_with_gaps(self) -> None:
+        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
+        found = compare(data_of([a for a in every if a[0] != "03" or a[1] == "gym"]), 1, 0.15)
+        assert row(statistics_of(found), "shares", "library", "ours chosen").n == 16
+        said = "comparison of library: no answer of 1 of 17 participants (03)"
+        assert said in found.warnings
+        assert answers_per_sequence(found) == [16, 16, 16, 17]
+
+    def test_a_sequence_that_nobody_compared_has_a_flag_in_place_of_a_number(self) -> None:
+        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
+        (share,) = (s for s in rows_of([a for a in every if a[1] != "gym"]) if s.group == "gym")
+        assert (share.value, share.flag, share.n) == (None, "nobody compared it", 0)
+
+    def test_a_participant_who_always_says_first_is_named(self) -> None:
+        def chosen(who: int, s: int) -> bool:
+            return (1 + (who + s) % 2 == 1) if who == 5 else (who * s) % 3 == 0
+
+        (said,) = compare(data_of(answers_of(chosen)), 1, 0.15).warnings
+        assert said == (
+            "1 of 17 participants chose the same interval every time, whichever held ours (05); they are used"
+        )
+
+    def test_ours_always_first_leaves_no_leaning_to_estimate_and_does_not_fail(self) -> None:
+        every = answers_of(lambda who, s: (who + s) % 3 == 0)
+        rows = rows_of([(who, name, ours, 1) for who, name, ours, _ in every])
+        leaning = row(rows, "model", "all", "first chosen")
+        assert leaning.value is None
+        assert row(rows, "model", "all", "ours chosen").value is not None
+        shares = [s for s in rows if s.table in ("shares", "equivalence") or s.what == leaning.what]
+        assert all("cannot be told from a leaning" in s.flag for s in shares)
+        assert "cannot be told" in row(rows, "model", "all", "ours chosen").flag
+
+    def test_ours_nearly_always_second_in_one_sequence_is_warned_of_there_and_only_there(self) -> None:
+        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
+        uneven = [(w, name, ours, 1 if w == "03" else 2) if name == "living_room" else (w, name, ours, k)
+                  for w, name, ours, k in every]  # fmt: skip
+        found = compare(data_of(uneven), 1, 0.15)
+        (said,) = [words for words in found.warnings if "leaning" in words]
+        assert said.startswith("comparison of living room: ours came second in 16 of 17 trials")
+        flagged = {s.group for s in statistics_of(found) if "can hardly be told" in s.flag}
+        assert flagged == {"living_room"}
+
+    def test_ours_always_first_is_said_in_the_lead_and_no_model_tells_it_from_a_leaning(self) -> None:
+        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
+        found = compare(data_of([(w, name, ours, 1) for w, name, ours, _ in every]), 1, 0.15)
+        assert "cannot be told from a leaning" in lead_of(found, [answer_limits(17, 0.15)])
+        assert "nor does the model" in pooled_section(found).paragraphs[0]
+        assert "sets apart" not in pooled_section(found).paragraphs[0]
+
+    def test_sequences_that_contradict_each_other_have_no_common_share(self) -> None:
+        """Two sequences nobody's but for one answer, two everybody's: 35 of 68, and people hardly differ."""
+        found = compare(data_of(answers_of(lambda who, s: s % 2 == 1 or (who == 0 and s == 0))), 1, 0.15)
+        assert found.contradictory
+        assert "is excluded" not in lead_of(found, [answer_limits(17, 0.15)])
+        pooled = row(statistics_of(found), "shares", "all", "ours chosen")
+        assert pooled.ci_low is not None
+        assert pooled.ci_high is not None
+        # No shorter than 68 independent answers give, and t of 17 people.
+        half = stats.t.ppf(0.975, 16) * np.sqrt(35 / 68 * 33 / 68 / 68)
+        assert (pooled.ci_high - pooled.ci_low) / 2 == pytest.approx(half)
+        assert "the sequences differ" in pooled.flag
+
+    def test_people_who_always_give_their_own_answer_have_no_number_of_the_model(self) -> None:
+        found = compare(data_of(answers_of(lambda who, s: who % 2 == 0)), 1, 0.15)
+        for own in (s for s in statistics_of(found) if s.table == "model"):
+            assert (own.value, own.ci_low, own.ci_high, own.p_value) == (None,) * 4
+            assert "standard deviation runs to infinity" in own.flag
+        assert "gives no number" in pooled_section(found).paragraphs[0]
+
+    def test_clustered_rows_count_people(self) -> None:
+        rows = rows_of(answers_of(lambda who, s: (who + s + who // 4) % 2 == 0))
+        assert {s.n for s in rows if s.group == "all"} == {17}
+        same = rows_of(answers_of(lambda who, s: True))
+        assert "exact binomial" in row(same, "shares", "all", "ours chosen").method
+        assert "exact binomial" in row(same, "equivalence", "all", "share within").method
+
+    def test_participants_who_all_have_the_same_share_give_no_interval(self) -> None:
+        rows = rows_of(answers_of(lambda who, s: s % 2 == who % 2))
+        pooled = row(rows, "shares", "all", "ours chosen")
+        assert (pooled.value, pooled.ci_low, pooled.ci_high) == (0.5, None, None)
+        assert "same share" in pooled.flag
+        assert row(rows, "equivalence", "all", "smallest margin").value is None
+
+    def test_no_answer_at_all_is_refused(self) -> None:
+        with pytest.raises(InputError, match="no comparison counts"):
+            comparison_findings(TaskData("comparison", (), True, "0" * 64, ()))
+
+    @pytest.mark.parametrize("n", [1, 2, 5, 200])
+    def test_the_limits_of_any_number_of_answers_are_numbers_or_flags(self, n: int) -> None:
+        rows = limit_rows(answer_limits(n, 0.15))
+        assert all((s.value is None) == bool(s.flag) for s in rows)
+        assert row(rows, "limits", f"{n} answers", "type I error").value == pytest.approx(
+            sum(stats.binom.pmf(k, n, 0.5) for k in range(n + 1) if stats.binomtest(k, n).pvalue <= 0.05)
+        )
+
+    def test_two_people(self) -> None:
+        rows = rows_of(answers_of(lambda who, s: (who + s) % 3 == 0, people=2))
+        assert row(rows, "shares", "all", "ours chosen").p_value == 1.0
+        assert row(limit_rows(answer_limits(2, 0.15)), "limits", "2 answers", "smallest share").flag
+
+
+def test_what_seventeen_people_are_told_of_all_answers_errs_no_more_often_than_it_may() -> None:
+    # 1000 experiments: 5 % and 95 % have a standard error of 0.7 %; 92 and 98 % of 0.9 and 0.4 %. Three each.
+    truth = ComparisonTruth(0.9, 0.15, 0.5)
+    half, edge = (pooled_rates(truth, share, 1000, SEED) for share in (0.5, 0.65))
+    assert half.difference < 0.05 + 0.021
+    assert edge.equivalence < 0.05 + 0.021
+    for rates in (half, edge):
+        assert 0.92 - 0.026 < rates.coverage < 0.98 + 0.013
+
+
+def test_the_mixed_model_finds_the_preference_that_was_put_in() -> None:
+    # Each of 200 people chooses ours with 3 in 4; nobody differs. Standard error of the log-odds of 800
+    # answers: 1 / sqrt(800 · 3/16), and three of them.
+    chosen = np.random.default_rng(2).binomial(4, 0.75, 200)
+    effect = choice_model(tuple(trials_of(chosen, 4))).intercept
+    assert effect is not None
+    assert effect.estimate == pytest.approx(np.log(3), abs=3 / np.sqrt(800 * 3 / 16))
+
+
+def test_the_mixed_model_is_seldom_fooled_by_guessing() -> None:
+    # 20 fits: five or more errors at 5 % have a chance of 0.3 %.
+    different, held = model_rates(ComparisonTruth(0.9, 0.15, 0.5), 0.5, 20, SEED)
+    assert different < 5 / 20
+    assert held > 15 / 20
+
+
+@pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
+def test_the_figure_draws_every_share_and_its_interval(found: Comparison, medium: Medium) -> None:
+    figure = shares_figure(found, medium)
+    drawn = {round(float(x), 9) for line in figure.axes[0].lines for x in np.atleast_1d(line.get_xdata())}
+    for own in (*(s.estimate for s in found.sequences), found.pooled):
+        assert own is not None
+        assert own.interval is not None
+        assert {round(own.choices.share, 9), *(round(end, 9) for end in own.interval)} <= drawn
+    assert png_bytes(figure)[:4] == b"\x89PNG"
+
+
+def test_the_figure_of_power_draws_the_experiments_own_number_of_answers() -> None:
+    power, margins = power_figure([17], 0.15, COLUMN).axes
+    own = power.lines[0].get_ydata()
+    assert own[50] == pytest.approx(100 * float(difference_power(17, 0.75)))  # type: ignore[index] # an array
+    assert margins.lines[2].get_ydata()[0] == pytest.approx(100 * smallest_margin_ever(17))  # type: ignore[index]
+
+
+def test_every_number_of_the_figures_is_in_their_tables(published_like: Findings) -> None:
+    shares, power = published_like.drawings
+    assert [p.label for p in shares.points] == [*NAMES, "all answers"]
+    assert {p.series for p in power.points} == {
+        "n = 17", "n = 50", "n = 100", "n = 200", "at best", "80 % power"
+    }  # fmt: skip
+    assert all(p.n for p in (*shares.points, *power.points))
+
+
+def test_recorded_answers_are_not_called_simulated(found: Comparison) -> None:
+    found = dataclasses.replace(found, data=dataclasses.replace(found.data, simulated=False))
+    assert {s.origin.value for s in statistics_of(found)} == {"recorded"}
+    assert "simulated" not in lead_of(found, [answer_limits(17, 0.15)])
+    assert not pooled_section(found).simulated
+    assert not shares_section(found, Picture(b"", "")).simulated
+
+
+def test_counts_are_of_people_and_their_answers() -> None:
+    choices = count_choices(data_of(answers_of(lambda who, s: s == 0, people=2, repetitions=3)).trials)
+    assert (choices.participants, choices.chosen.tolist(), choices.answers.tolist()) == (
+        ("00", "01"), [3, 3], [12, 12]
+    )  # fmt: skip

@@ -1,0 +1,82 @@
+"""Claims about the map of lost contrast: what is red was visible and is lost."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from analysis.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure, map_picture
+from analysis.figure_style import (
+    COLUMN,
+    LOST,
+    PAGE,
+    SLIDE,
+    Medium,
+)
+from method.contrast_loss import contrast_loss
+from method.luminance import emitted_luminance
+from method.preset_files import load_display
+
+MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
+SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
+
+
+def checked_frame() -> np.ndarray:
+    """Faint fine detail on a bright and on a dark ground."""
+    rng = np.random.default_rng(1)
+    ground = np.repeat([[200.0], [30.0]], 32, axis=0) * np.ones((1, 64))
+    return np.repeat((ground + rng.normal(0, 6, (64, 64))).clip(0, 255)[..., None], 3, axis=2).astype(
+        np.uint8
+    )
+
+
+def test_the_map_of_an_undimmed_frame_has_lost_nothing() -> None:
+    undimmed = contrast_map(checked_frame(), 1.0, load_display("varjo-xr3"))
+    assert undimmed.reference.any()
+    assert undimmed.lost_share == 0
+    assert undimmed.loss == 0
+
+
+def test_the_loss_beside_a_map_is_that_of_the_definition() -> None:
+    display, frame = load_display("varjo-xr3"), checked_frame()
+    by_definition = contrast_loss(emitted_luminance(frame, display), 0.3, display)
+    assert by_definition > 0
+    assert contrast_map(frame, 0.3, display).loss == pytest.approx(by_definition, abs=1e-12)
+
+
+def test_lost_contrast_is_red_and_counted_among_what_was_visible() -> None:
+    reference = np.array([[True, True, True, False, False]])
+    dimmed = np.array(
+        [[True, False, True, False, True]]
+    )  # the last appears by dimming: neither lost nor kept
+    made = ContrastMap(0.5, 10.0, reference, dimmed, 0.2)
+    assert made.lost_share == pytest.approx(1 / 3)
+    black, white, red = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), to_rgb(LOST)
+    assert [tuple(pixel) for pixel in map_picture(made)[0]] == [white, red, white, black, black]
+
+
+@MEDIA
+def test_a_contrast_map_is_legible_in_every_medium(
+    medium: Medium, require_legible: Callable[[Figure, Medium], None]
+) -> None:
+    frame, display = checked_frame(), load_display("varjo-xr3")
+    maps = [contrast_map(frame, b, display) for b in (0.6, 0.3)]
+    require_legible(contrast_map_figure(frame, *maps, "a_video.mp4 at 12.3 s", medium), medium)
+
+
+def test_a_contrast_map_tells_band_and_loss_and_a_black_frame_that_nothing_is_visible(
+    texts_on: Callable[[Figure], list[str]],
+) -> None:
+    frame, display = checked_frame(), load_display("varjo-xr3")
+    made = contrast_map(frame, 0.3, display)
+    words = " ".join(texts_on(contrast_map_figure(frame, made, made, "x", SMALL)))
+    assert f"{made.frequency:.3g} cpd" in words
+    assert f"{100 * made.lost_share:.1f} %" in words
+    black = contrast_map(np.zeros((16, 16, 3), np.uint8), 0.5, display)
+    drawn = contrast_map_figure(np.zeros((16, 16, 3), np.uint8), black, black, medium=SMALL)
+    assert "Nothing in this frame is visible" in " ".join(texts_on(drawn))

@@ -1,0 +1,37 @@
+"""Claims about ends of profile intervals: what is not found is said, and is no number."""
+
+import numpy as np
+import pytest
+
+from analysis.adaptive_quadrature import Array, Likelihood
+from analysis.likelihood_search import Held, Maximum, Profile, ProfileEnd
+
+CRITICAL = 4.0
+
+
+def bell(parameters: Array) -> Likelihood:
+    """A log-likelihood whose maximum is at 0, with curvature 1."""
+    return Likelihood(-0.5 * float(parameters @ parameters), -parameters, -np.eye(2))
+
+
+def profile(top: Array) -> Profile:
+    return Profile(bell, Maximum(top, bell(top), True), Held(0))
+
+
+def test_the_end_of_a_parabola_lies_where_it_must() -> None:
+    end = profile(np.zeros(2)).end(1, CRITICAL, 1.0, 10.0)
+    assert end.value == pytest.approx(2.0, abs=1e-3)  # 2 · z² / 2 = 4
+    assert profile(np.zeros(2)).end(1, CRITICAL, 1.0, 1.5) == ProfileEnd(None)  # further than is tried
+
+
+def test_a_maximum_that_is_none_gives_neither_statistic_nor_end() -> None:
+    wrong = profile(np.array([0.0, 1.0]))  # the other parameter is not at its best
+    assert wrong.ratio(0.0) is None
+    assert wrong.end(1, CRITICAL, 0.1, 10.0) == ProfileEnd(None, lost=True)
+
+
+def test_an_end_that_is_never_reached_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = profile(np.zeros(2))
+    jump = {False: 1.0, True: 9.0}  # a statistic that leaps over its critical value
+    monkeypatch.setattr(Profile, "at", lambda _, value, near: (jump[value > 1.5], 0.0, near))
+    assert found.end(1, CRITICAL, 1.0, 10.0) == ProfileEnd(None, lost=True)

@@ -1,0 +1,217 @@
+"""Claims about the figure of a track: it shows the data it is given, whole and legibly, whatever they are."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.lines import Line2D
+
+from analysis.figure_style import (
+    BASELINE,
+    COLUMN,
+    LIMIT,
+    OURS,
+    PAGE,
+    SLIDE,
+    Medium,
+    png_bytes,
+    write_png,
+)
+from analysis.thumbnails import dimmed_picture
+from analysis.track_figure import drawn_rates, track_figure
+from analysis.track_story import TrackStory, outcome_in_words
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from data_schema.provenance import Provenance
+
+MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
+SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
+
+
+def story(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> TrackStory:
+    """A track with every column of its own shape, so that none can be taken for another."""
+    steps = np.arange(n)
+    given = {
+        "times": steps / 25,
+        "factors": 0.5 + 0.3 * np.sin(steps / 5),
+        "contrast_loss": 0.2 + 0.1 * np.cos(steps / 4),
+        "mean_luminance": np.full(n, 20.0),
+        "rate": np.append(np.sin(steps[1:]), 0.0),
+        "rate_limit": 1.5 + 0.3 * np.cos(steps / 3),
+        "power": np.full(n, 1.0),
+        **columns,
+    }
+    header = TrackHeader(
+        video, "varjo-xr3", "f", "surace2025", "surace2025", 0.5, BudgetUnit.FACTOR, "splitting", Provenance()
+    )
+    picture = np.full((9, 16, 3), 128, np.uint8)
+    chosen = sorted({int(k) for k in np.linspace(0, n - 1, pictures)}) if pictures else []
+    thumbnails = tuple((k, picture) for k in chosen)
+    constant = 0.3 + 0.05 * np.sin(steps / 2)
+    return TrackStory(BrightnessTrack(**given, header=header), 0.5, constant, 0.01, 0.02, thumbnails)
+
+
+def lines_of(figure: Figure, place: int, colour: str) -> list[Line2D]:
+    """The lines of one colour in one panel."""
+    return [line for line in figure.axes[place].lines if line.get_color() == colour]
+
+
+def test_the_lines_of_a_track_are_its_data() -> None:
+    told = story()
+    figure = track_figure(told)
+    expected = [
+        (0, OURS, told.track.factors),
+        (1, OURS, told.track.contrast_loss),
+        (1, BASELINE, told.baseline_loss),
+    ]
+    for place, colour, values in expected:
+        (line,) = lines_of(figure, place, colour)
+        assert line.get_drawstyle() == "steps-post"
+        np.testing.assert_array_equal(line.get_xdata()[:-1], told.track.times)
+        np.testing.assert_array_equal(line.get_ydata()[:-1], values)
+    (baseline,) = lines_of(figure, 0, BASELINE)
+    assert set(baseline.get_ydata()) == {told.baseline_factor}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "bounded", "full"),
+    [(0.48, 0.52, False, False), (0.21, 0.4, True, False), (0.7, 1.0, False, True), (0.2, 1.0, True, True)],
+)
+def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
+    low: float, high: float, bounded: bool, full: bool
+) -> None:
+    told = dataclasses.replace(story(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
+    panel = track_figure(told).axes[0]
+    bottom, top = panel.get_ylim()
+    assert 0 <= bottom < low < high < top
+    assert 0.15 <= top - bottom <= max(2 * (high - low), 0.16)
+    assert all(bottom <= tick <= min(top, 1) for tick in panel.get_yticks())
+    assert len(panel.get_yticks()) >= 2
+    legend = panel.get_legend()
+    assert legend is not None
+    assert ("not allowed" in [text.get_text() for text in legend.get_texts()]) == bounded
+    assert bool(panel.patches) == bounded
+    assert any(set(line.get_ydata()) == {1.0} for line in panel.lines) == full
+
+
+def test_a_clip_that_loses_nothing_is_not_said_to_lose_a_share() -> None:
+    even = dataclasses.replace(story(contrast_loss=np.zeros(30)), objective=0.0, objective_baseline=0.0)
+    assert "the same share" in outcome_in_words(even)
+    black = dataclasses.replace(even, baseline_loss=np.zeros(30))
+    assert outcome_in_words(black).startswith("No visible contrast is lost in any frame")
+
+
+def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
+    told = story()
+    (line,) = lines_of(track_figure(told), 2, OURS)
+    np.testing.assert_array_equal(line.get_xdata(), told.track.times)
+    np.testing.assert_array_equal(line.get_ydata()[:-1], told.track.rate[:-1])
+
+
+def test_rates_are_drawn_between_the_limits_of_both_directions() -> None:
+    told = story()
+    figure = track_figure(told)
+    assert figure.axes[2].get_ylabel() == "rate [cd/m²/s]"
+    for sign, line in zip((1, -1), lines_of(figure, 2, LIMIT), strict=True):
+        assert line.get_drawstyle() == "steps-post"
+        np.testing.assert_array_equal(line.get_xdata()[:-1], told.track.times)
+        np.testing.assert_array_equal(line.get_ydata()[:-1], sign * told.track.rate_limit)
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e4], ids=["narrow", "wide"])
+def test_every_limit_and_every_rate_has_room_in_the_figure(spread: float) -> None:
+    panel = track_figure(story(rate_limit=np.geomspace(1.0, spread, 30))).axes[2]
+    bottom, top = panel.get_ylim()
+    for line in panel.lines:
+        assert bottom < np.min(line.get_ydata())
+        assert top > np.max(line.get_ydata())
+
+
+def test_limits_that_vary_widely_make_rates_shares_of_them() -> None:
+    told = story(4, rate=np.array([0.01, -3.0, 0.0, 0.0]), rate_limit=np.array([0.02, 4.0, 0.0, 0.0]))
+    panel = track_figure(told).axes[2]
+    (line,) = lines_of(track_figure(told), 2, OURS)
+    np.testing.assert_allclose(line.get_ydata()[:-1], [50.0, -75.0, 0.0])  # of 0.02, 4 and nothing
+    assert panel.get_ylabel() == "rate / ΔL [%]"
+    upper, lower = lines_of(track_figure(told), 2, LIMIT)
+    assert set(upper.get_ydata()) == {100.0}
+    assert set(lower.get_ydata()) == {-100.0}
+
+
+def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
+    told = story(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
+    np.testing.assert_array_equal(drawn_rates(told.track)[0], [50.0, -np.inf])
+
+
+def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
+    told = story(pictures=3)
+    pictures = [np.asarray(axes.images[0].get_array()) for axes in track_figure(told).axes if axes.images]
+    assert len(pictures) == 6
+    pairs = zip(pictures[::2], pictures[1::2], strict=True)
+    for (index, original), (full, dimmed) in zip(told.thumbnails, pairs, strict=True):
+        np.testing.assert_array_equal(full, original)
+        np.testing.assert_array_equal(dimmed, dimmed_picture(original, told.track.factors[index]))
+
+
+DEGENERATE: dict[str, Callable[[], TrackStory]] = {
+    "one frame": lambda: story(1, pictures=1),
+    "two frames": lambda: story(2, pictures=2),
+    "no thumbnails": lambda: story(pictures=0),
+    "many thumbnails": lambda: story(100, pictures=40),
+    "very long": lambda: story(10_000, pictures=6),
+    "constant": lambda: story(factors=np.full(30, 0.5), contrast_loss=np.full(30, 0.1), rate=np.zeros(30)),
+    "all black": lambda: story(
+        contrast_loss=np.zeros(30),
+        mean_luminance=np.zeros(30),
+        rate=np.zeros(30),
+        rate_limit=np.zeros(30),
+        power=np.zeros(30),
+    ),
+    "some black": lambda: story(rate_limit=np.where(np.arange(30) < 9, 0.0, 2.0)),
+    "uneven": lambda: story(times=np.cumsum(np.geomspace(1e-3, 10.0, 30))),
+    "late": lambda: story(times=1e6 + np.arange(30) / 25),
+    "strange name": lambda: story(video="$a_1$ ünï 東京 \\ {x}^2\n" + "long " * 40 + "\udcff.mp4"),
+}
+
+
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
+    assert png_bytes(track_figure(DEGENERATE[name](), SMALL)).startswith(b"\x89PNG")
+
+
+@MEDIA
+def test_a_track_is_legible_in_every_medium(
+    medium: Medium, require_legible: Callable[[Figure, Medium], None]
+) -> None:
+    require_legible(
+        track_figure(story(video="a_rather_long_name_of_a_video.mp4", pictures=8), medium), medium
+    )
+
+
+def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> None:
+    before = dict(mpl.rcParams)
+    first, second = (png_bytes(track_figure(story(), SMALL)) for _ in range(2))
+    assert first == second
+    assert dict(mpl.rcParams) == before  # drawing leaves no setting behind
+    write_png(tmp_path / "track.png", track_figure(story(), SMALL))
+    assert (tmp_path / "track.png").read_bytes() == first
+
+
+def test_a_figure_has_the_size_of_its_medium() -> None:
+    for medium in (PAGE, SLIDE, COLUMN):
+        pixels = imread(io.BytesIO(png_bytes(track_figure(story(), medium))))
+        height, width = (side * medium.dots_per_inch for side in (medium.height, medium.width))
+        np.testing.assert_allclose(pixels.shape[:2], (height, width), atol=1)
+
+
+def test_a_baseline_of_another_length_is_refused() -> None:
+    with pytest.raises(ValueError, match="each of the 30 frames, got 2"):
+        dataclasses.replace(story(), baseline_loss=np.zeros(2))

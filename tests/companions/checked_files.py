@@ -1,0 +1,74 @@
+"""What tests of `evenlight validate` share: the problems that it tells, and results to be checked."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    TrackHeader,
+    write_track,
+)
+from data_schema.display import Display
+from data_schema.loss_curves import LossCurves, write_loss_curves
+from data_schema.provenance import Provenance
+from data_schema.text_files import write_json_record
+from data_schema.validation import validate
+
+
+def problems_of(path: Path) -> list[str]:
+    """The problems at a path, without the path."""
+    found = [problem for checked in validate(path) for problem in checked.problems]
+    assert all(problem.startswith(str(path)) and "\n" not in problem for problem in found)
+    return [problem.removeprefix(str(path)).lstrip("/") for problem in found]
+
+
+def results(folder: Path, **changes: Any) -> Path:
+    """Results of an optimization of four frames; their loss is 0, 0.1, 0.2, 0.4."""
+    loss = np.array([0.0, 0.1, 0.2, 0.4])
+    origin = Provenance()
+    display = Display("bench", 104.4, 0.2, 1.95, 72.28)
+    header = TrackHeader(
+        "v", "bench", display.fingerprint, "panel", "limit", 0.6, BudgetUnit.FACTOR, "s", origin
+    )
+    factors, rest = np.full(4, 0.6), [np.full(4, value) for value in (20.0, 0.0, 2.0, 0.5)]
+    times = np.arange(4) * 0.04
+    write_track(folder / "track.csv", BrightnessTrack(times, factors, loss, *rest, header=header))
+    values: dict[str, Any] = {field.name: 0.5 for field in dataclasses.fields(OptimizationSummary)} | {
+        "video": "v",
+        "display": "bench",
+        "rate_limit": "limit",
+        "power_model": "panel",
+        "frames": 4,
+        "budget": 0.6,
+        "budget_unit": BudgetUnit.FACTOR,
+        # pairs: 0.1 + 0.2 + 0.4 + 0.1 + 0.3 + 0.2 = 1.3 in 6
+        "objective": 1.3 / 6,
+        "lower_bound": 0.2,
+        "achieved": 0.6,
+        "max_rate_ratio": 0.0,
+        "limit_curve": "fitted",
+        "modulated": "frame_mean",
+        "contrast_model": "default",
+        "simulated": False,
+        "mean_contrast_loss": 0.175,
+        "mean_factor": 0.6,
+        "frames_without_contrast": 0,
+        "solver": "s",
+        "iterations": 3,
+        "seed": None,
+        "versions": {},
+        "provenance": origin,
+        "rate_limit_procedure": None,
+    }
+    write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
+    curves = LossCurves(
+        "v", display, times, np.full(4, 0.04), np.array([0.2, 1.0]), np.zeros((4, 2)),
+        np.full(4, 0.5), np.full(4, 20.0), np.full((4, 3), 0.2), origin,
+    )  # fmt: skip
+    write_loss_curves(folder / "loss_curves.npz", curves)
+    return folder

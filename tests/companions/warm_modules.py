@@ -1,0 +1,12 @@
+"""Imports what a session needs, for processes that are forked from one that has it: `warm_evenlight`."""
+
+import contextlib
+import importlib
+import os
+
+# PsychoPy takes user site-packages for its own otherwise, as hardware/psychopy_window.py says.
+os.environ["PSYCHOPYNOPACKAGES"] = "1"
+# Not its window: the import of pyglet's connects to the screen, which each run is to do for itself.
+for name in ("experiments.run_command", "experiments.run_session", "psychopy.monitors", "psychopy.data"):
+    with contextlib.suppress(ImportError):  # a run says then what is missing
+        importlib.import_module(name)

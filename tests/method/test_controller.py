@@ -1,0 +1,252 @@
+"""The online controller: steps, limits, and what it does with content that changes."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves
+from data_schema.rate_limit import RateLimit, RateLimitForm
+from method.choices import LimitCurve
+from method.control_curves import ControlledTrack, control_curves
+from method.controller import Controller, ControllerSettings, FrameSeen
+from method.curve_lookup import factor_at_loss, loss_and_slope
+from method.modulation import largest_rate_ratio
+from method.preset_files import load_rate_limit
+from method.rate_limit import rate_limit_at
+from method.scalar_rate_limit import scalar_rate_limit
+
+PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
+
+
+def free(_: float) -> float:
+    """No limit that matters."""
+    return 1e9
+
+
+def run(
+    curves: LossCurves,
+    start: float | None = None,
+    limit: Callable[[float], float] = PAPER,
+    **chosen: float | None,
+) -> ControlledTrack:
+    return control_curves(
+        curves, Controller(ControllerSettings(**{"target_loss": 0.1, **chosen}), limit), start
+    )
+
+
+def test_one_step_by_hand() -> None:
+    # Gains per second (1 Hz). Loss 0.3 against 0.1: e = 0.2, it was 0 0.5 s ago. K_p e = 0.04, K_d de/dt =
+    # 0.05 · 0.4 = 0.02, integral 0.5 + 0.01 · 0.2 · 0.5 = 0.501: 0.561.
+    controller = Controller(ControllerSettings(0.1, gain_rate=1.0), free)
+    first = controller.start(0.5, FrameSeen(loss=0.1, luminance=50.0, duration=0.5))
+    second = controller.step(first, FrameSeen(loss=0.3, luminance=50.0, duration=0.5))
+    assert second.factor == pytest.approx(0.561, abs=1e-12)
+    assert second.integral == pytest.approx(0.501, abs=1e-12)
+    assert not second.limited
+
+
+def test_gains_per_frame_by_hand() -> None:
+    # For frames of 1/25 s, in a video of 12.5 Hz: each frame counts twice in K_i, half in K_d.
+    controller = Controller(ControllerSettings(0.1, 0.0, 0.01, 0.05, gain_rate=25.0), free)
+    first = controller.start(0.5, FrameSeen(0.1, 50.0, 0.08))
+    second = controller.step(first, FrameSeen(0.3, 50.0, 0.08))
+    assert second.factor == pytest.approx(0.5 + 2 * 0.01 * 0.2 + 0.05 * 0.2 / 2, abs=1e-12)
+
+
+def test_a_step_within_the_limit_by_hand() -> None:
+    # ΔL = 2 cd/m^2/s on a luminance of (40 + 60) / 2: b may change by 2 · 0.1 / 50 = 0.004.
+    controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 2.0)
+    first = controller.start(0.5, FrameSeen(0.1, 40.0, 0.1))
+    second = controller.step(first, FrameSeen(0.6, 60.0, 0.04))
+    assert second.factor == pytest.approx(0.504, abs=1e-9)
+    assert second.limited
+
+
+def test_the_lower_limit_of_the_two_ends_counts() -> None:
+    # ΔL = 3 %/s of b·Ī: the dark frame that comes (Ī = 1) allows 0.03 · b · 1 · 0.1 / 25.5.
+    controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 0.03 * luminance)
+    first = controller.start(0.5, FrameSeen(0.1, 50.0, 0.1))
+    second = controller.step(first, FrameSeen(0.9, 1.0, 0.1))
+    step = second.factor - 0.5
+    assert step == pytest.approx(0.03 * second.factor * 1.0 * 0.1 / 25.5, rel=1e-6)
+
+
+def test_between_black_frames_the_factor_is_free_and_beside_one_it_is_frozen() -> None:
+    controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 0.03 * luminance)
+    black = controller.start(0.5, FrameSeen(0.1, 0.0, 0.1))
+    assert controller.step(black, FrameSeen(0.6, 0.0, 0.1)).factor > 0.6
+    assert controller.step(black, FrameSeen(0.6, 50.0, 0.1)).factor == 0.5
+
+
+@pytest.mark.parametrize("name", ["surace2025", "rate", "log_log"])
+def test_the_limit_at_one_luminance_is_the_limit(name: str) -> None:
+    paper = load_rate_limit("surace2025")
+    form = {"rate": RateLimitForm.RATE, "log_log": RateLimitForm.LOG_LOG}.get(name)
+    limit = paper if form is None else replace(paper, form=form)
+    luminance = np.concatenate([[0.0], np.geomspace(1e-3, 500.0, 300), paper.luminance_range])
+    one_by_one = [scalar_rate_limit(limit, 1.5)(light) for light in luminance.tolist()]
+    np.testing.assert_allclose(one_by_one, rate_limit_at(limit, luminance + 1.5), rtol=1e-12)
+
+
+def test_the_lower_edge_of_the_band_can_be_obeyed_instead() -> None:
+    limit = load_rate_limit("surace2025")
+    safe = scalar_rate_limit(limit, curve=LimitCurve.SAFE)
+    luminance = np.geomspace(1.0, 300.0, 50)
+    expected = rate_limit_at(limit, luminance, LimitCurve.SAFE)
+    np.testing.assert_allclose([safe(light) for light in luminance.tolist()], expected, rtol=1e-12)
+    bare = RateLimit("r", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0))
+    with pytest.raises(InputError, match="no band"):
+        scalar_rate_limit(bare, curve=LimitCurve.SAFE)
+
+
+HUNDREDTHS = st.integers(0, 100).map(lambda k: k / 100)
+
+
+@settings(max_examples=60)  # of up to 25 steps each
+@given(
+    st.lists(st.tuples(HUNDREDTHS, st.sampled_from([0.0, 0.1, 5.0, 60.0, 104.0])), min_size=2, max_size=25),
+    st.sampled_from([0.0, 0.05, 0.2, 0.5]),
+    st.sampled_from([1.0, 90.0, None]),
+)
+def test_no_content_makes_it_break_the_rate_limit_or_the_bounds(
+    make_curves: Callable[..., LossCurves],
+    content: list[tuple[float, float]],
+    target: float,
+    rate: float | None,
+) -> None:
+    strength, luminance = (np.array(part) for part in zip(*content, strict=True))
+    curves = make_curves(strength, luminance=luminance)
+    track = run(curves, target_loss=target, gain_rate=rate, proportional=5.0, integral=1.0)
+    assert largest_rate_ratio(track.rate, track.rate_limit) <= 1
+    assert track.factors.min() >= 0.2
+    assert track.factors.max() <= 1
+
+
+def steps_of(
+    make_curves: Callable[..., LossCurves], losses: list[float], seconds: float, rate: float
+) -> LossCurves:
+    """Content whose loss at factor 0 jumps: in turn bright with little to lose, dark with much."""
+    frames = round(seconds * rate)
+    strength = np.repeat(losses, frames)
+    luminance = np.where(strength > np.mean(losses), 15.0, 60.0)
+    return make_curves(strength, luminance=luminance, frames_per_second=rate)
+
+
+@pytest.mark.parametrize("limit", [PAPER, free], ids=["rate limit", "no limit"])
+@pytest.mark.parametrize(
+    ("strong", "rate"), [(0.15, 12.5), (0.4, 12.5), (1.0, 5.0), (1.0, 12.5), (0.4, 90.0)]
+)
+def test_it_does_not_ring_on_a_step_between_bright_and_dark(
+    make_curves: Callable[..., LossCurves], strong: float, rate: float, limit: Callable[[float], float]
+) -> None:
+    seconds = 40.0
+    curves = steps_of(make_curves, [0.12, strong, 0.12], seconds, rate)
+    track = run(curves, target_loss=0.08, limit=limit)
+    frames = round(seconds * rate)
+    goals = factor_at_loss(curves, np.full(curves.n_frames, 0.08))
+    for part in range(1, 3):
+        piece = slice(part * frames, (part + 1) * frames)
+        way = np.sign(goals[piece][-1] - track.factors[part * frames - 1])
+        beyond = (track.factors[piece] - goals[piece]) * way
+        assert beyond.max() <= 0.01  # no overshoot to speak of
+        after_kick = np.diff(track.factors[piece][3:]) * way
+        assert after_kick.min() >= -2e-4  # nor any way back; the first frames may have the kick of K_d
+
+
+@pytest.mark.parametrize(("strong", "rate"), [(0.3, 12.5), (0.6, 5.0), (0.6, 12.5), (1.0, 5.0), (1.0, 60.0)])
+def test_after_ten_seconds_at_a_bound_it_recovers_without_overshoot(
+    make_curves: Callable[..., LossCurves], rate: float, strong: float
+) -> None:
+    # Content that loses nothing for 10 s drives the factor to its lowest; so much that it stays at 1, to the
+    # top.
+    target = 0.1
+    for held, bound in ((0.01, 0.2), (5.0, 1.0)):
+        ten, long = round(10 * rate), round(70 * rate)
+        strength = np.concatenate([np.full(ten, held), np.full(long, strong)])
+        curves = make_curves(np.minimum(strength, 1.0), luminance=50.0, frames_per_second=rate)
+        if held > 1:  # a loss above the target at any factor but 1
+            loss = np.array(curves.loss)
+            loss[:ten, :-1] = 0.9
+            curves = replace(curves, loss=loss)
+        track = run(curves, start=bound, target_loss=target)
+        assert track.factors[:ten] == pytest.approx(bound, abs=0.01 if held > 1 else 1e-9)
+        loss = track.contrast_loss[ten:]
+        beyond = (target - loss) if bound == 0.2 else (loss - target)
+        assert beyond.max() <= 0.02
+        assert abs(loss[-1] - target) <= 0.02
+
+
+def test_the_rate_limit_winds_nothing_up(make_curves: Callable[..., LossCurves]) -> None:
+    # Half a minute at the limit with a large error: an integral that took it up would carry the factor far
+    # on.
+    curves = steps_of(make_curves, [0.15, 0.9], 60.0, 25.0)
+    track = run(curves, integral=0.1)  # ten times as eager
+    assert track.limited.mean() > 0.2
+    assert (0.1 - track.contrast_loss[1500:]).max() <= 0.02
+
+
+def test_it_does_the_same_at_any_frame_rate_unless_asked_to_count_frames(
+    make_curves: Callable[..., LossCurves],
+) -> None:
+    ends = {}
+    for rate in (5.0, 25.0, 90.0):
+        curves = steps_of(make_curves, [0.2, 0.5], 10.0, rate)
+        same, counting = run(curves, limit=free), run(curves, limit=free, gain_rate=None)
+        quarter = round(12.5 * rate)
+        ends[rate] = (same.factors[quarter], counting.factors[quarter])
+    by_time, by_frames = (np.array(column) for column in zip(*ends.values(), strict=True))
+    assert np.ptp(by_time) < 0.05
+    assert np.ptp(by_frames) > 0.15
+
+
+def test_on_still_content_it_reaches_the_target(make_curves: Callable[..., LossCurves]) -> None:
+    track = run(make_curves(np.full(1500, 0.3)), start=0.4)
+    assert track.contrast_loss[-1] == pytest.approx(0.1, abs=1e-3)
+    assert not track.limited[-100:].any()
+
+
+def test_it_starts_where_the_first_frame_has_the_target_loss(make_curves: Callable[..., LossCurves]) -> None:
+    curves = make_curves([0.2, 0.2])
+    assert run(curves).factors[0] == pytest.approx(0.5, abs=1e-9)  # 0.2 (1 - b) = 0.1
+    assert run(curves, target_loss=0.9).factors[0] == 0.2
+    assert run(curves, start=0.9).factors[0] == 0.9
+
+
+def test_losses_are_those_of_the_curves(make_curves: Callable[..., LossCurves]) -> None:
+    curves = make_curves(np.linspace(0.1, 0.6, 50), exponent=1.7)
+    track = run(curves)
+    np.testing.assert_array_equal(track.contrast_loss, loss_and_slope(curves, track.factors)[0])
+    assert track.mean_factor == pytest.approx(np.mean(track.factors), rel=1e-12)
+
+
+def test_bad_settings_are_refused_with_what_would_be_right(make_curves: Callable[..., LossCurves]) -> None:
+    with pytest.raises(ValueError, match="target_loss"):
+        ControllerSettings(1.5)
+    with pytest.raises(ValueError, match=r"lowest_factor < highest_factor, got 0\.5 and 0\.5"):
+        ControllerSettings(0.1, lowest_factor=0.5, highest_factor=0.5)
+    with pytest.raises(InputError, match=r"first factor must lie in 0\.2 to 1, got 0\.1"):
+        run(make_curves([0.2]), start=0.1)
+    with pytest.raises(InputError, match=r"begin at 0\.2"):
+        run(make_curves([0.2]), lowest_factor=0.1)
+
+
+def test_a_video_of_one_frame_has_one_factor(make_curves: Callable[..., LossCurves]) -> None:
+    track = run(make_curves([0.2]))
+    assert len(track.factors) == 1
+    assert track.rate.tolist() == [0.0]
+
+
+def test_three_thousand_frames_take_less_than_50_ms(make_curves: Callable[..., LossCurves]) -> None:
+    curves = make_curves(0.3 + 0.2 * np.sin(np.arange(3000) / 40))
+    taken = []
+    for _ in range(5):
+        begin = time.process_time()
+        run(curves)
+        taken.append(time.process_time() - begin)
+    assert min(taken) < 0.05

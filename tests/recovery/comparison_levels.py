@@ -1,0 +1,122 @@
+"""How often the tests and intervals of the artifact comparison err: docs/decisions/comparison-inference.md.
+
+Run with `python tests/recovery/comparison_levels.py [EXPERIMENTS]`; 10 000 take about two minutes without the
+mixed model, of which a twentieth as many are fitted (about ten minutes more).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from analysis.binomial_power import difference_power, equivalence_power, interval_coverage
+from analysis.comparison_counts import Choices
+from analysis.comparison_model import choice_model
+from analysis.comparison_shares import estimate_share
+from analysis.viewing_plan_comparison import ComparisonTruth, person_in_the_middle
+from data_schema.ramp import Response
+from data_schema.viewing import ComparisonTrial
+
+PEOPLE, SEQUENCES, MARGIN, SEED = 17, 4, 0.15, 7
+SPREADS = (0.0, 0.5, 1.0)  # of the log-odds of choosing ours, between people
+SHARES = (0.5, 0.65, 0.8)
+EVERYWHERE, MIDDLE = np.linspace(0.001, 0.999, 999), np.linspace(0.2, 0.8, 601)
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How often a true share is told as it should not be, and how often the interval holds it."""
+
+    difference: float
+    equivalence: float
+    coverage: float
+    unknown: float
+
+
+def drawn_counts(truth: ComparisonTruth, share: float, runs: int, seed: int) -> NDArray[np.int64]:
+    """Return how often each of 17 people chose ours, (runs, people), all sequences together."""
+    rng = np.random.default_rng([seed, int(1000 * share), int(1000 * truth.spread), truth.repetitions])
+    odds = person_in_the_middle(share, truth.spread) + truth.spread * rng.standard_normal((runs, PEOPLE))
+    return rng.binomial(truth.sequences * truth.repetitions, special.expit(odds))
+
+
+def pooled_rates(truth: ComparisonTruth, share: float, runs: int, seed: int) -> Rates:
+    """Return the rates of what is told of all answers together, at a true share."""
+    answers = np.full(PEOPLE, truth.sequences * truth.repetitions)
+    people = tuple(f"{k:02d}" for k in range(PEOPLE))
+    found = [
+        estimate_share(Choices(people, chosen, answers), truth.margin)
+        for chosen in drawn_counts(truth, share, runs, seed)
+    ]
+    intervals = [one.interval for one in found if one.interval is not None]
+    return Rates(
+        difference=float(np.mean([one.p_value <= 0.05 for one in found])),
+        equivalence=float(np.mean([one.equivalent for one in found])),
+        coverage=float(np.mean([low <= share <= high for low, high in intervals])),
+        unknown=1 - len(intervals) / runs,
+    )
+
+
+def trials_of(chosen: NDArray[np.int64], answers: int) -> Iterator[ComparisonTrial]:
+    """Yield trials in which each person chose ours so often, ours first in every other."""
+    for person, count in enumerate(chosen.tolist()):
+        for k in range(answers):
+            first = (person + k) % 2 == 0
+            yield ComparisonTrial(
+                f"{person:02d}", "01", k, f"s{k % SEQUENCES}", 1 + k // SEQUENCES, 1 if first else 2, 0.5,
+                0.5, Response.FIRST if (k < count) == first else Response.SECOND, None, True,
+            )  # fmt: skip
+
+
+def model_rates(truth: ComparisonTruth, share: float, runs: int, seed: int) -> tuple[float, float]:
+    """Return how often the mixed model finds a difference, and how often its interval holds the truth."""
+    middle = person_in_the_middle(share, truth.spread)
+    answers = truth.sequences * truth.repetitions
+    different, held = 0, 0
+    for chosen in drawn_counts(truth, share, runs, seed):
+        effect = choice_model(tuple(trials_of(chosen, answers))).intercept
+        assert effect is not None
+        different += effect.p_value is not None and effect.p_value <= 0.05
+        low = -np.inf if effect.ci_low is None else effect.ci_low
+        high = np.inf if effect.ci_high is None else effect.ci_high
+        held += low <= middle <= high
+    return different / runs, held / runs
+
+
+def main(runs: int) -> None:
+    """Print the tables."""
+    print("exact, by enumeration, one answer of each; coverage for shares of 0.2 to 0.8: least, mean, most\n")
+    print("| answers | type I | at the margin | Clopper-Pearson | mid-p | mid-p, least of all shares |")
+    print("|---|---|---|---|---|---|")
+    for n in (17, 34, 68):
+        cells = []
+        for mid_p in (False, True):
+            coverage = interval_coverage(n, MIDDLE, mid_p)
+            cells.append(f"{coverage.min():.1%}, {coverage.mean():.1%}, {coverage.max():.1%}")
+        least = interval_coverage(n, EVERYWHERE, True).min()
+        errors = float(difference_power(n, 0.5)), float(equivalence_power(n, 0.5 + MARGIN, MARGIN))
+        print(f"| {n} | {errors[0]:.1%} | {errors[1]:.1%} | {cells[0]} | {cells[1]} | {least:.1%} |")
+    print(f"\n17 people, all sequences together, {runs} experiments\n")
+    print("| repetitions | spread | share | differs | equivalent | coverage | no interval |\n|" + "---|" * 7)
+    for repetitions in (1, 4):
+        for spread in SPREADS:
+            truth = ComparisonTruth(0.9, MARGIN, spread, repetitions, SEQUENCES)
+            for share in SHARES:
+                r = pooled_rates(truth, share, runs, SEED)
+                print(f"| {repetitions} | {spread} | {share} | {r.difference:.1%} | {r.equivalence:.1%} | "
+                      f"{r.coverage:.1%} | {r.unknown:.1%} |", flush=True)  # fmt: skip
+    fits = max(runs // 20, 1)
+    print(f"\nmixed model, {fits} fits\n\n| spread | share | differs | coverage |\n|---|---|---|---|")
+    for spread in SPREADS:
+        for share in SHARES:
+            different, held = model_rates(ComparisonTruth(0.9, MARGIN, spread), share, fits, SEED)
+            print(f"| {spread} | {share} | {different:.1%} | {held:.1%} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000)

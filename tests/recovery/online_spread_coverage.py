@@ -1,0 +1,67 @@
+"""How often the interval of a ratio of spreads holds the truth: walks through made-up content.
+
+The loss under constant dimming is the exponential of an Ornstein-Uhlenbeck process with a given correlation
+time, and a controller of the same kind as the paper's follows it. The truth is the mean logarithm of the
+ratio over walks as long as the one that is judged.
+
+By hand, with many walks: python tests/recovery/online_spread_coverage.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.online_spread import SpreadRatio, spread_ratio
+
+PERIOD = 0.2  # [s] of a frame
+MEDIAN, SPREAD = 0.08, 0.5  # of the content's loss at factor 0, and SD of its logarithm
+TARGET, GAIN = 0.04, 0.4  # loss to hold; change of the factor per loss and second
+
+Array = NDArray[np.float64]
+
+
+def content(seconds: float, correlation_time: float, walks: int, rng: np.random.Generator) -> Array:
+    """Return the loss at factor 0, (frames, walks)."""
+    kept = np.exp(-PERIOD / correlation_time)
+    steps = rng.normal(size=(round(seconds / PERIOD), walks))
+    state, path = steps[0], np.empty_like(steps)
+    for frame, step in enumerate(steps):
+        state = step if frame == 0 else kept * state + np.sqrt(1 - kept**2) * step
+        path[frame] = state
+    return np.asarray(MEDIAN * np.exp(SPREAD * path))
+
+
+def walk_ratios(seconds: float, correlation_time: float, walks: int, seed: int) -> list[SpreadRatio]:
+    """Return the ratio of each walk: loss at factor b is the content's, times 1 - b."""
+    lost = content(seconds, correlation_time, walks, np.random.default_rng(seed))
+    factor = np.clip(1 - TARGET / lost[0], 0.2, 1)
+    factors = np.empty_like(lost)
+    for frame, now in enumerate(lost):
+        factor = np.clip(factor + GAIN * PERIOD * (now * (1 - factor) - TARGET), 0.2, 1)
+        factors[frame] = factor
+    ours, constant = lost * (1 - factors), lost * (1 - factors.mean(axis=0))
+    durations = np.full(len(lost), PERIOD)
+    return [spread_ratio(x, y, durations) for x, y in zip(ours.T, constant.T, strict=True)]
+
+
+def coverage(ratios: list[SpreadRatio]) -> float:
+    """Return the share of intervals that hold the mean of the logarithms of all ratios."""
+    truth = np.exp(np.mean([np.log(r.ratio) for r in ratios if r.ratio]))
+    return float(np.mean([r.ci_low <= truth <= r.ci_high for r in ratios if r.ci_low and r.ci_high]))
+
+
+def main() -> None:
+    """Print the coverage for walks of three minutes through content that changes slowly or fast."""
+    for correlation_time in (2.0, 3.0, 5.0, 8.0, 12.0, 20.0):
+        ratios = walk_ratios(182.0, correlation_time, 4000, seed=1)
+        flagged = np.mean([bool(r.flag) for r in ratios])
+        found = np.median([r.correlation_time for r in ratios])
+        print(
+            f"{correlation_time:4.0f} s: holds {coverage(ratios):.3f}, flagged {flagged:.2f}, time "
+            f"{found:.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
