@@ -36,7 +36,7 @@ def power_findings(sequences: Sequence[SequenceTracks], data: Path | None = None
     saved = [100 * (1 - s.summary.mean_power / s.summary.full_power) for s in sequences]
     return Findings(
         name=TABLE,
-        lead=f"By the power model they save {min(saved):.0f} to {max(saved):.0f} % of the full power.",
+        lead=f"By the power model ours saves {min(saved):.0f} to {max(saved):.0f} % of the full power.",
         statistics=tuple(rows),
         drawings=(),
         sections=(_section(rows, bool(measured)),),

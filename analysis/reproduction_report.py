@@ -27,6 +27,10 @@ MEANINGS = {
 # What rests on no answer but on the rate limit alone; the rest says itself where it comes from.
 COMPUTED = ("thresholded_contrast", "examples", "sequences", "adaptation", "power", "online")
 ON_LIMIT = ("examples", "sequences", "adaptation", "power", "online")
+WHY_NOT = (
+    "In the paper people rated ours higher. Whether simulated raters do follows from how they are "
+    "built and from what our own scenes lose in their worst moments, and from nothing else."
+)
 LED_BY = ("rating", "search", "comparison", "adaptation", "online")  # whose findings the first page tells
 
 
@@ -70,7 +74,7 @@ def _what_came_out(made: Reproduction, parts: Sequence[Findings]) -> Section:
     simulated = made.tasks.simulated
     return Section(
         "What came out",
-        tuple(named[name].lead for name in LED_BY),
+        (*(named[name].lead for name in LED_BY), *((WHY_NOT,) if simulated["rating"] else ())),
         simulated=any(simulated[name] for name in LED_BY if name in simulated),
     )
 
