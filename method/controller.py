@@ -151,6 +151,7 @@ class Controller:
         goal = min(max(wanted, low), high)
         way = 1.0 if goal > state.factor else -1.0
         furthest = state.factor + way * self._largest_step(state, frame, goal)
+        furthest = min(max(furthest, low), high)  # rounding may leave it a hair beyond the goal
         return (low, furthest) if way > 0 else (furthest, high)
 
     def _largest_step(self, state: ControllerState, frame: FrameSeen, goal: float) -> float:

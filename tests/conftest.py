@@ -39,6 +39,9 @@ from stimuli.video_writer import write_video
 # that are started from here, those that run the tests among them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# It imports what a session needs, warnings of PsychoPy and all, and is run by processes of its own.
+collect_ignore = ["companions/warm_modules.py"]
+
 # A busy machine is no failure; pytest's own timeout ends what hangs.
 settings.register_profile("evenlight", deadline=None)
 settings.load_profile("evenlight")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from data_schema.errors import InputError
@@ -114,6 +114,7 @@ HUNDREDTHS = st.integers(0, 100).map(lambda k: k / 100)
     st.sampled_from([0.0, 0.05, 0.2, 0.5]),
     st.sampled_from([1.0, 90.0, None]),
 )
+@example([(0.0, 0.0), (0.12, 0.0), (0.0, 0.0)], 0.0, 1.0)  # rounding left the factor below its bound
 def test_no_content_makes_it_break_the_rate_limit_or_the_bounds(
     make_curves: Callable[..., LossCurves],
     content: list[tuple[float, float]],

@@ -47,6 +47,7 @@ class OrdinalTruth:
 TRUTHS = {
     "version, everybody alike": OrdinalTruth(0.0),
     "version, slopes differ (SD 0.8), ignored": OrdinalTruth(0.0, slope_sd=0.8),
+    "version, slopes differ (SD 1.5), ignored": OrdinalTruth(0.0, slope_sd=1.5),
     "version with random slope, everybody alike": OrdinalTruth(0.0, random_slope=True),
     "version with random slope, SD 0.8": OrdinalTruth(0.0, slope_sd=0.8, random_slope=True),
     "version with random slope, SD 1.5": OrdinalTruth(0.0, slope_sd=1.5, random_slope=True),

@@ -57,7 +57,6 @@ TRUTHS = {
     "version 0, slopes differ (SD 0.3), ignored": TimesTruth(0.0, slope_sd=0.3),
     "version with random slope, SD 0": TimesTruth(0.0, random_slope=True),
     "version with random slope, SD 0.3": TimesTruth(0.0, slope_sd=0.3, random_slope=True),
-    "version -0.25 with random slope, SD 0.3": TimesTruth(-0.25, slope_sd=0.3, random_slope=True),
     "version with random slope, 4 locations, SD 0.3": TimesTruth(
         0.0, locations=4, slope_sd=0.3, random_slope=True
     ),
