@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schema.analysis_summary import AnalysisSummary
+from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
@@ -274,6 +275,19 @@ VIEWING_PLAN_ROW = RecordKind(
     "`evenlight plan rating`, `comparison` and `search`",
 )
 
+BENCHMARK_POINT = RecordKind(
+    "benchmark_point", BenchmarkPoint, FileFormat.CSV, ("*_benchmark.csv",), "`evenlight bench`"
+)
+BENCHMARK_GROWTH = RecordKind(
+    "benchmark_growth", BenchmarkGrowth, FileFormat.CSV, ("*_growth.csv",), "`evenlight bench`"
+)
+BENCHMARK_CLAIM = RecordKind(
+    "benchmark_claim", BenchmarkClaim, FileFormat.CSV, ("*_claims.csv",), "`evenlight bench`"
+)
+BENCHMARK_SUMMARY = RecordKind(
+    "benchmark_summary", BenchmarkSummary, FileFormat.JSON, ("benchmark.json",), "`evenlight bench`"
+)
+
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
     DISPLAY,
@@ -324,6 +338,10 @@ KINDS = (
     PUBLISHED_VALUE,
     RAMP_PLAN_ROW,
     VIEWING_PLAN_ROW,
+    BENCHMARK_POINT,
+    BENCHMARK_GROWTH,
+    BENCHMARK_CLAIM,
+    BENCHMARK_SUMMARY,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
+from data_schema.benchmark import BenchmarkClaim, BenchmarkPoint
 from data_schema.brightness_track import OptimizationSummary
 from data_schema.display import Display
 from data_schema.frame_energy import LEFT_OUT, FrameEnergy
@@ -224,6 +225,17 @@ def with_a_reason(values: Values) -> Values:
     return values | {"flag": values["flag"] or ("" if values["value"] is not None else "too few answers")}
 
 
+def quartiles_in_order(values: Values) -> Values:
+    low, middle, high = sorted(values[name] for name in ("time_low", "time", "time_high"))
+    return values | {"time_low": low, "time": middle, "time_high": high}
+
+
+def a_verdict_that_follows(values: Values) -> Values:
+    if values["measured"] is None:
+        return values | {"met": None, "note": values["note"] or "no graphics processor"}
+    return values | {"met": values["measured"] <= values["target"]}
+
+
 def usable_rig(values: Values) -> Values:
     return values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
 
@@ -288,6 +300,8 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     Keys: keys_that_differ,
     Rig: usable_rig,
     Statistic: with_a_reason,
+    BenchmarkPoint: quartiles_in_order,
+    BenchmarkClaim: a_verdict_that_follows,
     RatingDesign: named_sequences,
     ComparisonDesign: named_sequences,
     SearchDesign: a_search_design,

@@ -1,0 +1,1 @@
+"""Speed against error, measured: the loss curves, the optimizer, the fit, the online controller."""
