@@ -312,12 +312,17 @@ def _sides(table: SearchTable, margin: float) -> tuple[SideEffect, ...]:
     for (side, mask), effect in zip(present.items(), fit.contrasts, strict=True):
         locations = int(np.unique(table.location[mask]).size)
         n = int(np.count_nonzero(mask))
-        found.append(SideEffect(side, locations, n, effect, *_slowing(effect, margin)))
+        found.append(SideEffect(side, locations, n, effect, *slowing(effect, margin)))
     return tuple(found)
 
 
-def _slowing(effect: FixedEffect, margin: float) -> tuple[float | None, float | None]:
-    """Return the p of a slowing by the margin or more, and the largest that is not excluded at 5 %."""
+def slowing(effect: FixedEffect, margin: float) -> tuple[float | None, float | None]:
+    """Return the p of a slowing by the margin [ln] or more, and the largest that is not excluded at 5 %.
+
+    >>> effect = FixedEffect("ours", 0.0, 0.1, None, None, None, df=1e9)
+    >>> [round(x, 3) for x in slowing(effect, 0.196)]  # 1.96 standard errors below the margin
+    [0.025, 0.164]
+    """
     if effect.estimate is None or not effect.standard_error or effect.df is None:
         return None, None
     t = (effect.estimate - margin) / effect.standard_error

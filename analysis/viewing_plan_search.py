@@ -13,6 +13,7 @@ from scipy import special
 from analysis.binomial_tests import ALPHA
 from analysis.fixed_effects import FixedEffect
 from analysis.lognormal_times import CensoredTimes, fit_lognormal_times
+from analysis.search_models import slowing
 from analysis.viewing_plan import PlannedTest
 from data_schema.errors import InputError
 
@@ -90,7 +91,9 @@ class SearchTruth:
             found = version_effect(self, effect, participants, rng)
             if found.p_value is not None:
                 faster[run] = found.p_value
-            slower[run] = slowing_p(found, math.log(self.margin))
+            p_slower, _ = slowing(found, math.log(self.margin))
+            if p_slower is not None:
+                slower[run] = p_slower
         return {"faster": faster, "slower": slower}
 
     def searches(
@@ -140,14 +143,3 @@ def _ln_median(truth: SearchTruth) -> float:
     spread = math.sqrt(SEARCH_SD**2 + PERSON_SD**2 + LOCATION_SD**2)
     share = min(1 - truth.undetected, 1 - 1e-12)
     return math.log(LIMIT) - spread * float(special.ndtri(share))
-
-
-def slowing_p(effect: FixedEffect, margin: float) -> float:
-    """Return the p of a slowing by the margin [ln] or more, one-sided; 1 where there is no estimate.
-
-    >>> slowing_p(FixedEffect("ours", 0.0, 0.1, None, None, None, df=1e9), 0.196) < 0.0250
-    True
-    """
-    if effect.estimate is None or not effect.standard_error or effect.df is None:
-        return 1.0
-    return float(special.stdtr(effect.df, (effect.estimate - margin) / effect.standard_error))

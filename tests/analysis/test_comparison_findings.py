@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
-from comparison_levels import PEOPLE, SEED, model_rates, pooled_rates, trials_of
+from comparison_answers import NAMES, answers_of, data_of, row, rows_of
+from comparison_levels import SEED, model_rates, pooled_rates, trials_of
 from scipy import stats
 from statsmodels.stats.contingency_tables import cochrans_q
 from statsmodels.stats.multitest import multipletests
@@ -18,8 +17,8 @@ from analysis.binomial_power import difference_power, smallest_margin_ever
 from analysis.comparison_chance import consistency_of, sequence_differences
 from analysis.comparison_counts import Choices, count_choices
 from analysis.comparison_figure import power_figure, shares_figure
-from analysis.comparison_findings import answers_per_sequence, comparison_findings
-from analysis.comparison_limits import answer_limits, limit_rows
+from analysis.comparison_findings import comparison_findings
+from analysis.comparison_limits import answer_limits
 from analysis.comparison_model import choice_model
 from analysis.comparison_results import Comparison, compare
 from analysis.comparison_sections import pooled_section, shares_section
@@ -29,62 +28,8 @@ from analysis.comparison_words import lead_of
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from analysis.findings import Findings
 from analysis.report import Picture
-from analysis.session_loading import Session, TaskData
 from analysis.viewing_plan_comparison import ComparisonTruth
-from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.provenance import Provenance
-from data_schema.ramp import Response
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.statistic import Statistic
-from data_schema.viewing import ComparisonDesign, ComparisonTrial
-
-NAMES = ("library", "gym", "living_room", "basement")
-Answer = tuple[str, str, bool, int]  # participant, sequence, ours chosen, interval of ours
-
-
-def data_of(answers: Sequence[Answer], sequences: tuple[str, ...] = NAMES, simulated: bool = True):  # type: ignore[no-untyped-def]
-    """A data set with these answers, one session for each participant."""
-    design = ComparisonDesign(sequences=sequences)
-    sessions = []
-    for who in sorted({answer[0] for answer in answers}):
-        own = [answer for answer in answers if answer[0] == who]
-        trials = tuple(
-            ComparisonTrial(
-                who, "01", k, name, 1, interval, 0.5, 0.5,
-                Response.FIRST if ours == (interval == 1) else Response.SECOND, None, simulated,
-            )
-            for k, (_, name, ours, interval) in enumerate(own)
-        )  # fmt: skip
-        manifest = SessionManifest(
-            participant_id=who, session_id="01", task="comparison", simulated=simulated,
-            status=SessionStatus.COMPLETE, n_trials=len(trials), display=Display("bench", 100.0, 0.1, 2.2,
-            60.0), design=design, provenance=Provenance(),
-        )  # fmt: skip
-        sessions.append(Session(Path(who), manifest, trials))
-    return TaskData("comparison", tuple(sessions), simulated, "0" * 64, ())
-
-
-def answers_of(
-    chosen: Callable[[int, int], bool], people: int = PEOPLE, repetitions: int = 1
-) -> list[Answer]:
-    """Answers of so many people about the four sequences, ours first in every other."""
-    return [
-        (f"{who:02d}", NAMES[s], chosen(who, s), 1 + (who + s + r) % 2)
-        for who, s, r in itertools.product(range(people), range(4), range(repetitions))
-    ]
-
-
-def rows_of(answers: Sequence[Answer], margin: float = 0.15) -> tuple[Statistic, ...]:
-    """The rows of these answers, without figures."""
-    return statistics_of(compare(data_of(answers), 1, margin))
-
-
-def row(rows: Sequence[Statistic], table: str, group: str, what: str) -> Statistic:
-    """The row of these words, or the one that begins with them."""
-    own = [s for s in rows if (s.table, s.group) == (table, group)]
-    (one,) = [s for s in own if s.what == what] or [s for s in own if s.what.startswith(what)]
-    return one
 
 
 @pytest.fixture(scope="module")
@@ -244,130 +189,6 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
     trials = data_of(answers_of(lambda who, s: (who * who + 3 * s + who * s) % 5 < 2)).trials
     one, two, other = (sequence_differences(trials, NAMES, np.random.default_rng(k)) for k in (3, 3, 4))
     assert one == two != other
-
-
-class TestHardCases:
-    @pytest.mark.parametrize("ours", [True, False])
-    def test_everybody_gives_the_same_answer(self, ours: bool) -> None:
-        rows = rows_of(answers_of(lambda who, s: ours))
-        share = row(rows, "shares", "gym", "ours chosen")
-        assert (share.value, share.p_value) == (float(ours), 2 / 2**17)
-        pooled = row(rows, "shares", "all", "ours chosen")
-        assert "every answer was the same" in pooled.flag
-        assert pooled.ci_low is not None
-        assert pooled.ci_high is not None
-        # An interval with people as the sample, of mid-p: (1 - width)^17 / 2 = 2.5 %.
-        assert pooled.ci_high - pooled.ci_low == pytest.approx(1 - 0.05 ** (1 / 17), abs=1e-9)
-        model = row(rows, "model", "all", "ours chosen")
-        assert (model.value, model.p_value) == (None, None)
-        assert model.flag
-
-    def test_one_participant(self) -> None:
-        rows = rows_of(answers_of(lambda who, s: s < 3, people=1))
-        for share in (s for s in rows if s.what == "ours chosen"):
-            assert "one participant" in share.flag
-            assert share.p_value == 1.0
-        assert row(rows, "equivalence", "all", "smallest margin").value is None
-
-    def test_a_participant_with_one_answer_and_sequences_with_gaps(self) -> None:
-        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
-        found = compare(data_of([a for a in every if a[0] != "03" or a[1] == "gym"]), 1, 0.15)
-        assert row(statistics_of(found), "shares", "library", "ours chosen").n == 16
-        said = "comparison of library: no answer of 1 of 17 participants (03)"
-        assert said in found.warnings
-        assert answers_per_sequence(found) == [16, 16, 16, 17]
-
-    def test_a_sequence_that_nobody_compared_has_a_flag_in_place_of_a_number(self) -> None:
-        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
-        (share,) = (s for s in rows_of([a for a in every if a[1] != "gym"]) if s.group == "gym")
-        assert (share.value, share.flag, share.n) == (None, "nobody compared it", 0)
-
-    def test_a_participant_who_always_says_first_is_named(self) -> None:
-        def chosen(who: int, s: int) -> bool:
-            return (1 + (who + s) % 2 == 1) if who == 5 else (who * s) % 3 == 0
-
-        (said,) = compare(data_of(answers_of(chosen)), 1, 0.15).warnings
-        assert said == (
-            "1 of 17 participants chose the same interval every time, whichever held ours (05); they are used"
-        )
-
-    def test_ours_always_first_leaves_no_leaning_to_estimate_and_does_not_fail(self) -> None:
-        every = answers_of(lambda who, s: (who + s) % 3 == 0)
-        rows = rows_of([(who, name, ours, 1) for who, name, ours, _ in every])
-        leaning = row(rows, "model", "all", "first chosen")
-        assert leaning.value is None
-        assert row(rows, "model", "all", "ours chosen").value is not None
-        shares = [s for s in rows if s.table in ("shares", "equivalence") or s.what == leaning.what]
-        assert all("cannot be told from a leaning" in s.flag for s in shares)
-        assert "cannot be told" in row(rows, "model", "all", "ours chosen").flag
-
-    def test_ours_nearly_always_second_in_one_sequence_is_warned_of_there_and_only_there(self) -> None:
-        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
-        uneven = [(w, name, ours, 1 if w == "03" else 2) if name == "living_room" else (w, name, ours, k)
-                  for w, name, ours, k in every]  # fmt: skip
-        found = compare(data_of(uneven), 1, 0.15)
-        (said,) = [words for words in found.warnings if "leaning" in words]
-        assert said.startswith("comparison of living room: ours came second in 16 of 17 trials")
-        flagged = {s.group for s in statistics_of(found) if "can hardly be told" in s.flag}
-        assert flagged == {"living_room"}
-
-    def test_ours_always_first_is_said_in_the_lead_and_no_model_tells_it_from_a_leaning(self) -> None:
-        every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
-        found = compare(data_of([(w, name, ours, 1) for w, name, ours, _ in every]), 1, 0.15)
-        assert "cannot be told from a leaning" in lead_of(found, [answer_limits(17, 0.15)])
-        assert "nor does the model" in pooled_section(found).paragraphs[0]
-        assert "sets apart" not in pooled_section(found).paragraphs[0]
-
-    def test_sequences_that_contradict_each_other_have_no_common_share(self) -> None:
-        """Two sequences nobody's but for one answer, two everybody's: 35 of 68, and people hardly differ."""
-        found = compare(data_of(answers_of(lambda who, s: s % 2 == 1 or (who == 0 and s == 0))), 1, 0.15)
-        assert found.contradictory
-        assert "is excluded" not in lead_of(found, [answer_limits(17, 0.15)])
-        pooled = row(statistics_of(found), "shares", "all", "ours chosen")
-        assert pooled.ci_low is not None
-        assert pooled.ci_high is not None
-        # No shorter than 68 independent answers give, and t of 17 people.
-        half = stats.t.ppf(0.975, 16) * np.sqrt(35 / 68 * 33 / 68 / 68)
-        assert (pooled.ci_high - pooled.ci_low) / 2 == pytest.approx(half)
-        assert "the sequences differ" in pooled.flag
-
-    def test_people_who_always_give_their_own_answer_have_no_number_of_the_model(self) -> None:
-        found = compare(data_of(answers_of(lambda who, s: who % 2 == 0)), 1, 0.15)
-        for own in (s for s in statistics_of(found) if s.table == "model"):
-            assert (own.value, own.ci_low, own.ci_high, own.p_value) == (None,) * 4
-            assert "standard deviation runs to infinity" in own.flag
-        assert "gives no number" in pooled_section(found).paragraphs[0]
-
-    def test_clustered_rows_count_people(self) -> None:
-        rows = rows_of(answers_of(lambda who, s: (who + s + who // 4) % 2 == 0))
-        assert {s.n for s in rows if s.group == "all"} == {17}
-        same = rows_of(answers_of(lambda who, s: True))
-        assert "exact binomial" in row(same, "shares", "all", "ours chosen").method
-        assert "exact binomial" in row(same, "equivalence", "all", "share within").method
-
-    def test_participants_who_all_have_the_same_share_give_no_interval(self) -> None:
-        rows = rows_of(answers_of(lambda who, s: s % 2 == who % 2))
-        pooled = row(rows, "shares", "all", "ours chosen")
-        assert (pooled.value, pooled.ci_low, pooled.ci_high) == (0.5, None, None)
-        assert "same share" in pooled.flag
-        assert row(rows, "equivalence", "all", "smallest margin").value is None
-
-    def test_no_answer_at_all_is_refused(self) -> None:
-        with pytest.raises(InputError, match="no comparison counts"):
-            comparison_findings(TaskData("comparison", (), True, "0" * 64, ()))
-
-    @pytest.mark.parametrize("n", [1, 2, 5, 200])
-    def test_the_limits_of_any_number_of_answers_are_numbers_or_flags(self, n: int) -> None:
-        rows = limit_rows(answer_limits(n, 0.15))
-        assert all((s.value is None) == bool(s.flag) for s in rows)
-        assert row(rows, "limits", f"{n} answers", "type I error").value == pytest.approx(
-            sum(stats.binom.pmf(k, n, 0.5) for k in range(n + 1) if stats.binomtest(k, n).pvalue <= 0.05)
-        )
-
-    def test_two_people(self) -> None:
-        rows = rows_of(answers_of(lambda who, s: (who + s) % 3 == 0, people=2))
-        assert row(rows, "shares", "all", "ours chosen").p_value == 1.0
-        assert row(limit_rows(answer_limits(2, 0.15)), "limits", "2 answers", "smallest share").flag
 
 
 def test_what_seventeen_people_are_told_of_all_answers_errs_no_more_often_than_it_may() -> None:

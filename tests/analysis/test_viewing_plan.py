@@ -14,13 +14,14 @@ from analysis.comparison_counts import Choices
 from analysis.comparison_shares import estimate_share
 from analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
 from analysis.fixed_effects import FixedEffect
+from analysis.search_models import slowing
 from analysis.viewing_plan import ViewingPlan, ViewingRequest, in_words, needed_in_words, plan_viewing
 from analysis.viewing_plan_command import write_viewing_plan
 from analysis.viewing_plan_comparison import ComparisonTruth, clustered_equivalence, person_in_the_middle
 from analysis.viewing_plan_figure import viewing_plan_figure
 from analysis.viewing_plan_needs import Needed, exactly_needed, needed_by_line
 from analysis.viewing_plan_rating import RatingTruth, published_difference, published_spread
-from analysis.viewing_plan_search import SearchTruth, slowing_p, version_effect
+from analysis.viewing_plan_search import SearchTruth, version_effect
 from data_schema.plan import ViewingPlanRow
 from data_schema.text_files import read_rows
 
@@ -194,8 +195,8 @@ class TestSearch:
     def test_a_slowing_is_excluded_by_a_one_sided_test(self) -> None:
         found = FixedEffect("ours", 0.05, 0.08, None, None, None, df=16)
         theirs = stats.t.cdf((0.05 - math.log(1.25)) / 0.08, 16)
-        assert slowing_p(found, math.log(1.25)) == pytest.approx(theirs)
-        assert slowing_p(FixedEffect("ours", None, None, None, None, None), 0.2) == 1.0
+        assert slowing(found, math.log(1.25))[0] == pytest.approx(theirs)
+        assert slowing(FixedEffect("ours", None, None, None, None, None), 0.2) == (None, None)
 
     def test_all_undetected_finds_nothing_and_does_not_fail(self) -> None:
         p_values = SearchTruth(undetected=0.9, locations=1).p_values(0.9, 2, 3, np.random.default_rng(1))
