@@ -15,6 +15,8 @@ import typer
 from analysis import (
     analyze_command,
     audit_command,
+    bench_command,
+    control_command,
     fit_commands,
     optimize_command,
     plan_command,
@@ -99,10 +101,12 @@ app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(analyze_command.analyze)
 app.command()(optimize_command.optimize)
+app.command()(control_command.control)
 app.command()(audit_command.audit)
 app.command("reproduce")(reproduce_command.reproduce_command(_simulate))
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 app.add_typer(measure_command.measure, name="measure")
+app.command()(bench_command.bench)
 app.command()(validate_command.validate)
 app.command()(export_command.export)
 

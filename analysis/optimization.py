@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,22 +20,30 @@ from analysis.frame_samples import FrameSamples
 from analysis.thumbnails import thumbnails_of
 from analysis.track_figure import track_figure
 from analysis.track_story import TrackStory
-from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader, write_track
+from data_schema.brightness_track import (
+    BrightnessTrack,
+    OptimizationSummary,
+    TrackHeader,
+    read_track,
+    write_track,
+)
 from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
-from data_schema.provenance import Provenance, provenance_now, sha256_of_record
+from data_schema.provenance import Provenance, provenance_now, sha256_of_bytes, sha256_of_record
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
 from method.evaluate import Answer, Effort, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
 from method.lower_bound import lower_bound
-from method.optimize import Problem, Request, pose
+from method.optimize import Problem, Request, Solver, pose
 from method.optimize import optimize as optimize_problem
+from method.shared_budget import clip_of, joined_curves, joints
 from method.solvers import make_solver
+from method.thrift import EVERYTHING, Thrift
 from stimuli.video_source import VideoSource
 
 
@@ -65,6 +73,14 @@ class Work:
         Degrees that the video's width spans; None shows it pixel for pixel.
     curves : Path or None
         Loss curves of an earlier run.
+    thrift : Thrift
+        How much of the video is counted for its loss curves, and on how many cores.
+    others : tuple of VideoSource
+        Clips that share the budget with it.
+    weights, allowances : Path or None
+        Files of the sections that the request has.
+    start : Path or None
+        Track of an earlier result to start from, or its folder.
     quiet : bool
         Whether to show no progress.
     watch : callable, optional
@@ -82,6 +98,11 @@ class Work:
     calm: float = 0.0
     field_of_view: float | None = None
     curves: Path | None = None
+    thrift: Thrift = EVERYTHING
+    others: tuple[VideoSource, ...] = ()
+    weights: Path | None = None
+    allowances: Path | None = None
+    start: Path | None = None
     quiet: bool = False
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
 
@@ -95,20 +116,57 @@ class _Results:
 
 
 def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
-    """Analyse, optimize, and write every result into a folder."""
-    samples = FrameSamples()
+    """Analyse, optimize, and write every result into a folder.
+
+    Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
+    """
+    clips = [work, *(replace(work, source=source, others=()) for source in work.others)]
+    samples = [FrameSamples() for _ in clips]
     start = time.perf_counter()
-    curves = _loss_curves(work, samples)
+    curves = [_loss_curves(clip, held) for clip, held in zip(clips, samples, strict=True)]
     analysed = time.perf_counter()
-    problem = pose(curves, work.request)
-    solution = optimize_problem(problem, make_solver(work.solver, np.random.default_rng(work.seed)))
+    whole = joined_curves(curves) if work.others else curves[0]
+    problem = pose(whole, work.request, joints(curves))
+    solution = optimize_problem(problem, _solver(work, whole))
     if work.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
     solved = time.perf_counter()
     answer = Answer(lower_bound(problem, solution), solution.iterations, work.model_name)
     effort = Effort(solved - analysed, analysed - start, time.perf_counter() - solved, work.calm)
+    track = track_of(problem, work.request, solution.factors, _header(work, whole, curves))
+    summary = summarize(problem, work.request, answer, track, effort)
+    write_json_record(folder / "summary.json", summary)
+    if not work.others:
+        _write_clip(work, folder, problem, _Results(track, summary), samples[0])
+        return summary
+    first = 0
+    for number, (clip, own, held) in enumerate(zip(clips, curves, samples, strict=True), start=1):
+        part, factors = clip_of(problem, own, first), solution.factors[first : first + own.n_frames]
+        first += own.n_frames
+        track = track_of(part, work.request, factors, _header(clip, own, [own]))
+        results = _Results(track, summarize(part, work.request, answer, track, effort))
+        _write_clip(clip, folder / f"{number:02d}-{Path(own.video).stem}", part, results, held)
+    return summary
+
+
+def _solver(work: Work, curves: LossCurves) -> Solver:
+    """Return the solver, with the factors of an earlier track at each frame's time if there is one."""
+    start = None
+    if work.start is not None:
+        earlier = read_track(_track_file(work.start))
+        start = np.interp(curves.times, earlier.times, earlier.factors)
+    return make_solver(work.solver, np.random.default_rng(work.seed), start)
+
+
+def _track_file(path: Path) -> Path:
+    """Return the table of a track, given itself or its folder."""
+    return path / "track.csv" if path.is_dir() else path
+
+
+def _header(work: Work, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:
+    """Return what a track was made for."""
     request, display = work.request, work.display
-    header = TrackHeader(
+    return TrackHeader(
         video=curves.video,
         display_name=display.name,
         display_fingerprint=display.fingerprint,
@@ -117,16 +175,22 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
         budget=request.budget,
         budget_unit=request.budget_unit,
         solver=work.solver.value,
-        provenance=_provenance(work, curves),
+        provenance=_provenance(work, clips),
         rate_limit_procedure=request.rate_limit.procedure,
     )
-    track = track_of(problem, request, solution.factors, header)
-    summary = summarize(problem, request, answer, track, effort)
-    write_loss_curves(folder / "loss_curves.npz", curves)
-    write_track(folder / "track.csv", track)
-    write_json_record(folder / "summary.json", summary)
-    _draw(work, folder, problem, _Results(track, summary), samples)
-    return summary
+
+
+def _write_clip(work: Work, folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
+    """Write the loss curves, the track and the figures of a clip."""
+    folder.mkdir(exist_ok=True)
+    write_loss_curves(folder / "loss_curves.npz", problem.curves)
+    write_track(folder / "track.csv", results.track)
+    _draw(work, folder, problem, results, samples)
+
+
+def curves_of(work: Work, samples: FrameSamples) -> LossCurves:
+    """Return the loss curves of a video, of an earlier run or made now; some of its frames are kept."""
+    return _loss_curves(work, samples)
 
 
 def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
@@ -141,6 +205,7 @@ def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
                 work.model,
                 factors=brightness_factors(work.min_factor),
                 provenance=_provenance(work),
+                thrift=work.thrift,
             )
         curves = read_loss_curves(work.curves)
         _require_same_source(work, curves, display)
@@ -160,6 +225,11 @@ def _require_same_source(work: Work, curves: LossCurves, display: Display) -> No
         )
     if curves.provenance.inputs.get("contrast_model") != sha256_of_record(work.model):
         raise InputError(f"--curves {work.curves}: made with another contrast model than the one asked for")
+    if curves.tolerance > work.thrift.tolerance:
+        raise InputError(
+            f"--curves {work.curves}: made to a tolerance of {curves.tolerance:g}, "
+            f"asked is --tolerance {work.thrift.tolerance:g}"
+        )
     if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
         display.fingerprint,
         display.pixels_per_degree,
@@ -202,15 +272,21 @@ def _progress(work: Work) -> Iterator[Iterator[Frame]]:
         )
 
 
-def _provenance(work: Work, curves: LossCurves | None = None) -> Provenance:
+def _provenance(work: Work, clips: Sequence[LossCurves] = ()) -> Provenance:
     """Return where the results come from; the seed where the solver draws random numbers."""
-    video = curves.provenance.inputs.get("video") if curves else None
-    inputs = {"video": video or work.source.sha256(), "display": sha256_of_record(work.display)}
+    inputs = {"video": work.source.sha256(), "display": sha256_of_record(work.display)}
+    for number, clip in enumerate(clips, start=1):
+        key = "video" if number == 1 else f"video_{number}"
+        inputs[key] = clip.provenance.inputs.get("video") or inputs[key]
     inputs["contrast_model"] = sha256_of_record(work.model)
-    if curves is None:
+    if not clips:
         return provenance_now(inputs=inputs)
     inputs["power_model"] = sha256_of_record(work.request.power_model)
     inputs["rate_limit"] = sha256_of_record(work.request.rate_limit)
+    files = {"weights": work.weights, "allowances": work.allowances}
+    if work.start is not None:
+        files["start"] = _track_file(work.start)
+    inputs |= {name: sha256_of_bytes(path.read_bytes()) for name, path in files.items() if path is not None}
     return provenance_now(work.seed if work.solver is SolverName.SLSQP else None, inputs)
 
 

@@ -9,7 +9,7 @@ import typer
 
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
-from method.choices import LimitCurve, ModulatedLuminance, SolverName
+from method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 
 if TYPE_CHECKING:
     from data_schema.brightness_track import OptimizationSummary
@@ -36,7 +36,7 @@ def optimize(
         str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
     ] = "default",
     solver: Annotated[
-        SolverName, typer.Option(help="The fast one, or the paper's (short clips).")
+        SolverName, typer.Option(help="The fast one, the paper's, or a general one (short clips).")
     ] = SolverName.SPLITTING,
     limit_curve: Annotated[
         LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
@@ -55,6 +55,30 @@ def optimize(
     curves: Annotated[
         Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
     ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(help="Error of contrast loss to accept for counting fine detail only where it changes."),
+    ] = 0.001,
+    jobs: Annotated[
+        int, typer.Option(help="Frames to analyse at a time, each on a core; 0 for all cores.")
+    ] = 1,
+    device: Annotated[
+        Device,
+        typer.Option(help="What computes loss curves; auto: compute shaders where hardware runs them."),
+    ] = Device.CPU,
+    weights: Annotated[
+        Path | None, typer.Option(help="Sections that count more or less: csv start_s,end_s,weight.")
+    ] = None,
+    allowances: Annotated[
+        Path | None,
+        typer.Option(help="Sections with another rate limit: csv start_s,end_s,allowance; 0 holds still."),
+    ] = None,
+    with_: Annotated[
+        list[str] | None, typer.Option("--with", help="Another clip to share the budget; may be repeated.")
+    ] = None,
+    start: Annotated[
+        Path | None, typer.Option(help="Track of an earlier result to start from, or its folder.")
+    ] = None,
     calm: Annotated[
         float, typer.Option(help="Share of the gain to give up for a calmer track, e.g. 0.02.")
     ] = 0.0,
@@ -65,8 +89,11 @@ def optimize(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
+    from analysis.device_choice import chosen_device
     from analysis.optimization import Work, run_optimization
     from data_schema.files import results_folder
+    from data_schema.section import AllowanceSection, WeightSection
+    from data_schema.text_files import read_rows
     from method.optimize import Request, require_possible
     from method.preset_files import (
         load_contrast_model,
@@ -75,6 +102,7 @@ def optimize(
         load_rate_limit,
     )
     from method.rate_limit import require_same_display
+    from method.thrift import Thrift
     from stimuli.video_source import open_video
 
     low, high = MIN_FACTORS
@@ -86,6 +114,12 @@ def optimize(
         raise InputError(
             f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
         )
+    if not 0 <= tolerance < 1:
+        raise InputError(
+            f"--tolerance must lie in 0 (count all of every frame) to below 1, got {tolerance:g}"
+        )
+    if jobs < 0:
+        raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
     if seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
     if not video:
@@ -95,14 +129,21 @@ def optimize(
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
-    request = Request(budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated)
+    request = Request(
+        budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
+        weights=() if weights is None else tuple(read_rows(WeightSection, weights)),
+        allowances=() if allowances is None else tuple(read_rows(AllowanceSection, allowances)),
+    )  # fmt: skip
     require_possible(request, min_factor)
-    source = open_video(video, fps)
+    if curves is not None and with_:
+        raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
+    source, others = open_video(video, fps), tuple(open_video(other, fps) for other in with_ or ())
+    model = load_contrast_model(contrast_model)
     work = Work(
         source=source,
         display=panel,
         request=request,
-        model=load_contrast_model(contrast_model),
+        model=model,
         model_name=contrast_model,
         solver=solver,
         seed=seed,
@@ -110,6 +151,11 @@ def optimize(
         calm=calm,
         field_of_view=field_of_view,
         curves=curves,
+        others=others,
+        weights=weights,
+        allowances=allowances,
+        start=start,
+        thrift=Thrift(tolerance, jobs, chosen_device(device, panel, model, quiet)),
         quiet=quiet,
     )
     with results_folder(out) as folder:

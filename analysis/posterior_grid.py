@@ -1,13 +1,14 @@
-"""The posterior of a psychometric function by quadrature: a coarse grid finds it, a fine one integrates it.
+"""The posterior of a psychometric function by quadrature: coarse grids find it, a fine one integrates it.
 
 Four axes, or three where the task fixes the guess rate: ln(threshold) and ln(width) with equally spaced nodes
 (the trapezoid rule converges exponentially for a smooth density that has faded at both ends), guess and lapse
-rate with Gauss-Legendre nodes (whose density need not fade at 0). Everything is deterministic.
+rate with Gauss-Legendre nodes (whose density need not fade at 0). Where answers come by the thousand, grids
+narrow in on the posterior of a growing share of them. Everything is deterministic.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -24,6 +25,8 @@ FADED = np.log(1e-6)  # density, relative to its maximum, at which an axis is cu
 TAIL = 1e-12  # of the guess rate's density given the catch trials, left out when it is looked for
 MAX_LOGIT = 500.0  # F differs from 0 or 1 by 1e-217 there: e^500 still fits a float with room to spare
 QUANTILE_SAMPLES = 2001
+PLENTY = 2000  # trials; the posterior of more may lie between the nodes of the coarse grid
+NARROWING = 2.0  # by which the trials that count grow from one grid to the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,10 +176,26 @@ def posterior_grid(
     """
     if counts.guess_rate is not None:
         coarse, fine = ((*sizes[:2], 1, sizes[3]) for sizes in (coarse, fine))
-    wide = _whole_range(counts, prior)
-    located = _integrate(counts, prior, wide, coarse)
-    narrow = tuple(_faded_range(located, axis, wide[axis]) for axis in range(4))
-    return _integrate(counts, prior, narrow, fine)
+    share = min(1.0, PLENTY / max(1, int(np.sum(counts.n_trials)) + counts.catch_trials))
+    weaker = _share_of(counts, share)
+    located = _integrate(weaker, prior, _whole_range(weaker, prior), coarse)
+    while share < 1.0:
+        share = min(1.0, share * NARROWING)
+        located = _integrate(_share_of(counts, share), prior, _faded_ranges(located), fine)
+    return _integrate(counts, prior, _faded_ranges(located), fine)
+
+
+def _share_of(counts: RampCounts, share: float) -> RampCounts:
+    """Return counts of which each is a share of what it was: answers that say the same, but less surely."""
+    if share == 1.0:
+        return counts
+    return replace(
+        counts,
+        n_yes=np.round(counts.n_yes * share).astype(np.int64),
+        n_trials=np.round(counts.n_trials * share).astype(np.int64),
+        catch_yes=int(counts.catch_yes * share),
+        catch_trials=int(counts.catch_trials * share),
+    )
 
 
 def _whole_range(counts: RampCounts, prior: PsychometricPrior) -> tuple[tuple[float, float], ...]:
@@ -201,16 +220,18 @@ def _guess_after_catch_trials(counts: RampCounts, prior: PsychometricPrior) -> t
     return prior.guess[0] + counts.catch_yes, prior.guess[1] + counts.catch_trials - counts.catch_yes
 
 
-def _faded_range(grid: PosteriorGrid, axis: int, whole: tuple[float, float]) -> tuple[float, float]:
-    """Return the interval of a parameter in which its posterior has not faded, one coarse step wider."""
-    parameter = grid.axes[axis]
-    with np.errstate(divide="ignore"):
-        ln_density = np.log(grid.marginal(axis)) - parameter.ln_weights
-    seen = np.flatnonzero(ln_density > ln_density.max() + FADED)
-    below, above = seen[0] - 1, seen[-1] + 1
-    low = parameter.nodes[below] if below >= 0 else whole[0]
-    high = parameter.nodes[above] if above < parameter.nodes.size else whole[1]
-    return float(low), float(high)
+def _faded_ranges(grid: PosteriorGrid) -> tuple[tuple[float, float], ...]:
+    """Return the interval of each parameter in which its posterior has not faded, one step wider."""
+    ranges = []
+    for axis, parameter in enumerate(grid.axes):
+        with np.errstate(divide="ignore"):
+            ln_density = np.log(grid.marginal(axis)) - parameter.ln_weights
+        seen = np.flatnonzero(ln_density > ln_density.max() + FADED)
+        below, above = seen[0] - 1, seen[-1] + 1
+        low = parameter.nodes[below] if below >= 0 else parameter.interval[0]
+        high = parameter.nodes[above] if above < parameter.nodes.size else parameter.interval[1]
+        ranges.append((float(low), float(high)))
+    return tuple(ranges)
 
 
 def _integrate(

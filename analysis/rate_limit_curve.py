@@ -21,6 +21,7 @@ SHORT_FALL = 0.02  # share of the measured range
 LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
 PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
 SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
+WORST_CONDITION = 1e6  # of the design; the covariance squares it, and four of sixteen digits are left
 
 
 class LuminanceAbscissa(enum.Enum):
@@ -142,7 +143,7 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
     ------
     InputError
         If there are too few different luminances for the degree: one more than the degree up to the paper's,
-        three more above it.
+        three more above it; or if they crowd together so much that the polynomial is lost in rounding.
     """
     distinct = np.unique(np.asarray(luminance, dtype=np.float64))
     needed = luminances_needed(options.degree)
@@ -151,7 +152,15 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
             f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
             f"got {distinct.size}; measure more levels, or give a lower --degree"
         )
-    return CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
+    basis = CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
+    condition = float(np.linalg.cond(basis.design(distinct)))
+    if condition > WORST_CONDITION:
+        raise InputError(
+            f"a rate limit of degree {options.degree} is not known from luminances spread as these are, "
+            f"{distinct[0]:.4g} to {distinct[-1]:.4g} cd/m^2: condition number {condition:.1e}, at most "
+            f"{WORST_CONDITION:.0e}; give --form log_log, a lower --degree, or measure levels in between"
+        )
+    return basis
 
 
 def luminances_needed(degree: int) -> int:

@@ -191,6 +191,11 @@ class OptimizationSummary:
         Of Evenlight, and of the packages that the numbers depend on.
     rate_limit_procedure : Procedure or None
         What the participants were asked whom the rate limit rests on; None if that is not known.
+    curves_tolerance, counted : float
+        Error of the loss curves that was accepted for not counting all of every frame, and what share of
+        the pixels was counted.
+    curves_computed_on : str
+        What computed the loss curves: "cpu", or "gpu" and its name.
     """
 
     video: str = described("name of the video")
@@ -230,6 +235,13 @@ class OptimizationSummary:
     versions: dict[str, str] = described("versions of the software")
     provenance: Provenance = described("how the file was made")
     rate_limit_procedure: Procedure | None = described(ASKED, default=None)
+    curves_tolerance: float = quantity("1", "accepted error of the loss curves", minimum=0.0, default=0.0)
+    counted: float = quantity(
+        "1", "share of the pixels that was counted for the loss curves", minimum=0.0, maximum=1.0, default=1.0
+    )
+    curves_computed_on: str = described(
+        "what computed the loss curves: cpu, or gpu and its name", default="cpu"
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -118,7 +118,7 @@ def _rows(schema: Schema, known: dict[str, str]) -> Iterator[tuple[str, ...]]:
 
 def _array_rows() -> Iterator[tuple[str, ...]]:
     """Yield the row of each array of loss curves, N frames at K brightness factors."""
-    yield "`header`", "text", "", "", "", "JSON: video, display, provenance"
+    yield "`header`", "text", "", "", "", "JSON: video, display, provenance, tolerance"
     for field in dataclasses.fields(LossCurves):
         if field.name in ARRAY_SHAPES:
             shape = " × ".join(ARRAY_SHAPES[field.name])

@@ -25,7 +25,11 @@ ARRAY_SHAPES = {  # N frames, K brightness factors
     "visible_contrast": ("N",),
     "mean_luminance": ("N",),
     "channel_means": ("N", "3"),
+    "counted": ("N",),
 }
+LATER = {"counted"}  # arrays that files of earlier versions do not hold: every frame was counted whole
+COMPUTED_ON = "what computed them: cpu, or gpu and its name"
+TOLERANCE = "largest error of contrast loss that was accepted for not counting all of every frame"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +44,20 @@ class CurvesHeader:
         The display that it is shown on.
     provenance : Provenance
         Software and inputs.
+    tolerance : float
+        Largest error of contrast loss that was accepted for not counting all of every frame.
+    computed_on : str
+        What computed them: "cpu", or "gpu" and its name.
     """
 
     video: str = described("name of the video")
     display: Display = described("display that it is shown on")
     provenance: Provenance = described("how the file was made")
+    tolerance: float = quantity("1", TOLERANCE, minimum=0.0, default=0.0)
+    computed_on: str = described(COMPUTED_ON, default="cpu")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +84,13 @@ class LossCurves:
         Means of the linear red, green and blue channels, in [0, 1].
     provenance : Provenance
         Software and inputs.
+    tolerance : float
+        Largest error of 𝓛_c that was accepted for not counting all of every frame; 0 if all were.
+    counted : array, (N,)
+        Share of each frame's pixels, over all bands, that was counted; the rest was interpolated between
+        other frames. 0 for a frame like the one before it.
+    computed_on : str
+        What computed them: "cpu", or "gpu" and its name.
     """
 
     video: str = described("name of the video")
@@ -85,8 +105,16 @@ class LossCurves:
     mean_luminance: Array = quantity("cd/m^2", "mean luminance at factor 1, without reflections", minimum=0.0)
     channel_means: Array = quantity("1", "means of the linear R, G, B channels", minimum=0.0, maximum=1.0)
     provenance: Provenance = described("how the file was made")
+    tolerance: float = quantity("1", TOLERANCE, minimum=0.0, default=0.0)
+    counted: Array = quantity(
+        "1", "share of each frame's pixels that was counted; 1 if not given", minimum=0.0, maximum=1.0,
+        default=None,
+    )  # fmt: skip
+    computed_on: str = described(COMPUTED_ON, default="cpu")
 
     def __post_init__(self) -> None:
+        if self.counted is None:
+            object.__setattr__(self, "counted", [1.0] * len(self.times))
         for name in ARRAY_SHAPES:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         check_limits(self)
@@ -112,7 +140,10 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
     """Write loss curves as a compressed npz file, whole."""
     import numpy as np
 
-    header = mapping_from_record(CurvesHeader(curves.video, curves.display, curves.provenance))
+    made_for = CurvesHeader(
+        curves.video, curves.display, curves.provenance, curves.tolerance, curves.computed_on
+    )
+    header = mapping_from_record(made_for)
     stream = io.BytesIO()
     np.savez_compressed(
         stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in ARRAY_SHAPES}
@@ -136,7 +167,10 @@ def read_loss_curves(path: Path) -> LossCurves:
         raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
     made_for = record_from_mapping(CurvesHeader, header, f"{path}: header")
     try:
-        return LossCurves(made_for.video, made_for.display, provenance=made_for.provenance, **arrays)
+        return LossCurves(
+            made_for.video, made_for.display, **arrays,
+            provenance=made_for.provenance, tolerance=made_for.tolerance, computed_on=made_for.computed_on,
+        )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -146,4 +180,5 @@ def _npz_content(path: Path) -> tuple[Any, dict[str, Any]]:
     import numpy as np
 
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
-        return json.loads(str(content["header"])), {name: content[name] for name in ARRAY_SHAPES}
+        held = {name for name in ARRAY_SHAPES if name in content or name not in LATER}
+        return json.loads(str(content["header"])), {name: content[name] for name in held}

@@ -13,9 +13,11 @@ from data_schema.analysis_summary import AnalysisSummary
 from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
 from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
+from data_schema.control import ControlSummary, TargetRow, TuningReport
 from data_schema.display import Display
 from data_schema.frame_energy import FrameEnergy
 from data_schema.frame_log import FrameLog
+from data_schema.live_control import LiveRefresh
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
 from data_schema.meter_reading import MeterReading
@@ -28,6 +30,7 @@ from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
+from data_schema.section import AllowanceSection, WeightSection
 from data_schema.session import SessionEvent, SessionManifest
 from data_schema.statistic import PlottedPoint, Statistic
 from data_schema.sweep import (
@@ -288,6 +291,35 @@ BENCHMARK_SUMMARY = RecordKind(
     "benchmark_summary", BenchmarkSummary, FileFormat.JSON, ("benchmark.json",), "`evenlight bench`"
 )
 
+CONTROL_SUMMARY = RecordKind(
+    "control_summary", ControlSummary, FileFormat.JSON, ("control.json",), "`evenlight control`"
+)
+TARGET_ROW = RecordKind(
+    "target_row", TargetRow, FileFormat.CSV, ("target_sweep.csv",), "`evenlight control --sweep`"
+)
+TUNING_REPORT = RecordKind(
+    "tuning_report", TuningReport, FileFormat.JSON, ("tuning.json",), "`evenlight control --tune`"
+)
+
+WEIGHT_SECTION = RecordKind(
+    "weight_section", WeightSection, FileFormat.CSV, ("weights.csv", "*.weights.csv"), "whoever knows a video"
+)
+ALLOWANCE_SECTION = RecordKind(
+    "allowance_section",
+    AllowanceSection,
+    FileFormat.CSV,
+    ("allowances.csv", "*.allowances.csv"),
+    "whoever knows a video",
+)
+
+LIVE_REFRESH = RecordKind(
+    "live_refresh",
+    LiveRefresh,
+    FileFormat.CSV,
+    ("live_control.csv",),
+    "`evenlight play --walk --target-loss`",
+)
+
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
     DISPLAY,
@@ -342,6 +374,12 @@ KINDS = (
     BENCHMARK_GROWTH,
     BENCHMARK_CLAIM,
     BENCHMARK_SUMMARY,
+    WEIGHT_SECTION,
+    ALLOWANCE_SECTION,
+    CONTROL_SUMMARY,
+    TARGET_ROW,
+    TUNING_REPORT,
+    LIVE_REFRESH,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from data_schema.errors import InputError
+from method.choices import Device
 
 if TYPE_CHECKING:
     from data_schema.display import Display
@@ -71,7 +72,18 @@ def play(
             "--walk", help="Walk in the scene house or school: W, A, S, D, arrows, mouse; shift hurries."
         ),
     ] = False,
-    factor: Annotated[float | None, typer.Option(help="Brightness factor of a walk; else 1.")] = None,
+    factor: Annotated[
+        float | None, typer.Option(help="Brightness factor of a walk, to begin with; else 1.")
+    ] = None,
+    target_loss: Annotated[
+        float | None, typer.Option(help="Contrast loss that a walk is dimmed to, online.")
+    ] = None,
+    rate_limit: Annotated[
+        str | None, typer.Option(help="Rate limit of a dimmed walk: a preset or a file; else the paper's.")
+    ] = None,
+    device: Annotated[
+        Device | None, typer.Option(help="What measures the loss of a dimmed walk; else what is fastest.")
+    ] = None,
     record: Annotated[
         Path | None, typer.Option(help="File for the way walked, .json: a path that `render` takes.")
     ] = None,
@@ -102,7 +114,8 @@ def play(
         str | None, typer.Option(help="Power model to compare the measured power with.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for measured power: samples, table, figure, report.")
+        Path | None,
+        typer.Option(help="Folder for measured power, or for what dimmed a walk: samples, table, report."),
     ] = None,
     old_calibration_ok: Annotated[
         bool,
@@ -116,15 +129,24 @@ def play(
     of_passes: dict[str, object] = {"--version": version, "--loop": loop, "--label": label, "--log": log}
     of_videos: dict[str, object] = {"TRACK": track, "--other-display-ok": other_display_ok}
     of_videos |= {"--measure-power": measure_power} | of_passes | of_power
-    of_walks = {"--factor": factor, "--record": record, "--seconds": seconds}
+    of_control: dict[str, object] = {"--rate-limit": rate_limit, "--device": device}
+    of_walks: dict[str, object] = {"--factor": factor, "--record": record, "--seconds": seconds}
+    of_walks |= {"--target-loss": target_loss} | of_control
     if walk:
+        del of_videos["--out"]
+        if target_loss is None:
+            _refuse(of_control, "{} is for walks that are dimmed online: give it with --target-loss")
+        else:
+            del of_videos["--other-display-ok"]
         _refuse(
             of_videos, "--walk takes no {}, which is for videos; --record keeps the way, --factor dims it"
         )
-        from experiments.walk_request import WalkRequest, walk_as_asked
+        from experiments.walk_request import RATE_LIMIT, LiveRequest, WalkRequest, walk_as_asked
 
         dimmed = 1.0 if factor is None else factor
-        asked = WalkRequest(video, rig, display, size, dimmed, record, seconds, screenshots, simulate)
+        measured_by = device or Device.AUTO
+        live = LiveRequest(target_loss, rate_limit or RATE_LIMIT, measured_by, out, other_display_ok)
+        asked = WalkRequest(video, rig, display, size, dimmed, record, seconds, screenshots, simulate, live)
         said = walk_as_asked(asked)
         if not quiet:
             typer.echo(said)

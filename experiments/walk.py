@@ -1,4 +1,4 @@
-"""Free movement in a scene, at a constant brightness factor, until somebody ends it."""
+"""Free movement in a scene, at a constant brightness factor or a controlled one, until somebody ends it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from data_schema.files import write_whole
 from experiments.brightness import Brightness
+from experiments.live_dimming import LiveDimmer
 from experiments.playback import NOISE_SEED, Devices
 from experiments.refreshes import Refreshes
 from experiments.screenshots import Screenshots
@@ -114,14 +115,22 @@ class Walk:
         Brightness factor b, in (0, 1].
     screenshots : Path, optional
         Folder for a picture of the screen.
+
+    Attributes
+    ----------
+    pictures : SceneRenderer
+        Draws what is shown.
+    dimmer : LiveDimmer or None
+        Chooses the factor of each picture, in place of the constant one, once it is set.
     """
 
     def __init__(self, devices: Devices, scene: str, factor: float, screenshots: Path | None = None) -> None:
         window, rig, display = devices.window, devices.rig, devices.display
         self._devices, self._factor, self._scene = devices, factor, scene_named(scene)
         self._brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
-        self._pictures = SceneRenderer(window.context(), self._scene, window.size())
-        self._image = Image(self._pictures.codes, GRID_LEVELS, from_below=True)
+        self.pictures = SceneRenderer(window.context(), self._scene, window.size())
+        self.dimmer: LiveDimmer | None = None
+        self._image = Image(self.pictures.codes, GRID_LEVELS, from_below=True)
         self._renderer = ImageRenderer(window.context(), display, window.bits(), rig.dither)
         self._black = display.black_level + display.reflected_luminance
         self._screenshots = Screenshots(screenshots)
@@ -133,9 +142,11 @@ class Walk:
         pause = self._devices.rig.keys.pause
         last = onset = None
         while not any(press.name == pause for press in self._devices.keyboard.pressed()):
-            flip = self._show(walker, len(refreshes))
+            flip = self._show(walker, len(refreshes), onset)
             refreshes.note(flip)
             onset = flip if onset is None else onset
+            if self.dimmer is not None:
+                self.dimmer.note(flip - onset)
             way.append((flip - onset, walker))
             if seconds is not None and flip - onset >= seconds:
                 break
@@ -144,12 +155,16 @@ class Walk:
             walker, last = moved(walker, held.held(), mouse, step, self._scene), flip
         return Walked(refreshes.times(), refreshes.dropped(), tuple(way))
 
-    def _show(self, walker: Walker, refresh: int) -> float:
+    def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
         """Show what a walker sees, and return when [s]."""
         window = self._devices.window
-        self._pictures.render(Camera(walker.position, walker.azimuth, walker.altitude, FIELD_OF_VIEW))
-        self._pictures.encode()
-        picture = Picture(self._image, self._brightness.of_picture(self._factor), self._black)
+        self.pictures.render(Camera(walker.position, walker.azimuth, walker.altitude, FIELD_OF_VIEW))
+        self.pictures.encode()
+        factor = self._factor
+        if self.dimmer is not None:
+            due = 1 / self._devices.rig.refresh_rate
+            factor = self.dimmer.next_factor(0.0 if onset is None else window.now() - onset + due)
+        picture = Picture(self._image, self._brightness.of_picture(factor), self._black)
         self._renderer.draw(window.framebuffer(), picture, refresh, NOISE_SEED)
         self._screenshots.take(window, "walk")
         flip = window.flip()

@@ -3,19 +3,73 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from data_schema.display import Display
 from data_schema.errors import InputError
+from data_schema.files import results_folder
+from data_schema.live_control import LiveRefresh
+from data_schema.rig import Rig
+from data_schema.text_files import write_rows
+from experiments.live_dimming import LiveDimmer
+from experiments.loss_meters import open_meter
 from experiments.play_request import rig_of
 from experiments.playback import open_devices
-from experiments.walk import Walk, write_path
+from experiments.walk import Walk, Walked, write_path
 from hardware.rig import open_held_keys, open_pointer
 from hardware.simulated_held_keys import SimulatedHeldKeys
+from method.choices import Device
+from method.controller import Controller, ControllerSettings
+from method.preset_files import load_rate_limit
+from method.rate_limit import require_same_display
+from method.scalar_rate_limit import scalar_rate_limit
 from stimuli.commands import size_in
 from stimuli.scenes.scenes import SCENES
 
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
+RATE_LIMIT = "surace2025"
+LOG = "live_control.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRequest:
+    """The controller that a walk is dimmed by.
+
+    Attributes
+    ----------
+    target_loss : float or None
+        Contrast loss to hold; None for no controller.
+    rate_limit : str
+        A preset or a file.
+    device : Device
+        What measures the loss.
+    out : Path or None
+        Folder for the log.
+    other_display_ok : bool
+        Whether the rate limit may be of another display.
+    """
+
+    target_loss: float | None = None
+    rate_limit: str = RATE_LIMIT
+    device: Device = Device.AUTO
+    out: Path | None = None
+    other_display_ok: bool = False
+
+    def __post_init__(self) -> None:
+        if self.target_loss is None:
+            if self.out is not None:
+                raise InputError("--out keeps what a controller did: give --target-loss with it")
+        elif not 0 <= self.target_loss <= 1:
+            raise InputError(f"--target-loss must lie in 0 to 1, got {self.target_loss:g}")
+
+    def controller(self, display: Display) -> Controller:
+        """Return the controller, on some display."""
+        limit = load_rate_limit(self.rate_limit)
+        if not self.other_display_ok:
+            require_same_display(limit, display)
+        settings = ControllerSettings(self.target_loss or 0.0)
+        return Controller(settings, scalar_rate_limit(limit, display.reflected_luminance))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +92,8 @@ class WalkRequest:
         Folder for a picture of the screen.
     simulate : bool
         Whether nobody sits at the keys, and somebody simulated walks straight ahead.
+    live : LiveRequest
+        What dims it, if the factor is not to stay.
     """
 
     scene: str
@@ -49,6 +105,7 @@ class WalkRequest:
     seconds: float | None
     screenshots: Path | None
     simulate: bool
+    live: LiveRequest = field(default_factory=LiveRequest)
 
     def __post_init__(self) -> None:
         if self.scene not in SCENES:
@@ -72,11 +129,33 @@ class WalkRequest:
 def walk_as_asked(asked: WalkRequest) -> str:
     """Let somebody walk, and return how it went in one line."""
     rig, display = rig_of(asked.rig, asked.display, DISPLAY, size_in(asked.size) or SIZE)
+    controller = None if asked.live.target_loss is None else asked.live.controller(display)
+    if asked.live.out is None:
+        return _walked(asked, rig, display, controller)[0]
+    with results_folder(asked.live.out) as folder:
+        said, rows = _walked(asked, rig, display, controller)
+        write_rows(folder / LOG, LiveRefresh, rows)
+    return f"{said}; the log is in {asked.live.out / LOG}"
+
+
+def _walked(
+    asked: WalkRequest, rig: Rig, display: Display, controller: Controller | None
+) -> tuple[str, list[LiveRefresh]]:
+    """Let somebody walk, and return how it went, and what the controller did."""
     with ExitStack() as stack:
         opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
         devices = stack.enter_context(opened)
         walk = Walk(devices, asked.scene, asked.factor, asked.screenshots)
         window = devices.window
+        if controller is not None:
+            meter = open_meter(
+                window.context(), walk.pictures, display,
+                lowest_factor=controller.settings.lowest_factor, device=asked.live.device,
+                patient=asked.simulate,
+            )  # fmt: skip
+            stack.callback(meter.close)
+            first = max(asked.factor, controller.settings.lowest_factor)
+            walk.dimmer = LiveDimmer(controller, meter, first, 1 / devices.rig.refresh_rate)
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
         held = straight_on if asked.simulate else open_held_keys(window)
         if held is None:
@@ -86,11 +165,28 @@ def walk_as_asked(asked: WalkRequest) -> str:
         if pointer is not None:
             stack.callback(pointer.close)
         done = walk.walk(held, pointer, asked.seconds)
+    rows = [] if walk.dimmer is None else walk.dimmer.rows
+    said = _said(asked, done) + _said_of_control(rows)
+    if asked.record is not None and done.flip_times and done.flip_times[-1] > 0:
+        write_path(asked.record, asked.scene, done.way)
+        said = f"{said}; the way is in {asked.record}"
+    return said, rows
+
+
+def _said(asked: WalkRequest, done: Walked) -> str:
+    """Return how a walk went."""
     seconds = done.flip_times[-1] if done.flip_times else 0.0
-    said = (
+    return (
         f"{asked.scene}: {len(done.flip_times)} refreshes in {seconds:.1f} s, {done.frames_dropped} dropped"
     )
-    if asked.record is None or seconds == 0:
-        return said
-    write_path(asked.record, asked.scene, done.way)
-    return f"{said}; the way is in {asked.record}"
+
+
+def _said_of_control(rows: list[LiveRefresh]) -> str:
+    """Return what the controller did, in words; nothing without one."""
+    known = [row for row in rows if row.contrast_loss is not None]
+    if not known:
+        return "" if not rows else "; no loss was measured"
+    measured = len({row.measured_refresh for row in known})
+    loss = sum(row.contrast_loss or 0.0 for row in known) / len(known)
+    factor = sum(row.factor for row in rows) / len(rows)
+    return f"; contrast loss {loss:.3g} and factor {factor:.3g} on average, {measured} refreshes measured"

@@ -24,3 +24,13 @@ class SolverName(enum.Enum):
 
     SPLITTING = "splitting"  # the default: any length, with a certificate
     SLSQP = "slsqp"  # the paper's, for short clips
+    HIGHS = "highs"  # a sequence of linear programs, each solved by HiGHS
+    CLARABEL = "clarabel"  # the same by Clarabel
+
+
+class Device(enum.Enum):
+    """What computes loss curves."""
+
+    CPU = "cpu"  # the processor
+    GPU = "gpu"  # the graphics processor, by compute shaders; software ones will do
+    AUTO = "auto"  # a graphics processor that is more than software, if there is one; else the processor

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.quantities import read_only
-from method.controller import Controller, ControllerState, FrameSeen
+from method.controller import Aim, Controller, ControllerState, FrameSeen
 from method.curve_lookup import factor_at_loss, loss_and_slope
+from method.governor import FrameCosts, Governor, GovernorState
 from method.modulation import Array, allowed_rate, modulation_rate
 
 
@@ -32,6 +33,10 @@ class ControlledTrack:
         Luminance change that the modulation makes to the next frame, and the largest allowed [cd/m^2/s].
     limited : array of bool, (N,)
         Where the rate limit or a bound kept the factor from where the controller wanted it.
+    targets : array, (N,)
+        c_r, the contrast loss that was to be held; a governor moves it.
+    budget_held : array of bool, (N,)
+        Where a bound kept the governor from meeting its budget; nowhere without one.
     """
 
     durations: Array
@@ -40,9 +45,11 @@ class ControlledTrack:
     rate: Array
     rate_limit: Array
     limited: NDArray[np.bool_]
+    targets: Array
+    budget_held: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        for name in ("durations", "factors", "contrast_loss", "rate", "rate_limit"):
+        for name in ("durations", "factors", "contrast_loss", "rate", "rate_limit", "targets"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
@@ -56,11 +63,28 @@ class ControlledTrack:
         return float(self.time_share @ self.factors)
 
 
+@dataclass(frozen=True, slots=True)
+class Governed:
+    """A governor, with what the frames of a video cost.
+
+    Attributes
+    ----------
+    governor : Governor
+        Moves the controller's target.
+    costs : FrameCosts
+        Of each frame.
+    """
+
+    governor: Governor
+    costs: FrameCosts
+
+
 def control_curves(
     curves: LossCurves,
     controller: Controller,
     start_factor: float | None = None,
     luminance: Array | None = None,
+    governed: Governed | None = None,
 ) -> ControlledTrack:
     """Return what the controller does with a video, seeing one frame after the other.
 
@@ -74,6 +98,8 @@ def control_curves(
         b of the first frame; without it, where that frame has the target loss.
     luminance : array, (N,), optional
         Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]; without it, the frame's mean.
+    governed : Governed, optional
+        What moves the target from that of the controller, so that a budget is met.
 
     Raises
     ------
@@ -82,7 +108,8 @@ def control_curves(
     """
     _require_reach(curves, controller)
     shown = curves.mean_luminance if luminance is None else luminance
-    states = _states(curves, controller, shown, _start(curves, controller, start_factor))
+    first = _start(curves, controller, start_factor)
+    states, targets, held = _states(curves, controller, shown, first, governed)
     factors = np.array([state.factor for state in states])
     limits = np.array([controller.rate_limit(light) for light in (factors * shown).tolist()])
     return ControlledTrack(
@@ -92,6 +119,8 @@ def control_curves(
         rate=modulation_rate(factors, shown, curves.durations),
         rate_limit=allowed_rate(factors, shown, lambda _: limits),
         limited=np.array([state.limited for state in states]),
+        targets=np.array(targets),
+        budget_held=np.array(held),
     )
 
 
@@ -120,17 +149,60 @@ def _start(curves: LossCurves, controller: Controller, start_factor: float | Non
 
 
 def _states(
-    curves: LossCurves, controller: Controller, luminance: Array, first_factor: float
-) -> list[ControllerState]:
-    """Return the controller's state at each frame."""
+    curves: LossCurves,
+    controller: Controller,
+    luminance: Array,
+    first_factor: float,
+    governed: Governed | None,
+) -> tuple[list[ControllerState], list[float], list[bool]]:
+    """Return the controller's state at each frame, its target, and whether a bound held the governor."""
     knots = curves.factors.tolist()
     frames = zip(curves.loss.tolist(), luminance.tolist(), curves.durations.tolist(), strict=True)
+    steering = _Steering(controller.settings.target_loss, governed)
     states: list[ControllerState] = []
+    targets: list[float] = []
+    held: list[bool] = []
     for losses, light, duration in frames:
         factor = states[-1].factor if states else first_factor
         seen = FrameSeen(_interpolated(factor, knots, losses), light, duration)
-        states.append(controller.step(states[-1], seen) if states else controller.start(factor, seen))
-    return states
+        state = controller.step(states[-1], seen, steering.aim) if states else controller.start(factor, seen)
+        states.append(state)
+        targets.append(steering.target)
+        if governed is not None:
+            steering.take(state, _interpolated(state.factor, knots, losses))
+        held.append(steering.held)
+    return states, targets, held
+
+
+class _Steering:
+    """The governor's side of the loop: where the controller is to aim with the next frame.
+
+    Parameters
+    ----------
+    target : float
+        c_r at the first frame.
+    governed : Governed or None
+        Without it, the target stays.
+    """
+
+    def __init__(self, target: float, governed: Governed | None) -> None:
+        self.target, self.held = target, False
+        self.aim: Aim | None = None
+        self._state: GovernorState | None = None
+        if governed is not None:
+            self._governor = governed.governor
+            costs = governed.costs
+            columns = (costs.per_factor, costs.allowance, costs.due)
+            self._costs = zip(*(column.tolist() for column in columns), strict=True)
+
+    def take(self, shown: ControllerState, loss: float) -> None:
+        """Take note of a frame that was shown with some factor and has some loss."""
+        if self._state is None:
+            self._state = self._governor.start(self.target, shown.factor, loss)
+        per_factor, allowance, due = next(self._costs)
+        excess = per_factor * shown.factor - allowance, per_factor * shown.factor - due
+        self._state, self.aim = self._governor.step(self._state, shown, loss, excess)
+        self.target, self.held = self._state.target_loss, self._state.held
 
 
 def _interpolated(factor: float, knots: list[float], losses: list[float]) -> float:

@@ -8,6 +8,7 @@ See docs/decisions/online-controller.md.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from data_schema.quantities import check_limits, quantity
@@ -100,6 +101,22 @@ class ControllerState:
 
 
 @dataclass(frozen=True, slots=True)
+class Aim:
+    """A target that moves (`method.governor`).
+
+    Attributes
+    ----------
+    target_loss : float
+        c_r, the contrast loss to hold now, in [0, 1].
+    shift : float
+        What the move of the target is expected to change the factor by; the integral takes it up.
+    """
+
+    target_loss: float
+    shift: float
+
+
+@dataclass(frozen=True, slots=True)
 class Controller:
     """A PID controller of the brightness factor, within a rate limit and bounds.
 
@@ -120,22 +137,31 @@ class Controller:
         integral = factor - self.settings.proportional * error  # so that the terms add up to the factor
         return ControllerState(factor, integral, error, frame.luminance, frame.duration)
 
-    def step(self, state: ControllerState, frame: FrameSeen) -> ControllerState:
+    def step(self, state: ControllerState, frame: FrameSeen, aim: Aim | None = None) -> ControllerState:
         """Return the state at the next frame: b = K_p e + K_i ∫e + K_d de/dt, as far as the limits let it.
 
         The integral takes up only as much as can act: while the factor is held back by the rate limit or by a
         bound, errors that push further are not remembered (conditional integration, Åström & Hägglund 1995).
+
+        Parameters
+        ----------
+        state : ControllerState
+            At the frame before.
+        frame : FrameSeen
+            The frame.
+        aim : Aim, optional
+            Where a governor has moved the target to; without it, the target of the settings.
         """
         settings, passed = self.settings, state.duration
         gain_rate = settings.gain_rate or 1 / passed
-        error = frame.loss - settings.target_loss
+        error = frame.loss - (settings.target_loss if aim is None else aim.target_loss)
         slope = (error - state.error) / passed
         terms = settings.proportional * error + settings.derivative / gain_rate * slope + state.integral
-        growth = settings.integral * gain_rate * passed * error
+        growth = settings.integral * gain_rate * passed * error + (0.0 if aim is None else aim.shift)
         wanted = terms + growth
         low, high = self._reach(state, frame, wanted)
         taken = min(growth, max(high - terms, 0.0)) if growth > 0 else max(growth, min(low - terms, 0.0))
-        factor = min(max(terms + taken, low), high)
+        factor = min(max(wanted, low), high)  # not terms + taken, whose rounding would be a step of its own
         return ControllerState(
             factor,
             state.integral + taken,
@@ -145,12 +171,20 @@ class Controller:
             limited=abs(factor - wanted) > ROUNDING,
         )
 
+    def towards(self, state: ControllerState, frame: FrameSeen, goal: float) -> float:
+        """Return the factor of the next frame that is nearest to a goal, within the limits."""
+        low, high = self._reach(state, frame, goal)
+        return min(max(goal, low), high)
+
     def _reach(self, state: ControllerState, frame: FrameSeen, wanted: float) -> tuple[float, float]:
         """Return the lowest and highest factor that the next frame may have, exact on the wanted side."""
         low, high = self.settings.lowest_factor, self.settings.highest_factor
         goal = min(max(wanted, low), high)
         way = 1.0 if goal > state.factor else -1.0
-        furthest = state.factor + way * self._largest_step(state, frame, goal)
+        size = self._largest_step(state, frame, goal)
+        furthest = state.factor + way * size
+        if abs(furthest - state.factor) > size:  # a step may be so small that the sum's last digit oversteps
+            furthest = math.nextafter(furthest, state.factor)
         furthest = min(max(furthest, low), high)  # rounding may leave it a hair beyond the goal
         return (low, furthest) if way > 0 else (furthest, high)
 

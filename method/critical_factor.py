@@ -31,8 +31,8 @@ from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 
 LARGEST_LOG_RATIO = 8.0  # log2 r is below, for any image: tests/method/test_critical_factor.py
 MASKING_RANGE = (-12.0, 20.0)  # log2 m; below T is 1 to 4e-4, above a pixel is 2^-100 of its neighbours
-_STEPS = 4096  # of each table but the inverse
-_INVERSE_STEPS = 16384  # a display without black level spans 27 octaves, the last of them nearly flat
+TABLE_STEPS = 4096  # of each table but the inverse
+_INVERSE_STEPS = 4  # times as many: a display without black level spans 27 octaves, the last nearly flat
 _MARGIN = 0.01  # by which tables reach beyond the luminances of the display, in log2
 
 Table = NDArray[np.float32]
@@ -48,9 +48,9 @@ class BandTable:
         Of e, from the black level at the lowest factor to the peak luminance [cd/m^2].
     log_sensitivity_range : (float, float)
         Of s at these two.
-    log_sensitivity : array, (4096,)
+    log_sensitivity : array, (steps,)
         log2 s at equal steps of log2 e.
-    log_luminance : array, (16384,)
+    log_luminance : array, (4 steps,)
         log2 e at equal steps of log2 s; meaningless unless `rises`.
     rises : bool
         Whether s rises over all these luminances, so that it has an inverse.
@@ -78,8 +78,8 @@ def threshold_table() -> Table:
     >>> round(float(2**log_T), 2)
     3.21
     """
-    masking = np.exp2(np.linspace(*MASKING_RANGE, _STEPS))
-    low, high = np.zeros(_STEPS), np.full(_STEPS, 2 * MASKING_RANGE[1] + 4)
+    masking = np.exp2(np.linspace(*MASKING_RANGE, TABLE_STEPS))
+    low, high = np.zeros(TABLE_STEPS), np.full(TABLE_STEPS, 2 * MASKING_RANGE[1] + 4)
     for _ in range(60):  # bisection, to 2^-54 of the interval
         middle = (low + high) / 2
         seen = np.exp2(TRANSDUCER_EXPONENT * middle) > 1 + masking * np.exp2(MASKING_EXPONENT * middle)
@@ -88,7 +88,11 @@ def threshold_table() -> Table:
 
 
 def band_table(
-    spatial_frequency: float, lowest_factor: float, display: Display, model: ContrastModel
+    spatial_frequency: float,
+    lowest_factor: float,
+    display: Display,
+    model: ContrastModel,
+    steps: int = TABLE_STEPS,
 ) -> BandTable:
     """Return the effective sensitivity s(e) of a band on a display, and its inverse.
 
@@ -102,10 +106,12 @@ def band_table(
         Its luminance range and reflected light.
     model : ContrastModel
         Which sensitivity, and ε.
+    steps : int
+        Of the table of the sensitivity.
     """
     darkest = lowest_factor * max(display.black_level, LOWEST_LUMINANCE)
     ends = np.log2(darkest) - _MARGIN, np.log2(display.peak_luminance) + _MARGIN
-    dense = np.linspace(*ends, 4 * _STEPS)
+    dense = np.linspace(*ends, 4 * TABLE_STEPS)
     s = effective_sensitivity(spatial_frequency, np.exp2(dense), display, model)
     # A sensitivity of 0, at absurd frequencies, has no logarithm: it stands for never.
     log_s = np.log2(np.maximum(s, np.finfo(np.float64).tiny))
@@ -113,15 +119,15 @@ def band_table(
     return BandTable(
         log_luminance_range=(float(ends[0]), float(ends[1])),
         log_sensitivity_range=sensitivity_ends,
-        log_sensitivity=np.interp(np.linspace(*ends, _STEPS), dense, log_s).astype(np.float32),
-        log_luminance=_inverse(log_s, dense),
+        log_sensitivity=np.interp(np.linspace(*ends, steps), dense, log_s).astype(np.float32),
+        log_luminance=_inverse(log_s, dense, _INVERSE_STEPS * steps),
         rises=bool((np.diff(log_s) > 0).all()),
     )
 
 
-def _inverse(log_s: NDArray[np.float64], log_e: NDArray[np.float64]) -> Table:
+def _inverse(log_s: NDArray[np.float64], log_e: NDArray[np.float64], steps: int) -> Table:
     """Return log2 e at equal steps of log2 s."""
-    return np.interp(np.linspace(log_s[0], log_s[-1], _INVERSE_STEPS), log_s, log_e).astype(np.float32)
+    return np.interp(np.linspace(log_s[0], log_s[-1], steps), log_s, log_e).astype(np.float32)
 
 
 def effective_sensitivity(

@@ -44,7 +44,7 @@ def contrast_sensitivity(
     Parameters
     ----------
     spatial_frequency : array_like, broadcast with `luminance`
-        f, above 0 [cpd].
+        f, at least 0 [cpd]; at 0 lateral inhibition leaves nothing to be seen, and S is 0.
     luminance : array_like
         L_a [cd/m^2]; below 1e-6 the value at 1e-6 is returned.
     model : SensitivityModel
@@ -62,6 +62,15 @@ def contrast_sensitivity(
     """
     f = np.asarray(spatial_frequency, dtype=np.float64)
     L = np.maximum(np.asarray(luminance, dtype=np.float64), LOWEST_LUMINANCE)
+    # At f = 0 the neural noise is infinite, as are squares of absurd frequencies: either way the limit S = 0.
+    with np.errstate(divide="ignore", over="ignore"):
+        return _sensitivity(f, L, model, field_size)
+
+
+def _sensitivity(
+    f: NDArray[np.float64], L: NDArray[np.float64], model: SensitivityModel, field_size: float
+) -> NDArray[np.float64]:
+    """Return S of the chosen function."""
     if model is SensitivityModel.SIMPLIFIED:
         return _simplified(f, L, field_size)
     if model is SensitivityModel.AUTHORS:

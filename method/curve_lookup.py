@@ -56,5 +56,6 @@ def factor_at_loss(curves: LossCurves, loss: Array) -> Array:
     segment = np.clip((falling > loss[:, None]).sum(axis=1) - 1, 0, len(knots) - 2)
     above, below = falling[frame, segment], falling[frame, segment + 1]
     drop = np.where(above > below, above - below, 1.0)
-    share = np.where(above > below, (above - loss) / drop, 1.0)
-    return np.asarray(knots[segment] + np.clip(share, 0.0, 1.0) * (knots[segment + 1] - knots[segment]))
+    # Held to the drop before the division, which may be by 1e-308.
+    share = np.where(above > below, np.clip(above - loss, 0.0, drop) / drop, 1.0)
+    return np.asarray(knots[segment] + share * (knots[segment + 1] - knots[segment]))

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
 from data_schema.provenance import Provenance
-from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
-from method.objective import pairwise_spread
+from method.modulation import largest_rate_ratio, modulation_rate
 from method.optimize import Problem, Request
 from method.power import power
 
@@ -70,13 +69,17 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
     """
     curves = problem.curves
     reflected = curves.display.reflected_luminance
+    rate = modulation_rate(factors, problem.luminance, curves.durations)
+    limit = problem.allowed_rate(factors)
+    unseen = np.isinf(limit)  # the step to another clip
+    own = problem.rate_limit(factors * problem.luminance)
     return BrightnessTrack(
         times=curves.times,
         factors=factors,
         contrast_loss=np.clip(problem.loss(factors), 0.0, 1.0),
         mean_luminance=factors * curves.mean_luminance + reflected,
-        rate=modulation_rate(factors, problem.luminance, curves.durations),
-        rate_limit=allowed_rate(factors, problem.luminance, problem.rate_limit),
+        rate=np.where(unseen, 0.0, rate),
+        rate_limit=np.where(unseen, own, limit),
         power=power(request.power_model, factors, curves.channel_means),
         header=header,
     )
@@ -100,7 +103,7 @@ def summarize(
     """
     curves, header = problem.curves, track.header
     share = curves.durations / curves.durations.sum()
-    baseline, objective = problem.baseline(), pairwise_spread(track.contrast_loss)
+    baseline, objective = problem.baseline(), problem.spread(track.contrast_loss)
     baseline_power = power(request.power_model, baseline, curves.channel_means)
     full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
     mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
@@ -148,4 +151,7 @@ def summarize(
         seed=origin.seed,
         versions={"evenlight": origin.software_version, **origin.versions},
         provenance=origin,
+        curves_tolerance=curves.tolerance,
+        counted=float(np.mean(curves.counted)),
+        curves_computed_on=curves.computed_on,
     )

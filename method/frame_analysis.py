@@ -1,4 +1,8 @@
-"""The analysis of one frame: its contrast loss at all brightness factors, in one pass over its pixels."""
+"""The analysis of one frame: its contrast loss at all brightness factors, in one pass over its pixels.
+
+It can be done in parts, band by band: the finest bands hold most of the pixels but change least from frame to
+frame, so that `method.fine_bands` need not count them in every one.
+"""
 
 from __future__ import annotations
 
@@ -8,35 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import (
-    ContrastModel,
-    MaskingNeighbourhood,
-    PixelToLuminance,
-    SensitivityModel,
-    Visibility,
-)
+from data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
 from data_schema.display import Display
+from method.band_shares import BandShares
 from method.bands import band_frequencies
 from method.contrast_loss import loss_of, visible_contrast
-from method.critical_factor import BandTable, band_table, threshold_table
-from method.csf import LOWEST_LUMINANCE
+from method.critical_factor import TABLE_STEPS, band_table
+from method.fine_differences import difference_shares, difference_thresholds
 from method.luminance import channel_means, dimmed_luminance, emitted_luminance
-from method.one_pass import (
-    FLOAT_STEPS,
-    ToContrast,
-    ToFactor,
-    convert_floats,
-    convert_integers,
-    count_band,
-    expanded,
-    reduced,
-)
+from method.one_pass import FLOAT_STEPS, convert_floats, convert_integers, reduced
+from method.pyramid import level_shapes
+from method.spare_arrays import SpareArrays
 
-_CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
-# In a band of few pixels each one shows in the loss. Such a band is cheap, and is counted several times, with
-# neighbours compared at several factors (`method.critical_factor`); each count serves the factors next to it.
-_FEW_PIXELS = 16384
-_REFERENCES = 8
+_FINE_BANDS = 2  # bands that may be taken from other frames, at most: with 94 % of all pixels
+MANY_PIXELS = 65536  # in a smaller band, single pixels make the count unsteady, and there is little to save
 
 Array = NDArray[np.float64]
 
@@ -55,12 +44,43 @@ class FrameLoss:
         Ī, mean luminance emitted at b = 1 [cd/m^2].
     channel_means : array, (3,)
         Means of the linear R, G, B channels.
+    counted : float
+        Share of the frame's pixels, over all bands, that were counted.
     """
 
     loss: Array
     visible_contrast: float
     mean_luminance: float
     channel_means: Array
+    counted: float = 1.0
+
+
+@dataclass(slots=True)
+class FrameCounts:
+    """A frame whose finest bands may not have been counted yet.
+
+    Attributes
+    ----------
+    mean_luminance : float
+        Ī, mean luminance emitted at b = 1 [cd/m^2].
+    channel_means : array, (3,)
+        Means of the linear R, G, B channels.
+    shares : array, (bands, K)
+        Share of visible pixels of each band at each knot; nan where a band has not been counted.
+    counted : float
+        Share of the frame's pixels, over all bands, that were counted.
+    differences : tuple of array
+        For each fine band, the signs of change of `method.fine_differences`.
+    luminance : array, (height, width), or None
+        I [cd/m^2]; None once no band is left to be counted.
+    """
+
+    mean_luminance: float
+    channel_means: Array
+    shares: Array
+    counted: float = 1.0
+    differences: tuple[Array, ...] = ()
+    luminance: NDArray[np.float32] | None = None
 
 
 class FrameAnalysis:
@@ -76,20 +96,43 @@ class FrameAnalysis:
         Choices of the contrast model.
     factors : array, (K,)
         Knots b, rising to 1.
+    table_steps : int
+        Of the tables of each band's sensitivity.
     """
 
     def __init__(
-        self, shape: tuple[int, int], display: Display, model: ContrastModel, factors: Array
+        self,
+        shape: tuple[int, int],
+        display: Display,
+        model: ContrastModel,
+        factors: Array,
+        table_steps: int = TABLE_STEPS,
     ) -> None:
         self._display, self._model, self._factors = display, model, factors
         rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
         frequencies = band_frequencies(shape, display, rule, lowest, count)
-        self._bands = [band_table(float(f), float(factors[0]), display, model) for f in frequencies]
-        self._threshold = threshold_table()
-        self._log_factors = np.log2(factors)
-        # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
-        self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
+        lowest_factor = float(factors[0])
+        self._bands = [band_table(float(f), lowest_factor, display, model, table_steps) for f in frequencies]
+        self._band_shares = BandShares(model, factors)
         self._linear: dict[int, NDArray[np.float32]] = {}
+        self._spare, self._frame_bytes = SpareArrays(), 4 * shape[0] * shape[1]
+        sizes = zip(self._bands, level_shapes(shape), strict=False)
+        self._pixels = [height * width * band.can_be_seen for band, (height, width) in sizes]
+        self.fine_bands = self._fine_bands()
+        self._differences = [difference_thresholds(self._bands[band]) for band in self.fine_bands]
+
+    def _fine_bands(self) -> range:
+        """Return the bands that may be taken from other frames: the finest visible ones, but small ones."""
+        if not self.in_one_pass or not any(self._pixels):
+            return range(0)
+        first = next(k for k, pixels in enumerate(self._pixels) if pixels > 0)
+        finest = self._pixels[first : first + _FINE_BANDS]
+        return range(first, first + sum(pixels > MANY_PIXELS for pixels in finest))
+
+    @property
+    def held_bytes(self) -> int:
+        """Memory that a frame takes while its fine bands are still to be counted."""
+        return self._frame_bytes
 
     @property
     def in_one_pass(self) -> bool:
@@ -104,87 +147,94 @@ class FrameAnalysis:
 
     def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        if self._model.pixel_to_luminance is PixelToLuminance.LUMA_FIRST:
-            wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-            luminance, means = wide.astype(np.float32), channel_means(pixel_values, self._display.gamma)
-        else:
-            luminance, means = self._luminance_of(pixel_values)
-        visible = self.visible_contrast(luminance)
+        luminance, means = self._light_of(pixel_values)
+        mean = float(luminance.mean(dtype=np.float64))
+        if not self.in_one_pass:
+            return self.loss_of(FrameCounts(mean, means, self._by_definition(luminance)))
+        shares = self._shares([luminance, reduced(luminance)], later=range(0))
+        self._spare.give_back(luminance)
+        return self.loss_of(FrameCounts(mean, means, shares))
+
+    def begin(self, pixel_values: NDArray[Any]) -> FrameCounts:
+        """Count all bands of a frame but the fine ones; there must be some."""
+        luminance, means = self._light_of(pixel_values)
+        mean = float(luminance.mean(dtype=np.float64))
+        levels, later = [luminance, reduced(luminance)], self.fine_bands
+        shares = self._shares(levels, later)
+        finest = levels[later.start : later.stop]
+        pairs = zip(finest, self._differences, strict=True)
+        differences = tuple(difference_shares(level, steps) for level, steps in pairs)
+        return FrameCounts(mean, means, shares, 1 - self._share_of_pixels(later), differences, luminance)
+
+    def count(self, counts: FrameCounts, band: int) -> None:
+        """Count a fine band that was left for later."""
+        fine: Any = counts.luminance
+        for _ in range(band):  # cheaper than to hold it, and the memory that takes
+            fine = reduced(fine)
+        coarse = reduced(fine)
+        counts.shares[band] = self._band_shares.of(fine, coarse, reduced(coarse), self._bands[band])
+        counts.counted = min(1.0, counts.counted + self._share_of_pixels(range(band, band + 1)))
+
+    def complete(self, counts: FrameCounts) -> FrameCounts:
+        """Count what is left of a frame, and return it."""
+        for band in self.fine_bands:
+            if np.isnan(counts.shares[band, 0]):
+                self.count(counts, band)
+        self.release(counts)
+        return counts
+
+    def release(self, counts: FrameCounts) -> None:
+        """Let go of a frame's luminance: no band is left to be counted."""
+        if counts.luminance is not None:
+            self._spare.give_back(counts.luminance)
+            counts.luminance = None
+
+    def loss_of(self, counts: FrameCounts) -> FrameLoss:
+        """Return the loss curve of a frame all of whose bands have been counted."""
+        visible = np.zeros(len(self._factors))
+        for share in counts.shares:
+            visible += share
+        visible /= len(counts.shares)
         reference = float(visible[-1])
         loss = np.array([loss_of(float(C_v), reference) for C_v in visible])
-        return FrameLoss(loss, reference, float(luminance.mean(dtype=np.float64)), means)
+        return FrameLoss(loss, reference, counts.mean_luminance, counts.channel_means, counts.counted)
 
-    def visible_contrast(self, emitted: NDArray[np.float32]) -> Array:
-        """Return C_v at each knot for a frame of emitted luminance I, (height, width) [cd/m^2]."""
-        if not self.in_one_pass:
-            dimmed = (dimmed_luminance(emitted, b, self._display) for b in self._factors)
-            return np.array([visible_contrast(D, self._display, self._model) for D in dimmed])
-        shares, fine = np.zeros(len(self._factors)), np.ascontiguousarray(emitted, dtype=np.float32)
-        coarse = reduced(fine)
-        for band in self._bands:
-            coarser = reduced(coarse)
-            if band.can_be_seen:
-                shares += self._share_of_band(fine, coarse, expanded(coarser, *coarse.shape), band)
-            fine, coarse = coarse, coarser
-        return shares / len(self._bands)
+    def _share_of_pixels(self, bands: range) -> float:
+        """Return the share that some bands have in the pixels of all."""
+        return sum(self._pixels[band] for band in bands) / sum(self._pixels)
 
-    def _share_of_band(self, fine: Any, coarse: Any, around: Any, band: BandTable) -> Array:
-        """Return the share of visible pixels of a band at each knot.
+    def _by_definition(self, emitted: NDArray[np.float32]) -> Array:
+        """Return the visible contrast at each knot, (1, K), as if all bands were one."""
+        dimmed = (dimmed_luminance(emitted, b, self._display) for b in self._factors)
+        return np.array([[visible_contrast(D, self._display, self._model) for D in dimmed]])
 
-        `fine` and `coarse` are two Gaussian levels, `around` is the third at the size of the second.
+    def _shares(self, levels: list[NDArray[np.float32]], later: range) -> Array:
+        """Return the share of visible pixels of each band at each knot, nan for those left for later.
+
+        `levels` are the first two Gaussian levels; those that follow are added.
         """
-        tables = self._tables(band, self._log_common_adaptation(fine, around))
-        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
-        n = _REFERENCES if fine.size <= _FEW_PIXELS else 1
-        way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
-        nearest = np.minimum((way * n).astype(np.int64), n - 1)
-        shares = np.empty(len(way))
-        for k in range(n):
-            counts = np.zeros(self._n_cells + 2, np.int64)
-            reference = self._log_factors[0] * (1 - (k + 0.5) / n)
-            to_contrast = tables[0]._replace(log_reference_factor=np.float32(reference))
-            count_band(fine, coarse, around, (to_contrast, tables[1]._replace(counts=counts), masks_itself))
-            here = nearest == k
-            edges = np.arange(self._n_cells + 1)
-            shares[here] = np.interp(way[here] * self._n_cells, edges, np.cumsum(counts[:-1]))
-        # Where two counts meet, a pixel may seem to vanish again as b grows.
-        return np.asarray(np.maximum.accumulate(shares) / fine.size)
+        shares = np.full((len(self._bands), len(self._factors)), np.nan)
+        for k, band in enumerate(self._bands):
+            levels.append(reduced(levels[-1]))
+            if k not in later:
+                shares[k] = self._band_shares.of(levels[k], levels[k + 1], levels[k + 2], band)
+        return shares
 
-    def _tables(self, band: BandTable, log_common_adaptation: float) -> tuple[ToContrast, ToFactor]:
-        """Return what the compiled loops need for a band, but for the reference factor and the counts."""
-        to_contrast = ToContrast(
-            log_sensitivity=band.log_sensitivity,
-            log_darkest=np.float32(band.log_luminance_range[0]),
-            log_span=np.float32(np.ptp(band.log_luminance_range)),
-            log_reference_factor=None,
-            log_common_adaptation=np.float32(log_common_adaptation),
-            positive_only=self._model.visibility is Visibility.POSITIVE_ONLY,
-        )
-        to_factor = ToFactor(
-            log_threshold=self._threshold,
-            log_luminance=band.log_luminance,
-            log_faintest=np.float32(band.log_sensitivity_range[0]),
-            log_span=np.float32(np.ptp(band.log_sensitivity_range)),
-            log_lowest_factor=np.float32(self._log_factors[0]),
-            counts=None,
-        )
-        return to_contrast, to_factor
-
-    def _log_common_adaptation(self, fine: Any, around: Any) -> float:
-        """Return log2 of the level's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
-        if self._model.sensitivity is not SensitivityModel.AUTHORS:
-            return float("nan")
-        mean = expanded(around, *fine.shape).mean(dtype=np.float64)
-        return float(np.log2(max(mean, LOWEST_LUMINANCE)))
+    def _light_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
+        """Return emitted luminance, and the means of the linear channels."""
+        if self._model.pixel_to_luminance is not PixelToLuminance.LUMA_FIRST:
+            return self._luminance_of(pixel_values)
+        wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
+        return wide.astype(np.float32), channel_means(pixel_values, self._display.gamma)
 
     def _luminance_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
-        """Return emitted luminance, and the means of the linear channels."""
+        """Return the same of pixel values whose channels are linearized first."""
         whole = np.issubdtype(pixel_values.dtype, np.integer)
         steps = np.iinfo(pixel_values.dtype).max if whole else FLOAT_STEPS
         if steps not in self._linear:
             encoded = np.arange(steps + 1) / steps
             self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = np.empty(pixel_values.shape[:2], np.float32)
+        luminance = self._spare.take(pixel_values.shape[:2], np.float32)
         black = np.float32(self._display.black_level)
         span = np.float32(self._display.peak_luminance - self._display.black_level)
         convert = convert_integers if whole else convert_floats

@@ -7,7 +7,10 @@ all b. `loss_curves_by_definition` dims and compares instead, and is what the fa
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,9 +22,13 @@ from data_schema.errors import InputError
 from data_schema.frame import Frame
 from data_schema.loss_curves import LossCurves
 from data_schema.provenance import Provenance, provenance_now
+from method.analysis_device import make_frame_analysis
 from method.contrast_loss import loss_of, visible_contrast
-from method.frame_analysis import FrameAnalysis
+from method.frame_analysis import FrameLoss
+from method.frame_crew import frame_losses
 from method.luminance import dimmed_luminance
+from method.spare_arrays import SpareArrays
+from method.thrift import EVERYTHING, Thrift
 
 SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
 
@@ -53,15 +60,17 @@ def analyze_frames(
     model: ContrastModel = DEFAULT_MODEL,
     factors: ArrayLike | None = None,
     provenance: Provenance | None = None,
+    thrift: Thrift = EVERYTHING,
 ) -> LossCurves:
-    """Return the contrast-loss curves of a video, one frame in memory at a time.
+    """Return the contrast-loss curves of a video, few frames in memory at a time.
 
-    A frame equal to the one before it is not analysed again.
+    A frame equal to the one before it is not analysed again. Mean luminance and channel means are those of
+    every frame, whatever the thrift.
 
     Parameters
     ----------
     frames : iterable of Frame
-        In order of time, all of one size of at least 8 × 8 pixels.
+        In order of time, all of one size of at least 8 × 8 pixels; asked for in this thread.
     video : str
         Its name, for messages.
     display : Display
@@ -72,37 +81,102 @@ def analyze_frames(
         Knots b, rising to 1; otherwise `brightness_factors()`.
     provenance : Provenance, optional
         Otherwise made here.
+    thrift : Thrift
+        How much is counted, and where.
     """
     knots = _checked_knots(brightness_factors() if factors is None else factors)
-    times, durations, results = [], [], []
-    analysis: FrameAnalysis | None = None
-    before: NDArray[Any] | None = None
-    for number, frame in enumerate(frames):
-        shape = frame.pixel_values.shape[:2]
-        if analysis is None:
-            analysis = FrameAnalysis(_checked_shape(shape, video), display, model, knots)
-        if before is not None and shape != before.shape[:2]:
-            raise InputError(f"{video}: {_size_change(number, before.shape, shape)}")
-        if before is None or not np.array_equal(before, frame.pixel_values):
-            result = analysis.of(frame.pixel_values)
-            before = frame.pixel_values.copy()  # a source may fill the same array again
-        times.append(frame.time)
-        durations.append(frame.duration)
-        results.append(result)
-    if not results:
+    timeline = _Timeline(video)
+    contents = timeline.contents(frames)
+    first = next(contents, None)
+    if first is None:
         raise InputError(f"{video}: holds no frame; at least one is needed")
+    chosen = make_frame_analysis(first.shape[:2], display, model, knots, thrift.device)
+    rows = _gathered(
+        frame_losses(chosen.analysis, itertools.chain([first], contents), thrift, timeline.spare)
+    )
+    shown = np.array(timeline.shown)
+    again = np.concatenate([[False], np.diff(shown) == 0])
+    if again.any():
+        rows = rows[shown]
+        rows[again, _COUNTED] = 0.0
     return LossCurves(
         video=video,
         display=display,
-        times=np.array(times),
-        durations=np.array(durations),
+        times=np.array(timeline.times),
+        durations=np.array(timeline.durations),
         factors=knots,
-        loss=np.array([result.loss for result in results]),
-        visible_contrast=np.array([result.visible_contrast for result in results]),
-        mean_luminance=np.array([result.mean_luminance for result in results]),
-        channel_means=np.array([result.channel_means for result in results]),
+        loss=rows[:, _BESIDE:],
+        visible_contrast=rows[:, 0],
+        mean_luminance=rows[:, 1],
+        channel_means=rows[:, 2:_COUNTED],
         provenance=provenance or provenance_now(),
+        tolerance=thrift.tolerance,
+        counted=rows[:, _COUNTED],
+        computed_on=chosen.name,
     )
+
+
+_COUNTED = 5  # column of a row, after contrast, luminance and three channels
+_BESIDE = 6  # columns before the loss
+
+
+def _gathered(results: Iterable[FrameLoss]) -> Array:
+    """Return a row for each frame: nothing is kept of a frame but these numbers."""
+    numbers = array("d")
+    for found in results:
+        means, loss = found.channel_means, found.loss
+        row = [found.visible_contrast, found.mean_luminance, *means, found.counted, *loss]
+        numbers.extend(row)
+    return np.frombuffer(numbers).reshape(-1, len(row))
+
+
+@dataclass(slots=True)
+class _Timeline:
+    """When the frames of a video appear, and which of its contents each shows.
+
+    Attributes
+    ----------
+    video : str
+        Its name, for messages.
+    times, durations : list of float
+        Of each frame [s].
+    shown : list of int
+        For each frame, the number of its content: that of the frame before it, if they are equal.
+    spare : SpareArrays
+        Where contents go when they have been analysed, to be filled anew.
+    """
+
+    video: str
+    times: list[float] = field(default_factory=list)
+    durations: list[float] = field(default_factory=list)
+    shown: list[int] = field(default_factory=list)
+    spare: SpareArrays = field(default_factory=SpareArrays)
+
+    def contents(self, frames: Iterable[Frame]) -> Iterator[NDArray[Any]]:
+        """Yield the pixel values of each frame that differs from the one before, as an array of its own."""
+        before: NDArray[Any] | None = None
+        contents = -1
+        for number, frame in enumerate(frames):
+            shape = frame.pixel_values.shape
+            if before is None:
+                _require_bands(shape, self.video)
+            elif shape[:2] != before.shape[:2]:
+                raise InputError(f"{self.video}: {_size_change(number, before.shape, shape)}")
+            differs = before is None or not _shows_the_same(before, frame.pixel_values)
+            contents += differs
+            self.times.append(frame.time)
+            self.durations.append(frame.duration)
+            self.shown.append(contents)
+            if differs:
+                # A source may fill the same array again. This may be `before`, which has been compared.
+                before = self.spare.take(shape, frame.pixel_values.dtype)
+                np.copyto(before, frame.pixel_values)
+                yield before
+
+
+def _shows_the_same(before: NDArray[Any], now: NDArray[Any]) -> bool:
+    """Return whether two frames are equal: 1 is white as a float, and all but black as an integer."""
+    return before.dtype == now.dtype and np.array_equal(before, now)
 
 
 def _checked_knots(factors: ArrayLike) -> Array:
@@ -114,15 +188,14 @@ def _checked_knots(factors: ArrayLike) -> Array:
     return knots
 
 
-def _checked_shape(shape: tuple[int, ...], video: str) -> tuple[int, int]:
-    """Return a frame's height and width, or refuse a frame without two bands."""
-    height, width = shape
+def _require_bands(shape: tuple[int, ...], video: str) -> None:
+    """Refuse frames that are too small for two bands."""
+    height, width = shape[:2]
     if min(height, width) < SMALLEST_SIDE:
         raise InputError(
             f"{video}: frames are {width} x {height} pixels; "
             f"need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} for two frequency bands"
         )
-    return height, width
 
 
 def _size_change(number: int, before: tuple[int, ...], now: tuple[int, ...]) -> str:

@@ -6,34 +6,37 @@ permutahedron of the order weights. So for *any* such w, and any price ν of the
     min over tracks of the pair sum  >=  min over chains of Σ [w_i 𝓛_i(b_i) + ν a_i b_i] - ν · budget,
 
 where chains obey the rate limit and the bounds but no budget. That minimum is found globally, although the
-problem is not convex, by dynamic programming over cells of the factor. Every rounding goes the safe way: a
-cell costs the least that any factor in it costs, and a step between two cells is allowed if any two factors
-in them may follow each other. The solver's dual variables make the bound a good one; a poor w makes it poor,
-never wrong.
+problem is not convex, by dynamic programming over cells of the factor (`method.cell_chain`). Every rounding
+goes the safe way. The solver's dual variables make the bound a good one; a poor w makes it poor, never wrong:
+it is projected on the permutahedron first.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
 from method.curve_lookup import loss_and_slope
-from method.modulation import step_luminance
-from method.objective import order_weights
+from method.objective import order_weights, proximal_spread, weight_of_pairs
 from method.optimize import BUDGET_TOLERANCE, Problem, Solution
 
 Array = NDArray[np.float64]
-Cells = NDArray[np.int64]
 
-CELL_VISITS = 4_000_000  # frames times cells: the memory of the rate limits, and 0.1 s for one evaluation
+CELLS_PER_FRAME = 1000  # frames times cells, over frames: what one evaluation costs
+LEAST_VISITS = 4_000_000  # short clips can afford more
 CELLS_PER_KNOT = 200  # at most
-TRIALS = 12  # evaluations to find the best price
-RATE_MARGIN = 1.005  # covers what the rate limit does between the points of a cell where it is evaluated
+CELLS_PER_BLOCK = 8.0  # cells that the factor may cross within a block
+TRIALS = 9  # evaluations to find the best price
+GOOD_ENOUGH = 2e-3  # share of the bound that a better price could still add
+RATE_MARGIN = 1.005  # covers what the rate limit does between the points where it is evaluated
+SMALL_SHARE = 1e-3  # of the budget, times the number of frames
 ROUNDING = 1e-12  # share of the summed costs that is given away to rounding
 NO_LIGHT = 1e-9  # [cd/m^2] a step between frames darker than this is taken as free
+BINS = 4096  # of luminance, in equal ratios
+DARKEST = 1e-7  # share of the brightest frame's luminance below which all is one bin
 
 
 def lower_bound(problem: Problem, solution: Solution) -> float:
@@ -51,166 +54,184 @@ def lower_bound(problem: Problem, solution: Solution) -> float:
     float
         At least 0; the difference to the solution's objective bounds how much better any track could be.
     """
-    n = problem.curves.n_frames
-    if n < 2:
+    n, importance = problem.curves.n_frames, problem.frame_importance()
+    pairs = weight_of_pairs(importance)
+    if not pairs > 0:
         return 0.0
     if _only_the_baseline_fits(problem):
-        return problem.objective(problem.baseline())
-    weights = solution.frame_weights
-    if weights is None:
-        weights = np.empty(n)
-        weights[np.argsort(problem.loss(solution.factors), kind="stable")] = order_weights(n) / n
+        return max(problem.objective(problem.baseline()) - _gain_within_tolerance(problem) / pairs, 0.0)
+    weights = _within_permutahedron(problem, solution)
     slope = np.abs(loss_and_slope(problem.curves, solution.factors)[1] * weights)
     scale = max(float(slope.mean()) * n, 1e-9)
     price = float(np.clip(solution.budget_price * n, -100 * scale, 100 * scale))
-    return max(_best_over_prices(_Relaxation.of(problem, weights), price, scale / 4) * 2 / (n - 1), 0.0)
+    best = _best_over_prices(_Relaxation.of(problem, weights), price, scale / 16)
+    return max(best * n / pairs, 0.0)
 
 
 def _only_the_baseline_fits(problem: Problem) -> bool:
-    """Return whether the budget leaves no choice: every frame that counts must be at the end of its range."""
+    """Return whether the budget leaves no choice: every frame counts, and must be at the end of its range.
+
+    A frame of next to no share in the budget can go anywhere within the tolerance, and is no such frame.
+    """
     at_end = problem.baseline_factor in (problem.lowest_factor, 1.0)
-    return at_end and bool((problem.budget_weights > 0).all())
+    weights = problem.budget_weights
+    return at_end and bool((weights * len(weights) > SMALL_SHARE).all())
+
+
+def _gain_within_tolerance(problem: Problem) -> float:
+    """Return what the pair sum can lose, at most, to tracks that meet the budget only to its tolerance.
+
+    A frame that leaves the end of its range takes its share in the budget, and moves its loss by the steepest
+    chord of its curve at most; the best frame to spend the tolerance on gains the most.
+    """
+    curves, importance = problem.curves, problem.frame_importance()
+    inner = curves.factors != problem.baseline_factor
+    at_end = loss_and_slope(curves, problem.baseline())[0][:, None]
+    way = np.abs(curves.factors[inner] - problem.baseline_factor)
+    steepest = (np.abs(curves.loss[:, inner] - at_end) / way).max(axis=1)
+    gain = importance * (importance.sum() - importance) * steepest / problem.budget_weights
+    return float(gain.max()) * BUDGET_TOLERANCE / 1000
+
+
+def _within_permutahedron(problem: Problem, solution: Solution) -> Array:
+    """Return frame weights w for which Σ w · loss is at most the pair sum over N, whatever the losses.
+
+    What a proximal step takes away from a point is that point's projection on the permutahedron (Moreau).
+    """
+    importance = problem.frame_importance()
+    n = len(importance)
+    if solution.frame_weights is None:
+        order = np.argsort(problem.loss(solution.factors), kind="stable")
+        weights = np.empty(n)
+        weights[order] = order_weights(importance[order]) / n
+        return weights
+    counts = importance > 0
+    density = solution.frame_weights[counts] / importance[counts]
+    weights = np.zeros(n)
+    moved = density - proximal_spread(density, 1 / n, importance[counts])
+    weights[counts] = moved * importance[counts]
+    return weights
 
 
 def _best_over_prices(relaxation: _Relaxation, price: float, step: float) -> float:
-    """Return the best bound found over the price of the budget, in which the bound is concave."""
-    best, trials = relaxation.bound(price), 1
-    while trials < TRIALS:
-        for other in (price + step, price - step):
-            value = relaxation.bound(other)
-            trials += 1
-            if value > best:
-                best, price, step = value, other, step * 1.5
-                break
+    """Return the best bound found over the price of the budget.
+
+    The bound is concave in the price, and its slope is what its chain uses above the budget. The price to try
+    next is where the tangents from both sides meet, and no price can lift the bound above that point.
+    """
+    dear: tuple[float, float, float] | None = None  # price, bound, slope: slope at most 0
+    cheap: tuple[float, float, float] | None = None
+    best = -np.inf
+    for _ in range(TRIALS):
+        value, slope = relaxation.bound(price)
+        best = max(best, value)
+        if slope > 0:
+            cheap = (price, value, slope)
         else:
-            step /= 3
+            dear = (price, value, slope)
+        if dear is None or cheap is None:
+            price, step = price + np.copysign(step, slope), step * 4
+            continue
+        if cheap[2] - dear[2] <= 1e-12:
+            break
+        ahead = (dear[1] - cheap[1] - dear[2] * (dear[0] - cheap[0])) / (cheap[2] - dear[2])
+        if cheap[1] + cheap[2] * ahead - best <= GOOD_ENOUGH * abs(best):
+            break
+        width = dear[0] - cheap[0]
+        price = cheap[0] + float(np.clip(ahead, 0.02 * width, 0.98 * width))
     return best
 
 
 @dataclass(frozen=True, slots=True)
 class _Relaxation:
-    """What the dynamic program needs, whatever the price: all but the cost of the budget.
+    """What the dynamic program needs, whatever the price.
 
     Attributes
     ----------
-    loss, weights : array, (N, K) and (N,)
-        Loss curves, and their weights w.
-    excess : array, (N, K)
-        Share of the budget that a frame uses above the baseline, at each knot.
-    edges, per_knot : array, (C+1,), int
-        Of the cells of the factor, and how many lie between two knots.
-    rates : array, (N, C)
-        No rate limit within a cell is above this [cd/m^2/s].
+    problem : Problem
+        N frames.
+    weights : array, (N,)
+        w.
+    rates : RateTable
+        Of the rate limit.
     reach : array, (N-1,)
         Change of the factor per rate; infinite where a step is free.
+    blocks : Blocks
+        Of frames.
+    per_knot : int
+        Cells between two knots.
     """
 
-    loss: Array
+    problem: Problem
     weights: Array
-    excess: Array
-    edges: Array
-    per_knot: int
-    rates: Array
+    rates: RateTable
     reach: Array
+    blocks: Blocks
+    per_knot: int
 
     @classmethod
     def of(cls, problem: Problem, weights: Array) -> _Relaxation:
         """Return the relaxation of a problem for given weights."""
-        curves = problem.curves
-        segments = len(curves.factors) - 1
-        per_knot = int(np.clip(round(CELL_VISITS / curves.n_frames / segments), 1, CELLS_PER_KNOT))
-        # Points within a cell are every half of it.
-        position = np.arange(2 * segments * per_knot + 1) / (2 * per_knot)
-        points = np.interp(position, np.arange(segments + 1), curves.factors)
-        rates = np.empty((curves.n_frames, segments * per_knot))
-        for i, luminance in enumerate(problem.luminance):
-            rate = problem.rate_limit(points * luminance)
-            first, middle, last = rate[:-1:2], rate[1::2], rate[2::2]
-            bulge = np.abs(first - 2 * middle + last)
-            rates[i] = (np.maximum(np.maximum(first, last), middle) + bulge) * RATE_MARGIN
-        middle = step_luminance(problem.luminance)
-        dark = middle < NO_LIGHT
-        reach = np.where(dark, np.inf, curves.durations[:-1] / np.where(dark, 1.0, middle))
-        excess = problem.budget_weights[:, None] * (curves.factors - problem.baseline_factor)
-        return cls(curves.loss, weights, excess, points[::2], per_knot, rates, reach)
+        knots, n = problem.curves.factors, problem.curves.n_frames
+        reach = problem.step_reach()
+        reach[(problem.luminance[:-1] + problem.luminance[1:]) / 2 < NO_LIGHT] = np.inf
+        rates, highest = _rate_table(problem)
+        with np.errstate(invalid="ignore", over="ignore"):  # 0 times infinity: a free step
+            largest = reach * np.minimum(highest[:-1], highest[1:])
+        span = float(knots[-1] - knots[0])
+        largest = np.where(np.isinf(reach), span, np.minimum(largest, span))
+        visits = max(CELLS_PER_FRAME * n, LEAST_VISITS)
+        limited = largest[largest < span]
+        moved = float(np.sum(limited))
+        # Blocks so long that their number times the number of cells is what may be visited.
+        target = float(np.sqrt(CELLS_PER_BLOCK * moved * span / visits))
+        blocks = Blocks(*make_blocks(largest, target, float(np.diff(knots).min())))
+        cells = visits / len(blocks.anchor) / (len(knots) - 1)
+        return cls(problem, weights, rates, reach, blocks, int(np.clip(round(cells), 1, CELLS_PER_KNOT)))
 
-    def bound(self, price: float) -> float:
-        """Return the bound on the pair sum divided by N, at a price of the budget."""
-        costs = self.weights[:, None] * self.loss + price * self.excess
+    def bound(self, price: float) -> tuple[float, float]:
+        """Return the bound on the pair sum divided by N, and its slope, at a price of the budget."""
+        problem = self.problem
+        curves, baseline = problem.curves, problem.baseline_factor
+        costs = ChainCosts(curves.loss, self.weights, problem.budget_weights, price, curves.factors)
+        least, used = cheapest_chain(costs, self.rates, self.reach, self.blocks, self.per_knot)
         # What tracks may gain that meet the budget only to their tolerance, and by rounding.
         allowance = abs(price) * BUDGET_TOLERANCE / 1000
-        allowance += ROUNDING * float(np.abs(costs).max(axis=1).sum())
-        return float(_cheapest_chain(costs, self.edges, self.per_knot, self.rates, self.reach)) - allowance
+        allowance += ROUNDING * (float(np.abs(self.weights).sum()) + 2 * abs(price))
+        return least - price * baseline - allowance, used - baseline
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _cell_costs(costs: Array, knots: Array, per_knot: int) -> None:
-    """Write the least cost within each cell; within one it is linear, so at an edge."""
-    for knot in range(len(knots) - 1):
-        slope = (knots[knot + 1] - knots[knot]) / per_knot
-        for k in range(per_knot):
-            costs[knot * per_knot + k] = knots[knot] + slope * k + min(0.0, slope)
+def _rate_table(problem: Problem) -> tuple[RateTable, Array]:
+    """Return an upper envelope of the rate limit, and each frame's largest rate limit at any factor."""
+    luminance, knots = problem.luminance, problem.curves.factors
+    most = max(float(luminance.max()), np.finfo(float).tiny)
+    least = max(most * DARKEST, float(np.min(luminance[luminance > 0], initial=most)) * knots[0])
+    # Bins from the darkest luminance that any frame can have to the brightest; the first holds all below.
+    step = max(np.log(most / least), 1e-9) / (BINS - 1)
+    points = least * np.exp(step * np.arange(2 * BINS + 1) / 2)
+    inside = _largest_in_bins(problem.rate_limit(points))
+    below = _largest_in_bins(problem.rate_limit(np.linspace(0.0, least, 2 * 64 + 1))).max()
+    envelope = np.maximum(np.append(below, inside), 0.0)
+    with np.errstate(divide="ignore"):
+        place = np.maximum(np.log(luminance / least), -1e9) / step + 1
+    offset = np.log(knots) / step
+    widest = int(np.ceil(np.diff(offset).max())) + 1
+    table = RateTable(_largest_ahead(envelope, widest), np.maximum(place, -1e9), offset[:-1])
+    bins = np.arange(len(envelope))
+    start = np.clip(np.floor(place + offset[0]), 0, bins[-1]).astype(int)
+    whole = _largest_ahead(envelope, int(np.ceil(-offset[0])) + 1)
+    return table, np.where(luminance > 0, whole[start], below)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _windows(lowest: Cells, highest: Cells, edges: Array, first: Array, second: Array, reach: float) -> None:
-    """Write the lowest and the highest cell that may follow each cell; `first` and `second` are rate limits.
-
-    A step must keep the limits at both its ends. All four conditions are first made rising from cell to cell,
-    by the running maximum or minimum on the side that allows more, so that what follows a cell is one stretch
-    and the stretches rise: a limit with a dip may allow more than it should, never less.
-    """
-    cells = len(lowest)
-    top, follow, end = -np.inf, 0, cells - 1
-    bottom_ahead = np.empty(cells)  # least factor from which some cell at or above this one is reached
-    least = np.inf
-    for cell in range(cells - 1, -1, -1):
-        least = min(least, edges[cell] - reach * second[cell])
-        bottom_ahead[cell] = least
-    for cell in range(cells):
-        top = max(top, edges[cell + 1] + reach * first[cell])
-        follow = max(follow, cell)
-        while follow < end and edges[follow + 1] <= top and bottom_ahead[follow + 1] <= edges[cell + 1]:
-            follow += 1
-        highest[cell] = follow
-    top_behind = np.empty(cells)  # largest factor from which some cell at or below this one is reached
-    most = -np.inf
-    for cell in range(cells):
-        most = max(most, edges[cell + 1] + reach * second[cell])
-        top_behind[cell] = most
-    bottom, follow = np.inf, cells - 1
-    for cell in range(cells - 1, -1, -1):
-        bottom = min(bottom, edges[cell] - reach * first[cell])
-        follow = min(follow, cell)
-        while follow > 0 and edges[follow] >= bottom and top_behind[follow - 1] >= edges[cell]:
-            follow -= 1
-        lowest[cell] = follow
+def _largest_in_bins(rates: Array) -> Array:
+    """Return what a rate limit does not exceed within bins, from values at their ends and middles."""
+    first, middle, last = rates[:-1:2], rates[1::2], rates[2::2]
+    bulge = np.abs(first - 2 * middle + last)
+    return np.asarray((np.maximum(np.maximum(first, last), middle) + bulge) * RATE_MARGIN)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _cheapest_chain(knots: Array, edges: Array, per_knot: int, rates: Array, reach: Array) -> float:
-    """Return the least Σ of cell costs over all chains of cells: a sliding minimum for each frame."""
-    cells = len(edges) - 1
-    value, following, cost = np.empty(cells), np.empty(cells), np.empty(cells)
-    lowest, highest = np.zeros(cells, np.int64), np.empty(cells, np.int64)
-    queue = np.empty(cells, np.int64)
-    _cell_costs(value, knots[0], per_knot)
-    for i in range(1, len(knots)):
-        _cell_costs(cost, knots[i], per_knot)
-        if np.isinf(reach[i - 1]):
-            lowest[:], highest[:] = 0, cells - 1
-        else:
-            _windows(lowest, highest, edges, rates[i - 1], rates[i], reach[i - 1])
-        head, tail, entering = 0, 0, 0
-        for cell in range(cells):
-            while entering < cells and lowest[entering] <= cell:
-                while tail > head and value[queue[tail - 1]] >= value[entering]:
-                    tail -= 1
-                queue[tail] = entering
-                tail += 1
-                entering += 1
-            while highest[queue[head]] < cell:
-                head += 1
-            following[cell] = value[queue[head]] + cost[cell]
-        value, following = following, value
-    return float(value.min())
+def _largest_ahead(values: Array, places: int) -> Array:
+    """Return the largest of each value and some that follow it."""
+    padded = np.append(values, np.full(min(places, len(values)), values[-1]))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, min(places, len(values)) + 1)
+    return np.asarray(windows.max(axis=1))

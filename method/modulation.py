@@ -54,7 +54,9 @@ def modulation_rate(factors: Array, mean_luminance: Array, durations: Array) -> 
     return np.append(rate, 0.0)
 
 
-def allowed_rate(factors: Array, mean_luminance: Array, rate_limit: RateLimitFunction) -> Array:
+def allowed_rate(
+    factors: Array, mean_luminance: Array, rate_limit: RateLimitFunction, allowances: Array | None = None
+) -> Array:
     """Return the largest rate allowed from each frame to the next: the lower of its two ends' limits.
 
     Parameters
@@ -63,14 +65,23 @@ def allowed_rate(factors: Array, mean_luminance: Array, rate_limit: RateLimitFun
         b; Ī at factor 1 [cd/m^2].
     rate_limit : function
         ΔL [cd/m^2/s] of the luminance that the modulation makes, b·Ī [cd/m^2].
+    allowances : array, (N-1,), optional
+        How many times that limit each step may reach; infinite where it is free.
 
     Returns
     -------
     array, (N,)
         [cd/m^2/s]; in the last frame its own limit.
+
+    >>> allowed_rate(np.ones(3), np.full(3, 9.0), lambda x: x, np.array([0.0, 2.0])).tolist()
+    [0.0, 18.0, 9.0]
     """
     limit = rate_limit(factors * mean_luminance)
-    return np.append(np.minimum(limit[:-1], limit[1:]), limit[-1])
+    of_steps = np.minimum(limit[:-1], limit[1:])
+    if allowances is not None:
+        free = np.isinf(allowances)
+        of_steps = np.where(free, np.inf, of_steps * np.where(free, 1.0, allowances))
+    return np.append(of_steps, limit[-1])
 
 
 def largest_rate_ratio(rate: Array, allowed: Array) -> float:
@@ -83,5 +94,5 @@ def largest_rate_ratio(rate: Array, allowed: Array) -> float:
     moving = speed > 0
     if not moving.any():
         return 0.0
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):  # next to nothing allowed: infinitely too fast
         return float(np.max(speed[moving] / allowed[moving]))

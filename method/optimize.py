@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -14,12 +15,20 @@ from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.rate_limit import RateLimit
+from data_schema.section import AllowanceSection, WeightSection
 from method.choices import LimitCurve, ModulatedLuminance
 from method.curve_lookup import loss_and_slope
-from method.modulation import RateLimitFunction, allowed_rate, largest_rate_ratio, modulation_rate
+from method.modulation import (
+    RateLimitFunction,
+    allowed_rate,
+    largest_rate_ratio,
+    modulation_rate,
+    step_luminance,
+)
 from method.objective import pairwise_spread
 from method.power import power_per_factor
 from method.rate_limit import rate_limit_at
+from method.sections import frame_weights, step_allowances
 
 Array = NDArray[np.float64]
 
@@ -45,6 +54,10 @@ class Request:
         The fitted curve, or the lower edge of its band.
     modulated : ModulatedLuminance
         Whose luminance the rate limit is about.
+    weights : tuple of WeightSection
+        Sections that count more or less than others.
+    allowances : tuple of AllowanceSection
+        Sections in which brightness may change faster than the rate limit, or not at all.
     """
 
     budget: float
@@ -53,6 +66,8 @@ class Request:
     rate_limit: RateLimit
     limit_curve: LimitCurve = LimitCurve.FITTED
     modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN
+    weights: tuple[WeightSection, ...] = ()
+    allowances: tuple[AllowanceSection, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +86,11 @@ class Problem:
         Ī, the luminance at factor 1 that the rate limit is about [cd/m^2].
     rate_limit : function
         ΔL [cd/m^2/s] as a function of the luminance b·Ī [cd/m^2].
+    importance : array, (N,), or None
+        ω, how much each frame counts in the objective, 1 on average; None where all count alike.
+    allowances : array, (N-1,), or None
+        How many times the rate limit each step may reach, infinite where it is free; None where all may
+        reach just that.
     """
 
     curves: LossCurves
@@ -78,6 +98,8 @@ class Problem:
     baseline_factor: float
     luminance: Array
     rate_limit: RateLimitFunction
+    importance: Array | None = None
+    allowances: Array | None = None
 
     @property
     def lowest_factor(self) -> float:
@@ -94,7 +116,30 @@ class Problem:
 
     def objective(self, factors: Array) -> float:
         """Return the mean absolute pairwise difference of contrast loss."""
-        return pairwise_spread(self.loss(factors))
+        return self.spread(self.loss(factors))
+
+    def spread(self, loss: Array) -> float:
+        """Return the mean absolute pairwise difference of given losses."""
+        return pairwise_spread(loss, self.importance)
+
+    def frame_importance(self) -> Array:
+        """Return ω, how much each frame counts, (N,)."""
+        return np.ones(self.curves.n_frames) if self.importance is None else self.importance
+
+    def allowed_rate(self, factors: Array) -> Array:
+        """Return the largest rate allowed from each frame to the next [cd/m^2/s], (N,)."""
+        return allowed_rate(factors, self.luminance, self.rate_limit, self.allowances)
+
+    def step_reach(self) -> Array:
+        """Return the change of the factor per rate limit of each step; infinite where it is free, (N-1,).
+
+        A step between two frames without light changes nothing, and is free.
+        """
+        middle = step_luminance(self.luminance)
+        reach = np.full(len(middle), np.inf)
+        with np.errstate(over="ignore"):  # next to no light
+            np.divide(self.curves.durations[:-1], middle, out=reach, where=middle > 0)
+        return reach if self.allowances is None else _product(reach, self.allowances)
 
     def budget_error(self, factors: Array) -> float:
         """Return by how much the factors use more than the budget, as a mean factor."""
@@ -103,7 +148,13 @@ class Problem:
     def rate_ratio(self, factors: Array) -> float:
         """Return the largest ratio of a step's rate to its limit."""
         rate = modulation_rate(factors, self.luminance, self.curves.durations)
-        return largest_rate_ratio(rate, allowed_rate(factors, self.luminance, self.rate_limit))
+        return largest_rate_ratio(rate, self.allowed_rate(factors))
+
+
+def _product(reach: Array, allowances: Array) -> Array:
+    """Return how far a step goes per rate limit with its allowance: what is free stays free."""
+    free = np.isinf(reach) | np.isinf(allowances)
+    return np.where(free, np.inf, np.where(free, 1.0, reach) * np.where(free, 1.0, allowances))
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +169,7 @@ class Solution:
         That the solver took.
     frame_weights : array, (N,) or None
         Dual variable: how much the objective (as a sum over pairs, divided by N) rises with each frame's
-        loss. It lies in the permutahedron of the order weights / N, and so gives a lower bound.
+        loss. It lies in the permutahedron of the order weights / N (or near it), and so gives a lower bound.
     budget_price : float
         Dual variable of the budget: how much that objective falls per unit of the mean factor.
     """
@@ -136,13 +187,23 @@ class Solver(Protocol):
         """Return a feasible answer no worse than the constant baseline; `InputError` if it cannot."""
 
 
-def pose(curves: LossCurves, request: Request) -> Problem:
+def pose(curves: LossCurves, request: Request, joints: Sequence[int] = ()) -> Problem:
     """Return the problem that a request poses on the loss curves of a video.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        Of N frames.
+    request : Request
+        What is asked.
+    joints : sequence of int
+        Frames that begin another clip, where several share the budget.
 
     Raises
     ------
     InputError
-        If no factors within the curves' range can meet the budget; says which budgets can be met.
+        If no factors within the curves' range can meet the budget, which says which budgets can be met; if
+        sections do not fit the video.
     """
     factor, weights = budget_as_factor(curves, request)
     if request.modulated is ModulatedLuminance.FRAME_MEAN:
@@ -152,7 +213,9 @@ def pose(curves: LossCurves, request: Request) -> Problem:
     limit = partial(
         _limit_of_emitted, request.rate_limit, request.limit_curve, curves.display.reflected_luminance
     )
-    return Problem(curves, weights, factor, luminance, limit)
+    importance = frame_weights(curves, request.weights)
+    allowances = step_allowances(curves, request.allowances, joints)
+    return Problem(curves, weights, factor, luminance, limit, importance, allowances)
 
 
 def _limit_of_emitted(limit: RateLimit, curve: LimitCurve, reflected: float, emitted: Array) -> Array:
@@ -178,11 +241,11 @@ def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array
     if request.budget_unit is BudgetUnit.FACTOR:
         scale, offset, weights = 1.0, 0.0, time_share
     else:
+        if not mean_slope > 0:
+            raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
         scale, offset = mean_slope, base
         if request.budget_unit is BudgetUnit.POWER:
             scale, offset = mean_slope / (mean_slope + base), base / (mean_slope + base)
-        if not mean_slope > 0:
-            raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
         weights = time_share * slope / mean_slope
     low, high = offset + scale * float(curves.factors[0]), offset + scale
     _require_between(request, (low, high), float(curves.factors[0]))
@@ -221,7 +284,8 @@ def require_possible(request: Request, lowest_factor: float) -> None:
 def _require_between(request: Request, limits: tuple[float, float], lowest_factor: float) -> None:
     """Raise `InputError` if the budget lies outside what the factors can use."""
     low, high = limits
-    if not low - 1e-12 <= request.budget <= high + 1e-12:
+    rounding = 1e-12 * high  # watts of any size
+    if not low - rounding <= request.budget <= high + rounding:
         raise InputError(
             f"--budget {request.budget:g} ({request.budget_unit.value}) cannot be met: factors from "
             f"{lowest_factor:g} to 1 use {low:.4g} to {high:.4g}"

@@ -49,7 +49,7 @@ def rate_limit_at(
     low, high = limit.luminance_range
     inside = np.clip(values, low, high)
     rate = _fitted(limit, inside) if curve is LimitCurve.FITTED else _lower_edge(limit, inside)
-    return np.where(values < low, rate * (values / low), rate)
+    return np.asarray(rate * (np.minimum(values, low) / low))
 
 
 def _fitted(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,11 +10,12 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
 from data_schema.errors import InputError
 from method.curve_lookup import loss_and_slope
-from method.modulation import allowed_rate, modulation_rate, step_luminance
-from method.objective import order_weights
+from method.objective import order_weights, weight_of_pairs
 from method.optimize import Problem, Solution, feasible_blend
 
 Array = NDArray[np.float64]
+
+NO_LIMIT = 2.0  # change of a factor: twice what any step can be
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,61 +48,95 @@ class SlsqpSolver:
                 f"use --solver splitting"
             )
         baseline = problem.baseline()
-        if n == 1:
+        if not weight_of_pairs(problem.frame_importance()) > 0:  # nothing differs from anything
             return Solution(baseline, 0)
         noise = self.perturbation * self.rng.standard_normal(n)
-        budget = problem.baseline_factor
-        limits: list[LinearConstraint | NonlinearConstraint] = [
-            LinearConstraint(problem.budget_weights[None], budget, budget),
-            NonlinearConstraint(
-                lambda b: _slack(problem, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, b)
-            ),
-        ]
-        result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
-            problem.objective,
-            np.clip(baseline + noise, problem.lowest_factor, 1.0),
-            jac=lambda b: _objective_slope(problem, b),
-            method="SLSQP",
-            bounds=[(problem.lowest_factor, 1.0)] * n,
-            constraints=limits,
-            options={"maxiter": 1000, "ftol": self.tolerance},
-        )
-        factors = np.clip(result.x, problem.lowest_factor, 1.0)
-        met = abs(problem.budget_error(factors)) < 1e-9
-        factors = feasible_blend(problem, factors) if met else baseline
+        factors, iterations = slsqp_from(problem, baseline + noise, self.tolerance)
         if problem.objective(factors) > problem.objective(baseline):
             factors = baseline
-        return Solution(factors, int(result.nit))
+        return Solution(factors, iterations)
+
+
+def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array, int]:
+    """Return what SLSQP makes of a start, drawn into the limits, and its iterations.
+
+    Where it ends off the budget, the answer is the constant baseline.
+
+    Parameters
+    ----------
+    problem : Problem
+        N frames; time grows with the cube of N.
+    start : array, (N,)
+        Factors; they need not keep the limits.
+    tolerance : float
+        Of convergence.
+    """
+    n, budget = len(start), problem.baseline_factor
+    limits: list[LinearConstraint | NonlinearConstraint] = [
+        LinearConstraint(problem.budget_weights[None], budget, budget),
+        NonlinearConstraint(
+            lambda b: _slack(problem, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, b)
+        ),
+    ]
+    result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
+        problem.objective,
+        np.clip(start, problem.lowest_factor, 1.0),
+        jac=lambda b: _objective_slope(problem, b),
+        method="SLSQP",
+        bounds=[(problem.lowest_factor, 1.0)] * n,
+        constraints=limits,
+        options={"maxiter": 1000, "ftol": tolerance},
+    )
+    factors = np.clip(result.x, problem.lowest_factor, 1.0)
+    met = abs(problem.budget_error(factors)) < 1e-9
+    return feasible_blend(problem, factors) if met else problem.baseline(), int(result.nit)
 
 
 def _objective_slope(problem: Problem, factors: Array) -> Array:
     """Return a (sub)gradient of the mean absolute pairwise difference of loss, (N,)."""
     loss, slope = loss_and_slope(problem.curves, factors)
-    n = len(loss)
-    weights = np.empty(n)
-    weights[np.argsort(loss, kind="stable")] = order_weights(n) / (n * (n - 1) / 2)
+    counts, order = problem.frame_importance(), np.argsort(loss, kind="stable")
+    weights = np.empty(len(loss))
+    weights[order] = order_weights(counts[order]) / weight_of_pairs(counts)
     return weights * slope
 
 
 def _slack(problem: Problem, factors: Array) -> Array:
-    """Return what each step has left below its limit, upwards and downwards [cd/m^2/s], (2(N-1),)."""
-    rate = modulation_rate(factors, problem.luminance, problem.curves.durations)[:-1]
-    allowed = allowed_rate(factors, problem.luminance, problem.rate_limit)[:-1]
-    return np.concatenate([allowed - rate, allowed + rate])
+    """Return how much further each step could go, upwards and downwards, in units of the factor, (2(N-1),).
+
+    In cd/m^2/s, bright frames beside dark ones would have slopes of 1e7 beside 1e-320, with which SLSQP does
+    not end, or, compiled as it is, leaves its memory.
+    """
+    furthest, _ = _furthest_steps(problem, factors)
+    step = np.diff(factors)
+    return np.concatenate([furthest - step, furthest + step])
 
 
 def _slack_slope(problem: Problem, factors: Array) -> Array:
     """Return the derivative of the slack, (2(N-1), N)."""
     n = len(factors)
-    seen = factors * problem.luminance
+    _, slope = _furthest_steps(problem, factors)
+    step = np.arange(n - 1)
+    limit = problem.rate_limit(factors * problem.luminance)
+    end = np.where(limit[:-1] <= limit[1:], step, step + 1)
+    furthest, change = np.zeros((n - 1, n)), np.zeros((n - 1, n))
+    furthest[step, end] = slope
+    change[step, step], change[step, step + 1] = -1.0, 1.0
+    return np.concatenate([furthest - change, furthest + change])
+
+
+def _furthest_steps(problem: Problem, factors: Array) -> tuple[Array, Array]:
+    """Return how far each step may go, and its slope over the factor of the end that limits it, (N-1,) each.
+
+    No factor can change by more than 1, so that beyond `NO_LIMIT` a step counts as free.
+    """
+    seen, reach = factors * problem.luminance, problem.step_reach()
     nudge = 1e-5 * np.maximum(seen, 1e-6)
     limit = problem.rate_limit(seen)
     gain = (problem.rate_limit(seen + nudge) - limit) / nudge * problem.luminance
-    step = np.arange(n - 1)
-    end = np.where(limit[:-1] <= limit[1:], step, step + 1)
-    allowed = np.zeros((n - 1, n))
-    allowed[step, end] = gain[end]
-    speed = step_luminance(problem.luminance) / problem.curves.durations[:-1]
-    rate = np.zeros((n - 1, n))
-    rate[step, step], rate[step, step + 1] = -speed, speed
-    return np.concatenate([allowed - rate, allowed + rate])
+    at_first = limit[:-1] <= limit[1:]
+    lower = np.where(at_first, limit[:-1], limit[1:])
+    bound = np.isfinite(reach) & (lower < NO_LIMIT / np.maximum(reach, 1e-300))
+    length = np.where(bound, reach, 0.0)
+    furthest = np.where(bound, lower * length, NO_LIMIT)
+    return furthest, np.where(at_first, gain[:-1], gain[1:]) * length

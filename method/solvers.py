@@ -3,15 +3,39 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from data_schema.errors import InputError
 from method.choices import SolverName
 from method.optimize import Solver
+from method.sequential_convex import Clarabel, Highs, SequentialConvexSolver
 from method.slsqp import SlsqpSolver
 from method.splitting import SplittingSolver
 
+Array = NDArray[np.float64]
 
-def make_solver(name: SolverName, rng: np.random.Generator) -> Solver:
-    """Return a solver; `rng` perturbs the start where the solver wants that."""
+
+def make_solver(name: SolverName, rng: np.random.Generator, start: Array | None = None) -> Solver:
+    """Return a solver.
+
+    Parameters
+    ----------
+    name : SolverName
+        Which.
+    rng : np.random.Generator
+        Perturbs the start where the solver wants that.
+    start : array, (N,), optional
+        Factors to start from, where the solver can.
+
+    Raises
+    ------
+    InputError
+        If a start is given to a solver that takes none.
+    """
+    if name is SolverName.SPLITTING:
+        return SplittingSolver(start)
+    if start is not None:
+        raise InputError(f"--start is for --solver splitting, not for {name.value}")
     if name is SolverName.SLSQP:
         return SlsqpSolver(rng)
-    return SplittingSolver()
+    return SequentialConvexSolver(Highs() if name is SolverName.HIGHS else Clarabel())

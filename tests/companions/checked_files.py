@@ -64,6 +64,7 @@ def results(folder: Path, **changes: Any) -> Path:
         "versions": {},
         "provenance": origin,
         "rate_limit_procedure": None,
+        "curves_computed_on": "cpu",
     }
     write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
     curves = LossCurves(

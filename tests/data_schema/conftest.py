@@ -27,6 +27,7 @@ from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Respon
 from data_schema.rate_limit import RateLimit
 from data_schema.rig import Keys, Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
+from data_schema.section import AllowanceSection, WeightSection
 from data_schema.session import DESIGN_OF_TASK, SessionManifest
 from data_schema.statistic import Statistic
 from data_schema.sweep import (
@@ -322,6 +323,8 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     FrameEnergy: an_energy_unless_left_out,
     PassPower: used_if_measured,
     VersionPower: a_whole_interval,
+    WeightSection: lambda values: values | {"end": 2 * values["start"] + 1},
+    AllowanceSection: lambda values: values | {"end": 2 * values["start"] + 1},
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

@@ -1,5 +1,7 @@
 """Rate limits with dips, zeros and steep stretches, long frames, ends of the budget: answers stay answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -35,7 +37,7 @@ def odd_problem(make_curves, seed: int) -> tuple[Problem, np.random.Generator]:
     return pose(curves, Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)), rng
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 100_000))
 def test_every_answer_is_feasible_and_no_feasible_track_goes_below_the_bound(make_curves, seed) -> None:
     problem, rng = odd_problem(make_curves, seed)
@@ -70,13 +72,29 @@ def test_the_bound_knows_that_a_limit_with_a_dip_can_be_jumped_over(make_curves)
 
 
 @pytest.mark.parametrize("budget", [0.2, 1.0])
-@pytest.mark.parametrize("name", list(SolverName))
+@pytest.mark.parametrize("name", [SolverName.SPLITTING, SolverName.SLSQP, SolverName.HIGHS])
 def test_where_only_constant_dimming_fits_the_bound_is_its_objective(make_curves, budget, name) -> None:
     curves = make_curves([0.2, 0.5, 0.6, 0.3], luminance=[5, 10, 50, 100])
     limit = load_rate_limit("surace2025")
     problem = pose(curves, Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit))
     answer = optimize(problem, make_solver(name, np.random.default_rng(0)))
-    assert lower_bound(problem, answer) == pytest.approx(problem.objective(problem.baseline()), abs=1e-15)
+    # Less than the slope of a curve times the tolerance of the budget, 1e-9, is left to choose.
+    only = problem.objective(problem.baseline())
+    assert only - 1e-8 < lower_bound(problem, answer) <= only
+
+
+def test_a_frame_without_a_share_in_the_budget_leaves_a_choice(make_curves) -> None:
+    curves = make_curves([0.2, 0.5, 0.6, 0.3], luminance=[5, 10, 50, 100])
+    brief = replace(curves, durations=np.array([1.0, 1e-10, 1.0, 1.0]))
+    limit = RateLimit("fast", "d", "", RateLimitForm.RATE, (1e9,), (1.0, 100.0))
+    problem = pose(brief, Request(0.2, BudgetUnit.FACTOR, load_power_model("surace2025"), limit))
+    moved = np.array([0.2, 0.2 + 0.002, 0.2, 0.2])  # uses 7e-14 more than the budget
+    assert is_feasible(problem, moved)
+    assert problem.objective(moved) < problem.objective(problem.baseline()) - 1e-4
+    answer = optimize(problem, make_solver(SolverName.SPLITTING, np.random.default_rng(0)))
+    step = replace(answer, factors=moved)
+    assert lower_bound(problem, step) <= problem.objective(moved)
+    assert lower_bound(problem, answer) <= problem.objective(moved)
 
 
 def test_an_answer_without_dual_variables_gets_a_bound_too(make_curves) -> None:

@@ -14,7 +14,7 @@ from data_schema.loss_curves import LossCurves
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from method.choices import LimitCurve
 from method.control_curves import ControlledTrack, control_curves
-from method.controller import Controller, ControllerSettings, FrameSeen
+from method.controller import Controller, ControllerSettings, ControllerState, FrameSeen
 from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.modulation import largest_rate_ratio
 from method.preset_files import load_rate_limit
@@ -251,3 +251,40 @@ def test_three_thousand_frames_take_less_than_50_ms(make_curves: Callable[..., L
         run(curves)
         taken.append(time.process_time() - begin)
     assert min(taken) < 0.05
+
+
+DARK_TO_WHITE = st.sampled_from([0.0, 5e-324, 1e-4, 0.1, 60.0, 104.4])
+
+
+@settings(max_examples=80)
+@given(
+    st.lists(st.tuples(st.sampled_from([0.0, 0.02, 0.3, 1.0]), DARK_TO_WHITE), min_size=2, max_size=20),
+    st.tuples(*[st.sampled_from([0.0, 0.05, 1.0, 20.0])] * 3),
+    st.sampled_from([5.0, 90.0, 1000.0]),
+)
+@example(
+    [(1.0, 0.0), (1.0, 60.0), (0.0, 60.0)], (1.0, 0.05, 0.05), 5.0
+)  # the last digit was a step of its own
+@example([(1.0, 60.0), (1.0, 1e-4)] * 10, (1.0, 0.05, 0.05), 5.0)  # steps of some hundred last digits
+def test_no_extremes_of_content_and_gains_make_it_break_the_rate_limit(
+    make_curves: Callable[..., LossCurves],
+    content: list[tuple[float, float]],
+    gains: tuple[float, float, float],
+    rate: float,
+) -> None:
+    strength, luminance = (np.array(part) for part in zip(*content, strict=True))
+    curves = make_curves(strength, luminance=luminance, frames_per_second=rate)
+    p, i, d = gains
+    for start in (0.2, 0.9999999, 1.0):
+        track = run(curves, start=start, proportional=p, integral=i, derivative=d)
+        assert largest_rate_ratio(track.rate, track.rate_limit) <= 1
+        assert track.factors.min() >= 0.2
+        assert track.factors.max() <= 1
+
+
+def test_a_frozen_factor_stays_to_its_last_digit() -> None:
+    """Beside a black frame ΔL is 0: whatever the terms add up to, the sum must not leave a last digit."""
+    controller = Controller(ControllerSettings(0.1, 0.0, 1.0, 0.0), lambda luminance: 0.03 * luminance)
+    for integral in np.linspace(-2.0, 0.0, 300).tolist():
+        black = ControllerState(0.7, integral, 0.0, luminance=0.0, duration=0.1)
+        assert controller.step(black, FrameSeen(0.9, 60.0, 0.1)).factor == 0.7

@@ -15,7 +15,7 @@ from method.optimize import Problem, Request, Solution, feasible_blend, optimize
 from method.preset_files import load_power_model
 from method.solvers import make_solver
 
-SOLVERS = list(SolverName)
+SOLVERS = [SolverName.SPLITTING, SolverName.SLSQP]  # test_general_solvers.py has the slower ones
 
 
 def two_scenes(make_curves, n=60, frames_per_second=2.0):

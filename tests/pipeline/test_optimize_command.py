@@ -272,6 +272,28 @@ def test_a_lowest_factor_that_is_none(command, tmp_path, clip, factor) -> None:
     assert f"--min-factor must lie in 0.001 to 0.99, got {factor}" in line
 
 
+@pytest.mark.parametrize("tolerance", ["-0.001", "1", "nan", "inf"])
+def test_a_tolerance_that_is_none(command, tmp_path, clip, tolerance) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--tolerance", tolerance)
+    assert f"--tolerance must lie in 0 (count all of every frame) to below 1, got {tolerance}" in line
+
+
+def test_a_negative_number_of_jobs(command, tmp_path, clip) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--jobs", -1)
+    assert "--jobs must be 0 (all cores) or more, got -1" in line
+
+
+def test_a_video_damaged_in_its_middle_is_told_alike_for_any_number_of_jobs(command, tmp_path, clip) -> None:
+    content = bytearray(clip.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 200] = bytes(200)
+    damaged = tmp_path / "damaged.mkv"
+    damaged.write_bytes(content)
+    lines = {refused(command, tmp_path, damaged, "--budget", 0.5, "--jobs", jobs) for jobs in (1, 2, 0)}
+    assert len(lines) == 1
+    assert "damaged.mkv is damaged at frame" in lines.pop()
+
+
 @pytest.mark.parametrize("solver", ["splitting", "slsqp"])
 def test_a_negative_seed(command, tmp_path, clip, solver) -> None:
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--seed", -1, "--solver", solver)
@@ -328,6 +350,21 @@ def test_loss_curves_of_another_video(command, tmp_path, clip) -> None:
     curves = tmp_path / "out" / "loss_curves.npz"
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--curves", curves)
     assert "made of another video than clip" in line
+
+
+def test_loss_curves_that_err_more_than_is_asked_for(command, tmp_path, clip) -> None:
+    optimized(command, tmp_path, clip, 0.5, "--tolerance", 0.01)
+    curves = tmp_path / "out" / "loss_curves.npz"
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--curves", curves)
+    assert "made to a tolerance of 0.01, asked is --tolerance 0.001" in line
+
+
+def test_fine_detail_of_a_pan_is_not_counted_in_every_frame(command, tmp_path) -> None:
+    still = np.clip(0.5 + 0.1 * np.random.default_rng(0).standard_normal((270, 384)), 0, 1)
+    source = video(tmp_path / "pan.mkv", [np.roll(still, 2 * k, axis=1) for k in range(12)])
+    _, summary = optimized(command, tmp_path, source, 0.5, "--jobs", 2)
+    assert summary["curves_tolerance"] == 0.001
+    assert 0 < summary["counted"] < 0.9
 
 
 def test_an_interruption_leaves_nothing(command, tmp_path, clip, monkeypatch) -> None:

@@ -228,7 +228,12 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         (("nothing", track), "no video 'nothing'"),
         *[
             ((video, track, option, value), f"{option} is for walks through a scene: give it with --walk")
-            for option, value in [("--seconds", 3), ("--factor", 1), ("--record", "way.json")]
+            for option, value in [
+                ("--seconds", 3),
+                ("--factor", 1),
+                ("--record", "way.json"),
+                ("--target-loss", 0.1),
+            ]
         ],
         *[
             (("house", "--walk", *option), f"--walk takes no {option[0]}, which is for videos")
@@ -241,6 +246,12 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
             ]
         ],
         (("house", track, "--walk"), "--walk takes no TRACK, which is for videos"),
+        (
+            ("house", "--walk", "--out", "log"),
+            "--out keeps what a controller did: give --target-loss with it",
+        ),
+        (("house", "--walk", "--device", "cpu"), "--device is for walks that are dimmed online"),
+        (("house", "--walk", "--target-loss", 2), "--target-loss must lie in 0 to 1, got 2"),
     ]:
         outcome = command("play", *arguments)
         assert outcome.code == 2, says

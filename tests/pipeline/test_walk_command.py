@@ -1,4 +1,4 @@
-"""`evenlight play SCENE --walk` on a window under a virtual screen; the way it keeps can be rendered."""
+"""`evenlight play SCENE --walk` on a window under a virtual screen, dimmed online; its way renders."""
 
 import json
 import os
@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
+from data_schema.live_control import LiveRefresh
+from data_schema.text_files import read_rows
 from stimuli.scenes.camera_path import path_named
 from stimuli.video_source import open_video
 
@@ -23,7 +25,7 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
 
     A second at 25 Hz has 25 frames. The first run on a machine reckons the light of the house: a minute.
     """
-    way, video = tmp_path / "way.json", tmp_path / "x.mkv"
+    way, video, log = tmp_path / "way.json", tmp_path / "x.mkv", tmp_path / "log"
     environment = os.environ | {"DISPLAY": virtual_screen()}
 
     def evenlight_does(*words: object) -> str:
@@ -33,8 +35,17 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
         return out
 
     simulated = ("--walk", "--simulate", "--seconds", "1", "--size", "64x36")
-    said = evenlight_does("play", "house", *simulated, "--record", way)
-    assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; the way is in", said)
+    controlled = ("--target-loss", "0.5", "--factor", "0.7", "--out", log)
+    said = evenlight_does("play", "house", *simulated, "--record", way, *controlled)
+    assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; contrast loss .*; the way is in", said)
+    rows = read_rows(LiveRefresh, log / "live_control.csv")
+    assert len(rows) in (61, 62)
+    assert [row.measured_refresh for row in rows[1:]] == list(range(len(rows) - 1))
+    moving = [row for row in rows if row.rate]
+    assert len(moving) > 30
+    assert all(abs(row.rate) <= row.rate_limit for row in moving)
+    assert all(row.rate < 0 for row in moving)  # nothing there loses half of its contrast: it is dimmed
+    assert rows[-1].factor == pytest.approx(0.7 * (1 - 0.03), rel=0.01)  # by some 3 % of it in a second
     path, begin = path_named(str(way)), path_named("house").keypoints[0]
     assert json.loads(way.read_text())["scene"] == "house"
     assert path.duration == pytest.approx(1.0, abs=1.5 / 60)

@@ -1,0 +1,39 @@
+"""What a process of its own does to measure the memory that the curves of a video take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from data_schema.display import Display
+from data_schema.frame import Frame
+from data_schema.loss_curves import LossCurves
+from method.loss_curves import analyze_frames
+from method.thrift import Thrift
+
+RATE = 12.5  # [Hz]
+SIZE = (384, 270)  # large enough for its finest band not to be counted in every frame
+DISPLAY = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
+
+
+def analyze_minutes(minutes: str, tolerance: str) -> LossCurves:
+    """Analyse a video of so many minutes that is made as it is asked for."""
+    n = round(float(minutes) * 60 * RATE)
+    return analyze_frames(_frames(n), "made", DISPLAY, thrift=Thrift(float(tolerance)))
+
+
+def curves_size(minutes: float) -> float:
+    """Return the memory of the curves themselves [MiB]."""
+    n, knots = round(minutes * 60 * RATE), 65
+    return 8 * n * (knots + 8) / 2**20  # loss; two times, three channels, contrast, luminance, share
+
+
+def _frames(n: int) -> Iterator[Frame]:
+    """Yield noise that moves, in an array that is filled again."""
+    width, height = SIZE
+    noise = np.random.default_rng(1).integers(0, 255, (height, 2 * width, 3), dtype=np.uint8)
+    pixels = np.empty((height, width, 3), np.uint8)
+    for k in range(n):
+        pixels[:] = noise[:, k % width : k % width + width]
+        yield Frame(k / RATE, 1 / RATE, pixels)

@@ -1,0 +1,157 @@
+"""How long one frame takes the online controller: its loss, at several savings, and the step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.benchmarks.measured import Approach, Pains, point
+from analysis.benchmarks.online_content import content, picture
+from analysis.benchmarks.stopwatch import timed_in_turn
+from data_schema.benchmark import BenchmarkPoint, Role
+from data_schema.contrast_model import DEFAULT_MODEL
+from data_schema.display import Display
+from method.contrast_loss import contrast_loss
+from method.control_curves import control_curves
+from method.controller import Controller, FrameSeen
+from method.frame_analysis import FrameAnalysis
+from method.loss_curves import brightness_factors
+from method.luminance import emitted_luminance
+from method.one_factor import OneFactorLoss
+
+SIZES = ((1280, 720), (1920, 1080), (2880, 2720))
+QUICK_SIZES = ((640, 360),)
+FACTORS = (0.3, 0.5, 0.8)  # at which the errors are taken; times are at the one in the middle
+ERROR = "difference of contrast loss from the definition, largest at factors 0.3, 0.5 and 0.8"
+PIXELS = "pixels"
+WHOLE, STRIPS = "one factor, every pixel", "one factor, one strip of rows in four"
+PAPER = 25e-3  # [s] per frame that the paper's implementation adds on its graphics processor (Section 6)
+
+LossAt = Callable[[float], float]
+
+
+def frame_points(display: Display, pains: Pains, rng: np.random.Generator) -> list[BenchmarkPoint]:
+    """Return the points of one frame's loss, for each size."""
+    points = []
+    for width, height in QUICK_SIZES if pains.quick else SIZES:
+        pains.say(f"the loss of a frame of {width} x {height}")
+        points += _points_of(picture(height, width, rng), display, pains)
+    return points
+
+
+def frame_task(width: int, height: int) -> str:
+    """Return what the task is called."""
+    return f"loss of one frame of {width} x {height} at one factor"
+
+
+def _points_of(pixels: NDArray[np.uint8], display: Display, pains: Pains) -> list[BenchmarkPoint]:
+    """Return the points of one picture."""
+    height, width = pixels.shape[:2]
+    task, size = frame_task(width, height), height * width
+    emitted = emitted_luminance(pixels, display)
+    truth = [contrast_loss(emitted, factor, display) for factor in FACTORS]
+    approaches = _approaches(pixels, display)
+    times = timed_in_turn(
+        {name: partial(at, FACTORS[1]) for name, at in approaches.items()}, pains.repeats(9)
+    )
+    points = []
+    for name, at in approaches.items():
+        error = max(abs(at(factor) - exact) for factor, exact in zip(FACTORS, truth, strict=True))
+        role = Role.DEFAULT if name == WHOLE else Role.VARIANT
+        points.append(point(Approach(task, name, role, size, PIXELS), times[name], error, ERROR))
+    if pains.quick or size < 3_000_000:  # the definition of the largest takes minutes to time in turn
+        slow = timed_in_turn(
+            {"ours": lambda: approaches[WHOLE](FACTORS[1]),
+             "definition": lambda: contrast_loss(emitted, FACTORS[1], display)}, pains.repeats(3),
+        )  # fmt: skip
+        reference = Approach(task, "definition, float64", Role.REFERENCE, size, PIXELS)
+        points.append(point(reference, slow["definition"], 0.0, ERROR))
+    return points
+
+
+def _approaches(pixels: NDArray[np.uint8], display: Display) -> dict[str, LossAt]:
+    """Return the ways to the loss of a picture, the default first."""
+    shape = pixels.shape[:2]
+    knots = brightness_factors()
+    whole, curve = OneFactorLoss(shape, display), FrameAnalysis(shape, display, DEFAULT_MODEL, knots)
+    strips = OneFactorLoss(shape, display, one_strip_in=4)
+    approaches: dict[str, LossAt] = {
+        WHOLE: lambda b: whole.of(pixels, b).loss,
+        STRIPS: lambda b: strips.of(pixels, b).loss,
+        "all factors at once, read at one": lambda b: float(np.interp(b, knots, curve.of(pixels).loss)),
+    }
+    for words, step in (("half", 2), ("quarter", 4)):
+        small = replace(display, pixels_per_degree=display.pixels_per_degree / step)
+        meter = OneFactorLoss(pixels[::step, ::step].shape[:2], small)
+        approaches[f"{words} resolution"] = _reduced(pixels, step, meter)
+    return approaches
+
+
+def _reduced(pixels: NDArray[np.uint8], step: int, meter: OneFactorLoss) -> LossAt:
+    """Return the loss of every second or fourth pixel, on a display of as many fewer."""
+    return lambda b: meter.of(np.ascontiguousarray(pixels[::step, ::step]), b).loss
+
+
+@dataclass(frozen=True, slots=True)
+class _Live:
+    """Goes from the pixels of a frame to its factor, as a live controller does."""
+
+    controller: Controller
+    meter: OneFactorLoss
+
+    def factor(self, pixels: NDArray[Any]) -> float:
+        """Return the factor of a second frame like the first."""
+        shown = self.controller.start(0.5, FrameSeen(0.03, 40.0, 1 / 90))
+        seen = self.meter.of(pixels, shown.factor)
+        return self.controller.step(shown, FrameSeen(seen.loss, seen.mean_luminance, 1 / 90)).factor
+
+
+def latency_points(
+    display: Display, controller: Controller, pains: Pains, rng: np.random.Generator
+) -> list[BenchmarkPoint]:
+    """Return the points of a whole turn of the loop: from the pixels of a frame to its factor."""
+    pains.say("from a frame to its factor")
+    width, height = (640, 360) if pains.quick else (1920, 1080)
+    pixels = picture(height, width, rng)
+    loops = {
+        name: _Live(controller, OneFactorLoss((height, width), display, one_strip_in=n))
+        for name, n in ((WHOLE, 1), (STRIPS, 4))
+    }
+    exact = loops[WHOLE].factor(pixels)
+    times = timed_in_turn(
+        {name: partial(one.factor, pixels) for name, one in loops.items()}, pains.repeats(15)
+    )
+    return [
+        point(
+            Approach(
+                f"from the pixels of {width} x {height} to the factor", name,
+                Role.DEFAULT if name == WHOLE else Role.VARIANT, width * height, PIXELS,
+            ),
+            times[name], abs(one.factor(pixels) - exact), "difference of the factor from that of all pixels",
+        )
+        for name, one in loops.items()
+    ]  # fmt: skip
+
+
+def step_point(display: Display, controller: Controller, pains: Pains) -> BenchmarkPoint:
+    """Return the point of the controller alone: of 3000 frames whose loss is known, the time of one."""
+    wave = np.sin(np.arange(3000) / 40)
+    curves = content(0.3 + 0.2 * wave, 40 - 20 * wave, display, 90.0)
+    times = timed_in_turn({"step": lambda: control_curves(curves, controller)}, pains.repeats(9))["step"]
+    per_frame = replace(times, wall=times.wall / 3000, processor=times.processor / 3000)
+    approach = Approach("a step of the controller", "PID within the rate limit", Role.DEFAULT, 1, "frames")
+    return point(approach, per_frame, note="of 3000 in a row; the loss is read from a curve")
+
+
+def cited_point() -> BenchmarkPoint:
+    """Return the paper's own figure."""
+    return BenchmarkPoint(
+        task="loss and controller, in the paper", approach="graphics processor (Section 6)", role=Role.CITED,
+        size=1, size_of="frames", repeats=0, time=PAPER, time_low=PAPER, time_high=PAPER,
+        note="added to each frame; size of the frames and machine are the paper's",
+    )  # fmt: skip

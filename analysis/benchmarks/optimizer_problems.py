@@ -1,0 +1,125 @@
+"""Problems for measuring the optimizer: made curves of any length, a rendered sequence, odd short ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
+from data_schema.provenance import Provenance
+from data_schema.rate_limit import RateLimit
+from method.loss_curves import analyze_frames, brightness_factors
+from method.lower_bound import lower_bound
+from method.optimize import Problem, Request, optimize, pose
+from method.preset_files import load_display, load_power_model, load_rate_limit
+from method.splitting import SplittingSolver
+from stimuli.sequences import built_in_sequence
+
+Array = NDArray[np.float64]
+
+FRAMES_PER_SECOND = 25.0
+SCENE = 150.0  # frames between cuts, on average
+
+
+def mean_factor_problem(curves: LossCurves, budget: float, scale: float = 1.0) -> Problem:
+    """Return the problem of a mean factor under the published rate limit, or some multiple of it."""
+    limit: RateLimit = load_rate_limit("surace2025")
+    request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
+    problem = pose(curves, request)
+    return problem if scale == 1.0 else replace(problem, allowances=np.full(curves.n_frames - 1, scale))
+
+
+def made_curves(
+    frames: int, rng: np.random.Generator, frames_per_second: float = FRAMES_PER_SECOND
+) -> LossCurves:
+    """Return curves of scenes with cuts, slow changes within them and a flicker from frame to frame.
+
+    Loss is strength · (1 - b)^exponent, strength and luminance wander; single pixels add stairs.
+    """
+    scene = np.cumsum(rng.random(frames) < 1 / SCENE)
+    drift = np.cumsum(rng.standard_normal(frames)) * 0.004
+    level = rng.uniform(0.1, 0.6, scene[-1] + 1)[scene] + 0.05 * np.sin(drift * 5)
+    strength = np.clip(level + 0.01 * rng.standard_normal(frames), 0.02, 0.95)
+    exponent = rng.uniform(0.8, 1.8, scene[-1] + 1)[scene]
+    luminance = np.exp(rng.normal(3.0, 0.6, scene[-1] + 1))[scene] * np.exp(0.1 * np.sin(drift * 3))
+    knots = brightness_factors()
+    loss = strength[:, None] * ((1 - knots) / 0.8) ** exponent[:, None]
+    loss += np.cumsum(rng.exponential(2e-4, (frames, len(knots))), axis=1)[:, ::-1]
+    return curves_of(np.clip(loss - loss[:, -1:], 0.0, 1.0), luminance, knots, frames_per_second)
+
+
+def curves_of(loss: Array, luminance: Array, knots: Array, frames_per_second: float) -> LossCurves:
+    """Return the record of loss curves that were made, not measured."""
+    frames = len(loss)
+    display = load_display("varjo-xr3")
+    share = np.clip(luminance / display.peak_luminance, 0.0, 1.0)
+    return LossCurves(
+        video="made",
+        display=display,
+        times=np.arange(frames) / frames_per_second,
+        durations=np.full(frames, 1 / frames_per_second),
+        factors=knots,
+        loss=loss,
+        visible_contrast=np.full(frames, 0.5),
+        mean_luminance=share * display.peak_luminance,
+        channel_means=np.repeat(share[:, None], 3, axis=1),
+        provenance=Provenance(),
+    )
+
+
+def rendered_curves(name: str, seconds: float, knots: int) -> LossCurves:
+    """Return the measured curves of a built-in sequence, small."""
+    sequence = built_in_sequence(name, size=(160, 90), duration=seconds, frames_per_second=10.0)
+    display = load_display("varjo-xr3")
+    return analyze_frames(sequence.frames(), name, display, factors=brightness_factors(knots=knots))
+
+
+def some_frames(curves: LossCurves, frames: NDArray[np.int64]) -> LossCurves:
+    """Return some frames of a video, each shown until the next one of them."""
+    arrays = {n: getattr(curves, n)[frames] for n, shape in ARRAY_SHAPES.items() if shape[0] == "N"}
+    end = curves.times[-1] + curves.durations[-1]
+    return replace(curves, **{**arrays, "durations": np.diff(np.append(arrays["times"], end))})
+
+
+def some_knots(curves: LossCurves, every: int) -> LossCurves:
+    """Return the curves with every so many of their knots."""
+    return replace(curves, factors=curves.factors[::every], loss=curves.loss[:, ::every])
+
+
+def odd_problems(rng: np.random.Generator, most: int, instances: int) -> list[Problem]:
+    """Return short problems: smooth, flickering, jumping, rising curves; any limit and budget."""
+    problems = []
+    for number in range(instances):
+        n = int(np.exp(rng.uniform(np.log(2), np.log(most))))
+        speed = float(10 ** rng.uniform(-1.5, 1.0))  # steps long enough for the limit to be loose or tight
+        if number % 4 < 2:
+            curves = made_curves(n, rng, frames_per_second=25 * speed / max(n / 20, 1))
+        else:
+            curves = _stairs(n, rng, rises=number % 4 == 3, frames_per_second=speed)
+        budget = float(rng.choice([0.2 + 1e-6, 0.25, 0.5, 0.8, 1 - 1e-6, rng.uniform(0.2, 1.0)]))
+        problems.append(mean_factor_problem(curves, budget, float(10 ** rng.uniform(-0.5, 1.0))))
+    return problems
+
+
+def _stairs(n: int, rng: np.random.Generator, rises: bool, frames_per_second: float) -> LossCurves:
+    """Return curves of a few large steps; some of them may rise with the factor."""
+    knots = brightness_factors(knots=17)
+    loss = rng.uniform(0.0, 0.7, (n, len(knots)))
+    if not rises:
+        loss = np.sort(loss, axis=1)[:, ::-1].copy()
+    loss[:, -1] = 0.0
+    return curves_of(loss, rng.uniform(1.0, 90.0, n), knots, frames_per_second)
+
+
+def solve_once(frames: str) -> None:
+    """Make, solve and certify one problem, for the memory that it takes."""
+    problem = mean_factor_problem(made_curves(int(frames), np.random.default_rng(1)), 0.5)
+    lower_bound(problem, optimize(problem, SplittingSolver()))
+
+
+def make_once(frames: str) -> None:
+    """Make one problem and do nothing with it: the memory of its curves."""
+    mean_factor_problem(made_curves(int(frames), np.random.default_rng(1)), 0.5)

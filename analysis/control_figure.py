@@ -1,0 +1,157 @@
+"""The figure of tuned gains: the loss over time before and after, and how far both loops are from ringing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from analysis.figure_style import (
+    BASELINE,
+    FAINT,
+    INK,
+    LIMIT,
+    MUTED,
+    OURS,
+    PAGE,
+    axes_at,
+    heading_lines,
+    legend_above,
+    look,
+    new_figure,
+    short,
+    text_at,
+    text_size,
+)
+from data_schema.control import LoopReport, TuningReport
+from method.control_curves import ControlledTrack
+from method.stability_margins import FrameGains, open_loop
+
+Array = NDArray[np.float64]
+
+REAL, IMAGINARY = (-1.6, 0.6), (-1.5, 0.4)  # of the plane of L that is shown
+
+
+def tuning_figure(
+    report: TuningReport, times: Array, runs: tuple[ControlledTrack, ControlledTrack]
+) -> Figure:
+    """Draw the loss with the gains before and after tuning, and both loops in the plane of L (Nyquist).
+
+    Parameters
+    ----------
+    report : TuningReport
+        What was found.
+    times : array, (N,)
+        Of the frames [s].
+    runs : (ControlledTrack, ControlledTrack)
+        Before and after.
+    """
+    em = PAGE.em
+    with look(PAGE):
+        left, width = 5.8 * em, PAGE.width - 7.3 * em
+        lines, above = heading_lines(*_heading(report), PAGE.width - left - em, em)
+        top, high = above + 2.4 * em, 12 * em
+        below = top + high + 5.6 * em
+        figure = new_figure(PAGE, below + 26 * em)
+        for words, at, style in lines:
+            text_at(figure, left, at, words, **style)
+        _draw_losses(axes_at(figure, left, top, width, high), report, times, runs)
+        plane = axes_at(figure, left, below, 24 * em, 24 * em * np.ptp(IMAGINARY) / np.ptp(REAL))
+        _draw_loops(plane, report)
+        _write_margins(figure, left + 27 * em, below, report)
+    return figure
+
+
+def _heading(report: TuningReport) -> tuple[str, str]:
+    """Return title and subtitle."""
+    before, after = report.before, report.after
+    change = 100 * (1 - after.rms_error / before.rms_error) if before.rms_error > 0 else 0.0
+    outcome = f"{change:.0f} % nearer to" if change >= 0.5 else "no nearer to"
+    return (
+        f"Gains tuned on {report.video.replace('_', ' ')}",
+        f"With them the loss stays {outcome} the target {short(report.target_loss)} (root mean square error "
+        f"{short(before.rms_error)} before, {short(after.rms_error)} after; SD {short(before.sd_loss)} and "
+        f"{short(after.sd_loss)}).",
+    )
+
+
+def _draw_losses(
+    axes: Axes, report: TuningReport, times: Array, runs: tuple[ControlledTrack, ControlledTrack]
+) -> None:
+    """Draw the loss over time with both gains, and the target."""
+    before, after = runs
+    axes.plot(times, before.contrast_loss, color=BASELINE, linewidth=1.0, label="gains as given")
+    axes.plot(times, after.contrast_loss, color=OURS, linewidth=1.2, label="gains tuned")
+    axes.axhline(report.target_loss, color=INK, linestyle=(0, (1, 2)), linewidth=1.0, label="target")
+    top = max(float(run.contrast_loss.max()) for run in runs)
+    axes.set(ylim=(0, 1.06 * max(top, report.target_loss, 1e-6)), xlim=(times[0], _end(times, after)))
+    axes.set(xlabel="time [s]", ylabel="contrast loss [1]")
+    legend_above(axes)
+
+
+def _end(times: Array, run: ControlledTrack) -> float:
+    """Return when the last frame ends [s]."""
+    return float(times[-1] + run.durations[-1])
+
+
+def _gains(report: TuningReport, loop: LoopReport) -> FrameGains:
+    """Return gains per frame of the content."""
+    frames = report.gain_rate / report.frame_rate
+    return FrameGains(loop.proportional, loop.integral * frames, loop.derivative / frames)
+
+
+def _draw_loops(axes: Axes, report: TuningReport) -> None:
+    """Draw L over frequency for both gains, the point -1, and the region that the gain margin leaves free."""
+    least = 10 ** (report.least_gain_margin_db / 20)
+    axes.axvspan(REAL[0], -1 / least, color=LIMIT, alpha=0.08, linewidth=0)
+    axes.axhline(0, color=FAINT, linewidth=0.8, zorder=0)
+    axes.axvline(0, color=FAINT, linewidth=0.8, zorder=0)
+    axes.add_patch(Circle((0, 0), 1.0, fill=False, edgecolor=MUTED, linestyle=":", linewidth=0.8))
+    frequency = np.geomspace(1e-3, math.pi, 2000)
+    for loop, colour in ((report.before, BASELINE), (report.after, OURS)):
+        around = open_loop(_gains(report, loop), report.slope, frequency)
+        axes.plot(around.real, around.imag, color=colour)
+        axes.plot(around.real[-1], around.imag[-1], "o", color=colour, ms=0.5 * text_size())
+    axes.plot(-1, 0, "x", color=LIMIT, ms=0.9 * text_size(), mew=1.6)
+    axes.annotate("rings", (-1, 0), xytext=(-8, 8), textcoords="offset points", ha="right", color=LIMIT)
+    axes.set(xlim=REAL, ylim=IMAGINARY)
+    axes.set(xlabel="real part of the open loop L", ylabel="imaginary part")
+
+
+def _write_margins(figure: Figure, left: float, top: float, report: TuningReport) -> None:
+    """Write the gains and margins of both beside the plane."""
+    line = 1.6 * PAGE.em
+    for loop, colour, name in (
+        (report.before, BASELINE, "gains as given"), (report.after, OURS, "gains tuned")
+    ):  # fmt: skip
+        for words in (name, *_margin_words(loop)):
+            text_at(figure, left, top, words, color=colour if words is name else INK)
+            top += line
+        top += 0.6 * line
+    notes = (
+        f"Gains for frames of 1/{report.gain_rate:.4g} s; loop at the slope {short(report.slope)},",
+        f"steeper than which {100 * (1 - report.quantile):.3g} % of the frames are "
+        f"(steepest {short(report.steepest_slope)}).",
+        f"Shaded: a gain margin below {report.least_gain_margin_db:.0f} dB; phase margin asked for",
+        f"{report.least_phase_margin:.0f}°. Dots: waves of two frames. Dotted: a gain of 1.",
+    )
+    for words in notes:
+        text_at(figure, left, top, words, color=MUTED, fontsize=0.92 * text_size())
+        top += 0.9 * line
+
+
+def _margin_words(loop: LoopReport) -> tuple[str, ...]:
+    """Return gains and margins in words."""
+    gain = "none needed" if loop.gain_margin_db is None else f"{loop.gain_margin_db:.1f} dB"
+    phase = "no gain of 1" if loop.phase_margin is None else f"{loop.phase_margin:.0f}°"
+    peak = "not stable" if loop.sensitivity_peak is None else f"{loop.sensitivity_peak:.2f}"
+    return (
+        f"K_p {loop.proportional:.3g}, K_i {loop.integral:.3g}, K_d {loop.derivative:.3g}",
+        f"gain margin {gain}, phase margin {phase}",
+        f"waves of the content amplified at most: {peak}",
+        f"held back in {100 * loop.share_limited:.0f} % of the time",
+    )

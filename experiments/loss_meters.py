@@ -1,0 +1,192 @@
+"""What measures the contrast loss of the picture that a window shows, while it shows it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING, Protocol
+
+from data_schema.display import Display
+from data_schema.errors import InputError
+from method.choices import Device
+from stimuli.scenes import graphics_state
+from stimuli.scenes.renderer import SceneRenderer
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from method.gpu_loss import GpuLoss
+
+CODES = 1024  # levels of the renderer's codes
+ONE_STRIP_IN = 4  # strips of rows that the processor counts: the loss errs by less than 0.001 (bench online)
+
+
+class Seen(Protocol):
+    """What is known of a picture: its loss at the factor asked for, and Ī [cd/m^2]."""
+
+    @property
+    def loss(self) -> float:
+        """𝓛_c, in [0, 1]."""
+
+    @property
+    def mean_luminance(self) -> float:
+        """Mean luminance at factor 1."""
+
+
+class LossMeter(Protocol):
+    """Measures the picture that was drawn last; nothing waits for it."""
+
+    def begin(self, factor: float) -> bool:
+        """Begin to measure at a factor; return False, and do nothing, while another is under way."""
+
+    def result(self) -> Seen | None:
+        """Return what came of the one under way, or None as long as there is none."""
+
+    def close(self) -> None:
+        """Let go of what it holds."""
+
+
+def open_meter(
+    context: moderngl.Context,
+    pictures: SceneRenderer,
+    display: Display,
+    *,
+    lowest_factor: float,
+    device: Device,
+    patient: bool,
+) -> LossMeter:
+    """Return a meter of the pictures of a renderer.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of the window, and of the renderer.
+    pictures : SceneRenderer
+        Draws the pictures.
+    display : Display
+        What shows them.
+    lowest_factor : float
+        That will be asked for.
+    device : Device
+        What measures. By itself it takes a graphics processor with compute shaders that is no program.
+    patient : bool
+        Whether results are waited for: where time is simulated, the same must come out every time.
+
+    Raises
+    ------
+    InputError
+        If the graphics processor is asked for, and has no compute shaders.
+    """
+    if _on_gpu(context, device):
+        from method.gpu_loss import GpuLoss
+
+        width, height = pictures.size
+        with graphics_state.own(context):
+            loss = GpuLoss(context, (height, width), display, lowest_factor=lowest_factor)
+        return GpuMeter(context, pictures, loss)
+    return ProcessorMeter(pictures, display, lowest_factor, patient=patient)
+
+
+def _on_gpu(context: moderngl.Context, device: Device) -> bool:
+    """Return whether the graphics processor is to measure."""
+    if device is Device.CPU:
+        return False
+    from method.gpu_context import is_software, renderer_name, require_compute
+
+    try:
+        require_compute(context)
+    except InputError:
+        if device is Device.GPU:
+            raise
+        return False
+    return device is Device.GPU or not is_software(renderer_name(context))
+
+
+class ProcessorMeter:
+    """Measures on the processor, in a thread beside the one that draws.
+
+    Of the fine bands every fourth strip of rows counts.
+
+    Parameters
+    ----------
+    pictures : SceneRenderer
+        Draws the pictures.
+    display : Display
+        What shows them.
+    lowest_factor : float
+        That will be asked for.
+    patient : bool
+        Whether `result` waits.
+    """
+
+    def __init__(
+        self, pictures: SceneRenderer, display: Display, lowest_factor: float, *, patient: bool
+    ) -> None:
+        from method.one_factor import OneFactorLoss
+
+        width, height = pictures.size
+        self._pictures, self._patient = pictures, patient
+        self._loss = OneFactorLoss(
+            (height, width), display, lowest_factor=lowest_factor, one_strip_in=ONE_STRIP_IN
+        )
+        self._thread = ThreadPoolExecutor(1, "contrast loss")
+        self._under_way: Future[Seen] | None = None
+
+    def begin(self, factor: float) -> bool:
+        """Read the picture back, and hand it to the thread."""
+        if self._under_way is not None:
+            return False
+        self._under_way = self._thread.submit(self._loss.of, self._pictures.pixel_values(), factor)
+        return True
+
+    def result(self) -> Seen | None:
+        """Return what the thread found, if it is done."""
+        waiting = self._under_way
+        if waiting is None or not (self._patient or waiting.done()):
+            return None
+        self._under_way = None
+        return waiting.result()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(cancel_futures=True)
+
+
+class GpuMeter:
+    """Measures by compute shaders in the window's context, from the texture that is shown.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of the window.
+    pictures : SceneRenderer
+        Draws the pictures.
+    loss : GpuLoss
+        For pictures of that size.
+    """
+
+    def __init__(self, context: moderngl.Context, pictures: SceneRenderer, loss: GpuLoss) -> None:
+        self._context, self._pictures, self._loss = context, pictures, loss
+        self._under_way = False
+
+    def begin(self, factor: float) -> bool:
+        """Begin with the texture of codes."""
+        from method.gpu_frame import FrameTexture, TextureContent
+
+        if self._under_way:
+            return False
+        frame = FrameTexture(self._pictures.codes, TextureContent.LEVELS, CODES, from_below=True)
+        with graphics_state.own(self._context):
+            self._loss.start(frame, factor)
+        self._under_way = True
+        return True
+
+    def result(self) -> Seen | None:
+        """Return the answer; asked for at the next refresh, it is ready."""
+        if not self._under_way:
+            return None
+        self._under_way = False
+        with graphics_state.own(self._context):
+            return self._loss.result()
+
+    def close(self) -> None:
+        """Textures and buffers go with the window."""

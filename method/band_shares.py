@@ -1,0 +1,134 @@
+"""The share of visible pixels of a band at all brightness factors: the running sum of a histogram."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.contrast_model import ContrastModel, MaskingNeighbourhood, SensitivityModel, Visibility
+from method.critical_factor import BandTable, threshold_table
+from method.csf import LOWEST_LUMINANCE
+from method.one_pass import ToContrast, ToFactor, compiled, count_band, expanded
+
+# In a band of few pixels each one shows in the loss. Such a band is cheap, and is counted several times, with
+# neighbours compared at several factors (`method.critical_factor`); each count serves the factors next to it.
+FEW_PIXELS = 16384
+_REFERENCES = 8
+_CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
+
+Array = NDArray[np.float64]
+
+
+class BandShares:
+    """The counting of visible pixels in a band, for one model and one set of knots.
+
+    Parameters
+    ----------
+    model : ContrastModel
+        Choices of the contrast model.
+    factors : array, (K,)
+        Knots b, rising to 1.
+    """
+
+    def __init__(self, model: ContrastModel, factors: Array) -> None:
+        self._model, self._threshold = model, threshold_table()
+        self._log_factors = np.log2(factors)
+        # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
+        self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
+
+    def of(self, fine: Any, coarse: Any, coarser: Any, band: BandTable) -> Array:
+        """Return the share of visible pixels of a band at each knot, (K,); 0 where nothing can be seen.
+
+        Parameters
+        ----------
+        fine, coarse, coarser : array
+            Gaussian levels l, l + 1 and l + 2 of emitted luminance, for band l.
+        band : BandTable
+            Its sensitivity.
+        """
+        if not band.can_be_seen:
+            return np.zeros(len(self._log_factors))
+        around = expanded(coarser, *coarse.shape)
+        to_contrast, to_factor = self._tables(band, self._log_common_adaptation(fine, around))
+        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
+        n = _REFERENCES if fine.size <= FEW_PIXELS else 1
+        way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
+        levels, tables = (fine, coarse, around), (to_contrast, to_factor, masks_itself)
+        visible = np.empty(len(way))
+        count_at_references(levels, tables, n, way * self._n_cells, visible)
+        # Where two counts meet, a pixel may seem to vanish again as b grows.
+        return np.asarray(np.maximum.accumulate(visible) / fine.size)
+
+    def _tables(self, band: BandTable, log_common_adaptation: float) -> tuple[ToContrast, ToFactor]:
+        """Return what the compiled loops need for a band, but for the reference factor and the counts."""
+        to_contrast = ToContrast(
+            log_sensitivity=band.log_sensitivity,
+            log_darkest=np.float32(band.log_luminance_range[0]),
+            log_span=np.float32(np.ptp(band.log_luminance_range)),
+            log_reference_factor=np.float32(0),
+            log_common_adaptation=np.float32(log_common_adaptation),
+            positive_only=self._model.visibility is Visibility.POSITIVE_ONLY,
+        )
+        to_factor = ToFactor(
+            log_threshold=self._threshold,
+            log_luminance=band.log_luminance,
+            log_faintest=np.float32(band.log_sensitivity_range[0]),
+            log_span=np.float32(np.ptp(band.log_sensitivity_range)),
+            log_lowest_factor=np.float32(self._log_factors[0]),
+            counts=np.zeros(0, np.int64),
+        )
+        return to_contrast, to_factor
+
+    def _log_common_adaptation(self, fine: Any, around: Any) -> float:
+        """Return log2 of the level's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
+        if self._model.sensitivity is not SensitivityModel.AUTHORS:
+            return float("nan")
+        mean = expanded(around, *fine.shape).mean(dtype=np.float64)
+        return float(np.log2(max(mean, LOWEST_LUMINANCE)))
+
+
+@compiled
+def count_at_references(
+    levels: tuple[Any, Any, Any],
+    tables: tuple[ToContrast, ToFactor, bool],
+    references: Any,
+    cells: Any,
+    visible: Any,
+) -> None:
+    """Count a band at several reference factors, and fill in how many pixels are visible at each knot.
+
+    Parameters
+    ----------
+    levels, tables
+        As of `count_band`; the reference factor and the counts are put into the tables here.
+    references : int
+        How many, in the middles of equal steps of log b. A knot takes the count of the step that it lies in.
+    cells : array, (K,)
+        Where the knots lie among the cells of the histogram, rising from 0 to their number.
+    visible : array, (K,)
+        To be filled.
+    """
+    fine, coarse, around = levels
+    c, f, masks_itself = tables
+    n_cells = int(cells[-1])
+    counts, knot = np.zeros(n_cells + 2, np.int64), 0
+    for k in range(references):
+        counts[:] = 0
+        reference = np.float32(f.log_lowest_factor * np.float32(1 - (k + 0.5) / references))
+        to_contrast = ToContrast(
+            c.log_sensitivity, c.log_darkest, c.log_span, reference, c.log_common_adaptation, c.positive_only
+        )
+        to_factor = ToFactor(
+            f.log_threshold, f.log_luminance, f.log_faintest, f.log_span, f.log_lowest_factor, counts
+        )
+        count_band(fine, coarse, around, (to_contrast, to_factor, masks_itself))
+        below, cell = counts[0], 0
+        while knot < cells.size and (k == references - 1 or cells[knot] * references < (k + 1) * n_cells):
+            whole = min(int(cells[knot]), n_cells - 1)
+            while cell < whole:
+                cell += 1
+                below += counts[cell]
+            visible[knot] = below + (cells[knot] - whole) * counts[whole + 1]
+            knot += 1

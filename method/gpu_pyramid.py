@@ -1,0 +1,171 @@
+"""The Gaussian pyramid of a frame's luminance, in the memory of the graphics processor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.contrast_model import PixelToLuminance
+from data_schema.display import Display
+from data_schema.errors import InputError
+from method.gpu_frame import FrameTexture, Packed, Source, TextureContent
+from method.gpu_shaders import shader
+from method.pyramid import level_shapes
+
+if TYPE_CHECKING:
+    import moderngl
+
+PYRAMID, LINEAR, FRAME, RESULTS = 0, 1, 2, 3  # places of buffers in `channels.glsl` and `reduce.glsl`
+SUM_WORDS = 8  # at the beginning of the results: sums of R, G, B and luminance, low and high words
+SUM_UNIT = 2.0**-21  # `FIXED_POINT` of `reduce.glsl`
+_MADE = 16  # pixels across and down that a group makes
+
+_SOURCES = {
+    TextureContent.LEVELS: Source.LEVELS,
+    TextureContent.ENCODED: Source.ENCODED,
+    TextureContent.LINEAR: Source.LINEAR,
+}
+
+
+class GpuPyramid:
+    """Makes the luminance of frames of one size, and its Gaussian levels.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        With compute shaders.
+    shape : (height, width)
+        Of the frames [pixels].
+    display : Display
+        The display that shows them.
+    order : PixelToLuminance
+        Whether channels are linearized before they are weighed.
+    n_levels : int
+        How many levels.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        shape: tuple[int, int],
+        display: Display,
+        order: PixelToLuminance,
+        n_levels: int,
+    ) -> None:
+        self._context, self._display, self._order = context, display, order
+        self.shapes = level_shapes(shape)[:n_levels]
+        sizes = [height * width for height, width in self.shapes]
+        self.begins = [0, *np.cumsum(sizes).tolist()]
+        self.buffer = _buffer(context, 4 * self.begins[-1])
+        self._reduce = context.compute_shader(shader(("mirror", "reduce"), {}))
+        self._from_frame: dict[Source, moderngl.ComputeShader] = {}
+        self._linear: dict[int, moderngl.Buffer] = {}
+        self._uploaded: moderngl.Buffer | None = None
+
+    def fill(self, frame: FrameTexture | Packed, results: moderngl.Buffer) -> None:
+        """Make the levels of a frame, and add its channels to the sums at the beginning of the results."""
+        program = self._bound(frame) if isinstance(frame, FrameTexture) else self._upload(frame)
+        self.buffer.bind_to_storage_buffer(PYRAMID)
+        results.bind_to_storage_buffer(RESULTS)
+        self._run(program, 0)
+        for level in range(1, len(self.shapes) - 1):
+            self._context.memory_barrier(self._context.SHADER_STORAGE_BARRIER_BIT)
+            self._run(self._reduce, level)
+        self._context.memory_barrier(self._context.SHADER_STORAGE_BARRIER_BIT)
+
+    def _run(self, program: moderngl.ComputeShader, level: int) -> None:
+        """Make level + 1 from a level."""
+        (fine_height, fine_width), (height, width) = self.shapes[level : level + 2]
+        for name, value in (
+            ("fine_size", (fine_width, fine_height)),
+            ("coarse_size", (width, height)),
+            ("fine_at", self.begins[level]),
+            ("coarse_at", self.begins[level + 1]),
+        ):
+            program[name] = value
+        program.run(-(-width // _MADE), -(-height // _MADE))
+
+    def _bound(self, frame: FrameTexture) -> moderngl.ComputeShader:
+        """Return the program that reads a texture, with the texture bound."""
+        height, width = self.shapes[0]
+        if frame.texture.size != (width, height):
+            got = "{} x {}".format(*frame.texture.size)
+            raise InputError(f"the texture has {got} pixels; need {width} x {height}")
+        program = self._program(_SOURCES[frame.content])
+        if frame.content is TextureContent.LEVELS:
+            self._take_levels(program, frame.levels)
+        _set(program, "from_below", frame.from_below)
+        frame.texture.use(0)
+        return program
+
+    def _upload(self, frame: Packed) -> moderngl.ComputeShader:
+        """Return the program that reads an array, with the array uploaded."""
+        if frame.words.shape[:2] != self.shapes[0]:
+            raise InputError(f"expected a frame of the shape {self.shapes[0]}, got {frame.words.shape[:2]}")
+        program = self._program(frame.source)
+        size = -(-frame.words.nbytes // 4) * 4 + 4  # the shader reads one word ahead
+        if self._uploaded is None or self._uploaded.size != size:
+            if self._uploaded is not None:
+                self._uploaded.release()
+            self._uploaded = _buffer(self._context, size)
+        self._uploaded.orphan()  # the frame before may still be read
+        self._uploaded.write(frame.words)
+        self._uploaded.bind_to_storage_buffer(FRAME)
+        if frame.source in (Source.PACKED_8, Source.PACKED_16):
+            self._take_levels(program, np.iinfo(frame.words.dtype).max + 1)
+        return program
+
+    def _take_levels(self, program: moderngl.ComputeShader, levels: int) -> None:
+        """Bind the table of linear values of whole numbers."""
+        if levels not in self._linear:
+            encoded = np.arange(levels) / (levels - 1)
+            linear: NDArray[Any] = (encoded**self._display.gamma).astype(np.float32)
+            self._linear[levels] = self._context.buffer(linear.tobytes())
+        self._linear[levels].bind_to_storage_buffer(LINEAR)
+        _set(program, "top", float(levels - 1))
+
+    def _program(self, source: Source) -> moderngl.ComputeShader:
+        """Return the program that reads frames of one kind, compiled when it is first asked for."""
+        if source not in self._from_frame:
+            luma_first = self._order is PixelToLuminance.LUMA_FIRST
+            if luma_first and source is Source.LINEAR:
+                raise InputError(
+                    "a texture of linear values has no luma: need pixel_to_luminance 'linear_first', or a "
+                    "texture of gamma-encoded values"
+                )
+            defined: dict[str, object] = {source.value: "", "FROM_FRAME": ""}
+            text = shader(
+                ("mirror", "channels", "reduce"), defined | ({"LUMA_FIRST": ""} if luma_first else {})
+            )
+            program = self._context.compute_shader(text)
+            black, peak = self._display.black_level, self._display.peak_luminance
+            _set(program, "gamma", self._display.gamma)
+            _set(program, "black", black)
+            _set(program, "span", peak - black)
+            self._from_frame[source] = program
+        return self._from_frame[source]
+
+
+def sums_of(words: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return the sums of R, G, B and luminance share from the first words of the results, (4,)."""
+    low, high = words[0:SUM_WORDS:2].astype(np.float64), words[1:SUM_WORDS:2].astype(np.float64)
+    return np.asarray((low + high * 2.0**32) * SUM_UNIT)
+
+
+def _buffer(context: moderngl.Context, size: int) -> moderngl.Buffer:
+    """Return a buffer, or refuse one that the driver has no room for in a shader."""
+    largest = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+    if size > largest:
+        raise InputError(
+            f"the frames need a buffer of {size / 2**20:.0f} MiB on the graphics processor, whose driver "
+            f"allows {largest / 2**20:.0f} MiB: take smaller frames, or the processor (--device cpu)"
+        )
+    return context.buffer(reserve=size, dynamic=True)
+
+
+def _set(program: moderngl.ComputeShader, name: str, value: Any) -> None:
+    """Set a uniform, if the program uses it."""
+    if program.get(name, None) is not None:
+        program[name] = value

@@ -1,0 +1,43 @@
+"""The texts of the compute shaders, with the constants of the method written in."""
+
+from __future__ import annotations
+
+from importlib import resources
+
+from method.critical_factor import MASKING_RANGE
+from method.csf import LOWEST_LUMINANCE
+from method.luminance import LUMINANCE_WEIGHTS
+from method.masking import MASKING_EXPONENT
+from method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
+
+_CONSTANTS: dict[str, object] = {
+    "LUMINANCE_WEIGHTS": ", ".join(map(repr, LUMINANCE_WEIGHTS)),
+    "INNER_WEIGHT": INNER_WEIGHT,
+    "OUTER_WEIGHT": OUTER_WEIGHT,
+    "TWICE_INNER": 2 * INNER_WEIGHT,
+    "TWICE_OUTER": 2 * OUTER_WEIGHT,
+    "MASKING_EXPONENT": MASKING_EXPONENT,
+    "DARKEST": LOWEST_LUMINANCE,
+    "MASKING_LOW": MASKING_RANGE[0],
+    "PER_MASKING_SPAN": 1 / (MASKING_RANGE[1] - MASKING_RANGE[0]),
+}
+
+
+def shader(names: tuple[str, ...], defined: dict[str, object]) -> str:
+    """Return a shader's text: its files of `method/shaders` one after the other, under what is defined.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the files, without their ending.
+    defined : dict of str to object
+        Names to define and what they stand for; "" for a name that only has to be there.
+
+    >>> shader(("mirror",), {"SIDE": 3}).splitlines()[:2]
+    ['#version 430', '#define SIDE 3']
+    """
+    folder = resources.files("method") / "shaders"
+    lines = ["#version 430"]
+    lines += [f"#define {name} {value}".rstrip() for name, value in (defined | _CONSTANTS).items()]
+    lines += [(folder / f"{name}.glsl").read_text(encoding="utf-8") for name in names]
+    return "\n".join(lines)

@@ -1,0 +1,287 @@
+"""The contrast loss of one frame at one brightness factor: what the online controller measures (Section 6).
+
+The curve of all factors at once (`method.frame_analysis`) compares neighbours at a reference factor; at one
+factor nothing need be approximated. Contrast and masking are computed at b and at 1 in one sweep over the
+pixels, with the tables of sensitivity and the pyramid of the curve, in single precision.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    ContrastModel,
+    MaskingNeighbourhood,
+    PixelToLuminance,
+    SensitivityModel,
+    Visibility,
+)
+from data_schema.display import Display
+from data_schema.errors import InputError
+from method.bands import band_frequencies
+from method.contrast_loss import loss_of, visible_contrast
+from method.critical_factor import BandTable, band_table
+from method.csf import LOWEST_LUMINANCE
+from method.luminance import dimmed_luminance, emitted_luminance
+from method.masking import MASKING_EXPONENT
+from method.one_pass import (
+    FLOAT_STEPS,
+    compiled,
+    convert_floats,
+    convert_integers,
+    exp2,
+    expand_row,
+    expanded,
+    log2,
+    look_up,
+    reduced,
+)
+
+STRIP = 16  # rows that are counted together where not all are
+MANY_PIXELS = 100_000  # only bands with more are counted in part
+
+_BETA = np.float32(MASKING_EXPONENT)
+_DARKEST = np.float32(LOWEST_LUMINANCE)
+_FAINTEST = np.float32(1e-30)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LossSeen:
+    """What the controller needs of a frame.
+
+    Attributes
+    ----------
+    loss : float
+        𝓛_c at the factor that was asked for.
+    mean_luminance : float
+        Ī, mean luminance emitted at b = 1 [cd/m^2].
+    """
+
+    loss: float
+    mean_luminance: float
+
+
+class OneFactorLoss:
+    """Tables for frames of one size on one display, and the loss of a frame at one factor with them.
+
+    Parameters
+    ----------
+    shape : (height, width)
+        Of the frames.
+    display : Display
+        The display that shows them.
+    model : ContrastModel
+        Choices of the contrast model.
+    lowest_factor : float
+        Lowest factor that will be asked for.
+    one_strip_in : int
+        Of bands with many pixels, only one strip of 16 rows in so many is counted; 1 counts them all.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        display: Display,
+        model: ContrastModel = DEFAULT_MODEL,
+        lowest_factor: float = 0.2,
+        one_strip_in: int = 1,
+    ) -> None:
+        self._display, self._model, self._lowest, self._one_in = display, model, lowest_factor, one_strip_in
+        self._shape = shape
+        rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
+        frequencies = band_frequencies(shape, display, rule, lowest, count)
+        self._bands = [band_table(float(f), lowest_factor, display, model) for f in frequencies]
+        self._linear: dict[int, NDArray[np.float32]] = {}
+        by_level = model.sensitivity is SensitivityModel.AUTHORS
+        # There sensitivity is taken at another luminance than the pixel's, and has no table of one variable.
+        self._by_definition = by_level and display.reflected_luminance > 0
+
+    def of(self, pixel_values: NDArray[Any], factor: float) -> LossSeen:
+        """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
+
+        Raises
+        ------
+        InputError
+            If the frame has another size, or the factor is below the lowest.
+        """
+        if pixel_values.shape[:2] != self._shape:
+            raise InputError(f"expected a frame of the shape {self._shape}, got {pixel_values.shape[:2]}")
+        if not self._lowest * (1 - 1e-9) <= factor <= 1:
+            raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
+        luminance = self._luminance(pixel_values)
+        dimmed, full = self.visible_contrast(luminance, factor)
+        return LossSeen(loss_of(dimmed, full), float(luminance.mean(dtype=np.float64)))
+
+    def visible_contrast(self, emitted: NDArray[np.float32], factor: float) -> tuple[float, float]:
+        """Return C_v at a factor and at 1 of a frame of emitted luminance I, (height, width) [cd/m^2]."""
+        if self._by_definition:
+            dimmed, full = (
+                visible_contrast(dimmed_luminance(emitted, b, self._display), self._display, self._model)
+                for b in (factor, 1.0)
+            )
+            return dimmed, full
+        shares, fine = np.zeros(2), np.ascontiguousarray(emitted, dtype=np.float32)
+        coarse = reduced(fine)
+        for band in self._bands:
+            coarser = reduced(coarse)
+            if band.can_be_seen:
+                shares += self._shares_of_band(fine, coarse, expanded(coarser, *coarse.shape), (band, factor))
+            fine, coarse = coarse, coarser
+        return float(shares[0] / len(self._bands)), float(shares[1] / len(self._bands))
+
+    def _shares_of_band(self, fine: Any, coarse: Any, around: Any, asked: tuple[BandTable, float]) -> Array:
+        """Return the shares of visible pixels of a band at the factor and at 1."""
+        band, factor = asked
+        tables = _Tables(
+            log_sensitivity=band.log_sensitivity,
+            log_darkest=np.float32(band.log_luminance_range[0]),
+            log_span=np.float32(np.ptp(band.log_luminance_range)),
+            log_factor=np.float32(math.log2(factor)),
+            log_common_adaptation=np.float32(self._log_common_adaptation(fine, around)),
+            positive_only=self._model.visibility is Visibility.POSITIVE_ONLY,
+            masks_itself=self._model.masking is MaskingNeighbourhood.WITH_CENTRE,
+        )
+        height, width = fine.shape
+        one_in = self._one_in if fine.size > MANY_PIXELS else 1
+        counts, rows = np.zeros(2), 0
+        stride = STRIP * one_in
+        # Strips lie in the middles of equal parts of the height, or are one and the whole of it.
+        for begin in range((stride - STRIP) // 2, height, stride) if one_in > 1 else (0,):
+            end = min(begin + STRIP, height) if one_in > 1 else height
+            counts += count_visible(fine, coarse, around, (begin, end), tables)
+            rows += end - begin
+        return np.asarray(counts / (rows * width))
+
+    def _log_common_adaptation(self, fine: Any, around: Any) -> float:
+        """Return log2 of the level's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
+        if self._model.sensitivity is not SensitivityModel.AUTHORS:
+            return math.nan
+        mean = float(expanded(around, *fine.shape).mean(dtype=np.float64))
+        return math.log2(max(mean, LOWEST_LUMINANCE))
+
+    def _luminance(self, pixel_values: NDArray[Any]) -> NDArray[np.float32]:
+        """Return emitted luminance at factor 1 [cd/m^2]."""
+        if self._model.pixel_to_luminance is PixelToLuminance.LUMA_FIRST:
+            wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
+            return wide.astype(np.float32)
+        whole = np.issubdtype(pixel_values.dtype, np.integer)
+        steps = int(np.iinfo(pixel_values.dtype).max) if whole else FLOAT_STEPS
+        if steps not in self._linear:
+            encoded = np.arange(steps + 1) / steps
+            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
+        luminance = np.empty(pixel_values.shape[:2], np.float32)
+        black = np.float32(self._display.black_level)
+        span = np.float32(self._display.peak_luminance - self._display.black_level)
+        convert = convert_integers if whole else convert_floats
+        convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
+        return luminance
+
+
+class _Tables(NamedTuple):
+    """What the compiled loop needs for a band; all logarithms are to base 2."""
+
+    log_sensitivity: Any  # s at equal steps of log e
+    log_darkest: Any  # e at the table's beginning
+    log_span: Any  # from there to its end
+    log_factor: Any  # b
+    log_common_adaptation: Any  # one L_a for the sensitivity of all pixels; nan: each has its own
+    positive_only: Any  # whether negative contrast does not count
+    masks_itself: Any  # whether a pixel is in its own neighbourhood
+
+
+@compiled
+def count_visible(fine: Any, coarse: Any, adaptation: Any, rows: Any, tables: Any) -> Any:
+    """Return how many pixels of some rows of a band are visible at the factor, and at 1.
+
+    Parameters
+    ----------
+    fine, coarse : array
+        Gaussian levels l and l + 1 of emitted luminance.
+    adaptation : array
+        Level l + 2 expanded to the size of l + 1.
+    rows : (int, int)
+        The first row that counts, and the one after the last.
+    tables : _Tables
+        Of the band.
+    """
+    height, width = fine.shape
+    first, last = max(rows[0] - 2, 0), min(rows[1] + 2, height)
+    power = np.zeros((2, 5, width + 4), np.float32)  # |C|^0.2 of the last five rows, at b and at 1
+    sums = np.zeros((2, 5, width), np.float32)  # the same, by five columns
+    weight = np.ones((5, width), np.float32)  # 0 for a pixel that does not count
+    low, seen = np.empty(width, np.float32), np.empty(width, np.float32)
+    ratio, light, x = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    cells, between = np.empty(width, np.int32), np.empty(coarse.shape[1] + 2, np.float32)
+    columns = np.minimum(np.arange(width) + 2, width - 1) - np.maximum(np.arange(width) - 2, 0) + 1
+    counts = np.zeros(2)
+    for i in range(first, last + 2):
+        new, ready = i % 5, (i - 2) % 5
+        if i < last:
+            expand_row(coarse, i, height, between, low)
+            expand_row(adaptation, i, height, between, seen)
+            _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[new]))
+            for at in range(2):
+                _power_row(ratio, light, tables, (at, x, cells, power[at, new], sums[at, new]))
+        else:
+            sums[:, new] = 0
+        if rows[0] <= i - 2 < rows[1]:
+            n_rows = min(i, height - 1) - max(i - 4, 0) + 1
+            for at in range(2):
+                counts[at] += _visible_in_row(
+                    power[at, ready], sums[at], n_rows * columns, weight[ready], tables.masks_itself
+                )
+    return counts
+
+
+@compiled
+def _ratio_row(fine: Any, low: Any, seen: Any, tables: Any, filled: Any) -> None:
+    """Fill rows of log2 r, of log2 L_a, and of whether a pixel counts."""
+    ratio, light, weight = filled
+    for j in range(fine.size):
+        around = max(seen[j], _DARKEST)
+        light[j] = log2(around)
+        ratio[j] = log2(max(abs(fine[j] - low[j]) / around, _FAINTEST))
+    if not np.isnan(tables.log_common_adaptation):
+        light[:] = tables.log_common_adaptation
+    if tables.positive_only:
+        for j in range(fine.size):
+            weight[j] = np.float32(1) if fine[j] > low[j] else np.float32(0)
+
+
+@compiled
+def _power_row(ratio: Any, light: Any, tables: Any, filled: Any) -> None:
+    """Fill rows of |C|^0.2 and of its sums over five columns, at b or (`at` = 1) at factor 1."""
+    at, x, cells, power, sums = filled
+    log_factor = tables.log_factor if at == 0 else np.float32(0)
+    for j in range(x.size):
+        x[j] = (light[j] + log_factor - tables.log_darkest) / tables.log_span
+    look_up(tables.log_sensitivity, x, cells)
+    for j in range(x.size):
+        power[j + 2] = exp2(_BETA * (x[j] + ratio[j]))
+    for j in range(x.size):
+        sums[j] = power[j] + power[j + 1] + power[j + 2] + power[j + 3] + power[j + 4]
+
+
+@compiled
+def _visible_in_row(power: Any, sums: Any, counts: Any, weight: Any, masks_itself: Any) -> Any:
+    """Return how many pixels of a row are visible: |C|^0.7 > 1 + mean of |C|^0.2 about them (Eq. 3)."""
+    visible = 0
+    for j in range(counts.size):
+        own = power[j + 2]
+        total = sums[0, j] + sums[1, j] + sums[2, j] + sums[3, j] + sums[4, j]
+        n = np.float32(counts[j])
+        if not masks_itself:
+            total -= own
+            n = max(n - np.float32(1), np.float32(1))
+        transduced = own * own * own * np.sqrt(own)  # (|C|^0.2)^3.5
+        if weight[j] * transduced * n > n + total:
+            visible += 1
+    return visible

@@ -1,0 +1,141 @@
+"""The live controller: within the rate limit however late the losses come, and still where none comes."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from data_schema.errors import InputError
+from data_schema.live_control import LiveRefresh
+from experiments.live_dimming import LONGEST, LiveDimmer
+from experiments.walk_request import LiveRequest
+from method.control_curves import control_curves
+from method.controller import Controller, ControllerSettings
+from method.preset_files import load_display, load_rate_limit
+from method.scalar_rate_limit import scalar_rate_limit
+
+LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
+OTHER = replace(load_display("varjo-xr3"), name="other", peak_luminance=250.0)
+RATE = 60.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """A loss and a luminance that are known."""
+
+    loss: float
+    mean_luminance: float
+
+
+class LateMeter:
+    """Knows the loss of content, strength · (1 - b), some refreshes after it was asked."""
+
+    def __init__(self, strength: list[float], delays: list[int], luminance: float = 40.0) -> None:
+        self._strength, self._delays, self._luminance = strength, delays, luminance
+        self._refresh, self._asked = -1, 0
+        self._answer: Known | None = None
+        self._due = 0
+
+    def begin(self, factor: float) -> bool:
+        if self._answer is not None:
+            return False
+        strength = self._strength[min(self._refresh, len(self._strength) - 1)]
+        self._answer = Known(strength * (1 - factor), self._luminance)
+        self._due = self._refresh + self._delays[self._asked % len(self._delays)]
+        self._asked += 1
+        return True
+
+    def result(self) -> Known | None:
+        self._refresh += 1
+        if self._answer is None or self._refresh < self._due:
+            return None
+        answer, self._answer = self._answer, None
+        return answer
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+def dimmed(
+    meter: LateMeter,
+    refreshes: int,
+    gains: tuple[float, float, float] = (0.2, 0.01, 0.05),
+    first: float = 0.6,
+) -> list[LiveRefresh]:
+    """What the dimmer does in so many refreshes."""
+    controller = Controller(ControllerSettings(0.05, *gains), LIMIT)
+    dimmer = LiveDimmer(controller, meter, first, 1 / RATE)
+    for k in range(refreshes):
+        dimmer.next_factor(k / RATE)
+        dimmer.note(k / RATE)
+    return dimmer.rows
+
+
+@settings(max_examples=40)
+@given(
+    st.lists(st.sampled_from([0.0, 0.1, 0.5, 1.0]), min_size=5, max_size=60),
+    st.lists(st.integers(1, 20), min_size=1, max_size=6),
+    st.tuples(*[st.sampled_from([0.0, 0.05, 1.0, 10.0])] * 3),
+)
+def test_no_refresh_is_faster_than_the_limit_however_late_losses_are(
+    strength: list[float], delays: list[int], gains: tuple[float, float, float]
+) -> None:
+    factors = np.array([row.factor for row in dimmed(LateMeter(strength, delays), 80, gains)])
+    rate = np.abs(np.diff(factors)) * 40.0 * RATE
+    limit = [min(LIMIT(a * 40.0), LIMIT(b * 40.0)) for a, b in pairwise(factors)]
+    assert (rate <= np.array(limit) * (1 + 1e-6)).all()
+    assert factors.min() >= 0.2
+    assert factors.max() <= 1
+
+
+def test_while_a_loss_is_late_the_factor_stands() -> None:
+    """The fourth answer takes 90 refreshes; the factor goes where the third sent it, and stays."""
+    rows = dimmed(LateMeter([0.3], [1, 1, 1, 90, 1]), 60)
+    factors = np.array([row.factor for row in rows])
+    assert (np.diff(factors[2:4]) != 0).all()
+    assert np.ptp(factors[6:]) == 0
+    assert {row.measured_refresh for row in rows[6:]} == {rows[6].measured_refresh}
+
+
+def test_it_comes_to_the_target_and_stays_there() -> None:
+    for delays in ([1], [6], [1, 9, 3]):
+        rows = dimmed(LateMeter([0.2], delays), 2000)
+        assert rows[-1].contrast_loss == pytest.approx(0.05, abs=2e-3)
+        assert np.ptp([row.factor for row in rows[-300:]]) < 2e-3  # it does not ring
+
+
+def test_with_prompt_losses_it_does_what_the_controller_does_offline(make_curves) -> None:
+    strength = 0.2 + 0.1 * np.sin(np.arange(300) / 30)
+    curves = make_curves(strength, luminance=40.0, frames_per_second=RATE)
+    controller = Controller(ControllerSettings(0.05), LIMIT)
+    offline = control_curves(curves, controller, 0.6).factors
+    live = np.array([row.factor for row in dimmed(LateMeter(strength.tolist(), [1]), 300)])
+    # Live, a frame's loss is known a refresh later.
+    np.testing.assert_allclose(live[1:], offline[:-1], atol=2e-3)
+
+
+def test_after_a_long_pause_no_long_step_is_made_up_for() -> None:
+    rows = dimmed(LateMeter([1.0], [1, 1, 200, 1, 1]), 205, first=0.3)
+    factors = np.array([row.factor for row in rows])
+    assert factors[204] - factors[202] <= LIMIT(12.5) / 40.0 * LONGEST
+
+
+def test_the_log_says_what_was_known() -> None:
+    rows = dimmed(LateMeter([0.3], [3]), 12)
+    assert [row.contrast_loss for row in rows[:3]] == [None] * 3
+    assert [row.measured_refresh for row in rows[3:9]] == [0, 0, 0, 3, 3, 3]
+    assert rows[3].contrast_loss == pytest.approx(0.3 * 0.4)
+
+
+def test_a_controller_that_cannot_be_is_refused() -> None:
+    with pytest.raises(InputError, match=r"--target-loss must lie in 0 to 1, got 1\.5"):
+        LiveRequest(1.5)
+    with pytest.raises(InputError, match="give --target-loss"):
+        LiveRequest(None, out=Path("somewhere"))
+    with pytest.raises(InputError, match="was fitted on"):
+        LiveRequest(0.1).controller(OTHER)
+    assert LiveRequest(0.1, other_display_ok=True).controller(OTHER).settings.target_loss == 0.1

@@ -1,0 +1,185 @@
+"""The governor: the budget over a horizon, no winding up, no swinging between it and the controller."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.loss_curves import LossCurves
+from data_schema.power_model import PanelKind, PowerModel
+from method.control_curves import ControlledTrack, Governed, control_curves
+from method.controller import Controller, ControllerSettings
+from method.curve_lookup import loss_and_slope
+from method.governor import FrameCosts, GovernorSettings, frame_costs, governor_of
+from method.modulation import largest_rate_ratio
+from method.power import power
+from method.preset_files import load_power_model, load_rate_limit
+from method.scalar_rate_limit import scalar_rate_limit
+
+PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
+LCD = load_power_model("surace2025")
+OLED = PowerModel("oled", PanelKind.OLED, 0.2, red_power=0.5, green_power=1.0, blue_power=1.5)
+
+
+def free(_: float) -> float:
+    """No limit that matters."""
+    return 1e9
+
+
+def governed(
+    curves: LossCurves,
+    budget: GovernorSettings,
+    controller: Controller,
+    start: float = 0.5,
+    model: PowerModel = LCD,
+) -> ControlledTrack:
+    costs = frame_costs(curves, budget, model)
+    return control_curves(curves, controller, start, None, Governed(governor_of(controller, budget), costs))
+
+
+def largest_window_error(use: np.ndarray, budget: float, frames: int) -> float:
+    """Largest difference from the budget of a mean over so many frames."""
+    sums = np.append(0.0, np.cumsum(use - budget))
+    return float(np.abs(sums[frames:] - sums[:-frames]).max() / frames)
+
+
+def steps(make_curves: Callable[..., LossCurves], seconds: float, rate: float = 10.0) -> LossCurves:
+    """Content that jumps every 30 s between bright with little to lose and dark with more."""
+    frames = np.arange(round(seconds * rate))
+    dark = (frames // round(30 * rate)) % 2 == 1
+    return make_curves(
+        np.where(dark, 0.13, 0.08), exponent=1.5, luminance=np.where(dark, 12.0, 55.0), frames_per_second=rate
+    )
+
+
+@pytest.mark.parametrize("target", [0.01, 0.03, 0.08])
+@pytest.mark.parametrize("budget", [0.4, 0.6])
+def test_the_mean_over_every_horizon_meets_the_budget(
+    make_curves: Callable[..., LossCurves], budget: float, target: float
+) -> None:
+    """From the second on whatever target it begins with; the paper's rate limit binds at each step."""
+    curves = steps(make_curves, 240.0)
+    asked = GovernorSettings(budget, BudgetUnit.FACTOR, 60.0)
+    track = governed(curves, asked, Controller(ControllerSettings(target), PAPER), budget)
+    assert track.limited.any()
+    assert largest_window_error(track.factors[600:], budget, 600) < 0.02
+    assert abs(track.mean_factor - budget) < 0.01
+    assert largest_rate_ratio(track.rate, track.rate_limit) <= 1
+    # It is the loop about the target that holds the loss, and not constant dimming.
+    constant = loss_and_slope(curves, np.full(curves.n_frames, budget))[0]
+    assert np.std(track.contrast_loss[600:]) < 0.9 * np.std(constant[600:])
+
+
+@settings(max_examples=30)
+@given(
+    st.floats(0.02, 1.0),
+    st.floats(1.0, 3.0),
+    st.sampled_from([(0.2, 0.01, 0.05), (0.0, 0.1, 0.0), (0.2, 1e-4, 0.0), (0.5, 0.03, 0.1)]),
+    st.sampled_from([5.0, 20.0, 60.0]),
+)
+def test_the_two_loops_do_not_swing_however_slow_the_controller_is(
+    make_curves: Callable[..., LossCurves],
+    strength: float,
+    exponent: float,
+    gains: tuple[float, float, float],
+    horizon: float,
+) -> None:
+    """From 0.7 to a budget of 0.5: below it once, to pay back, and to rest. No second time above."""
+    curves = make_curves(np.full(round(6 * horizon * 10), strength), exponent, frames_per_second=10.0)
+    controller = Controller(ControllerSettings(strength * 0.3**exponent, *gains), free)
+    track = governed(curves, GovernorSettings(0.5, BudgetUnit.FACTOR, horizon), controller, 0.7)
+    away = track.factors - 0.5
+    below = int(np.argmax(away < -0.004)) if (away < -0.004).any() else -1
+    assert away[below:].max() < 0.004
+    assert away.min() > -0.075
+    assert abs(away[-1]) < 0.004
+
+
+def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCurves]) -> None:
+    """Two minutes of a budget below the lowest factor, then one of 0.5: met as if nothing had been before."""
+    curves = make_curves(np.full(2400, 0.2), frames_per_second=10.0)
+    controller = Controller(ControllerSettings(0.1), free)
+    governor = governor_of(controller, GovernorSettings(0.5, horizon=30.0))
+    allowance = np.where(np.arange(2400) < 1200, 0.1, 0.5)
+    held = control_curves(
+        curves,
+        controller,
+        0.5,
+        None,
+        Governed(governor, FrameCosts(np.ones(2400), allowance, allowance)),
+    )
+    assert held.factors[600:1200] == pytest.approx(0.2)
+    assert held.budget_held[600:1199].all()
+    assert held.targets[:1200].max() < 0.2  # of 0.16, which the lowest factor loses: not on to 1
+    always = np.full(2400, 0.5)
+    fresh = control_curves(
+        curves, controller, 0.2, None, Governed(governor, FrameCosts(np.ones(2400), always, always))
+    )
+    back, as_new = (int(np.argmax(track.factors > 0.45)) for track in (held, fresh))
+    assert back - 1200 < as_new + 100  # at most 10 s later
+    assert held.factors[1200:].max() < 0.7
+    assert abs(held.factors[-600:].mean() - 0.5) < 0.01
+
+
+def test_content_that_loses_nothing_does_not_lock_it(make_curves: Callable[..., LossCurves]) -> None:
+    """With nothing to lose any target dims all the way; the governor lowers the target until that ends."""
+    curves = make_curves(np.zeros(3000), frames_per_second=10.0)
+    track = governed(curves, GovernorSettings(0.5, horizon=30.0), Controller(ControllerSettings(0.03), free))
+    assert abs(track.factors[-600:].mean() - 0.5) < 0.03
+    assert track.targets[-1] < 0.005
+
+
+@pytest.mark.parametrize("model", [LCD, OLED], ids=["lcd", "oled"])
+@pytest.mark.parametrize("unit", [BudgetUnit.POWER, BudgetUnit.WATT])
+def test_power_and_watt_are_met_on_both_kinds_of_panel(
+    make_curves: Callable[..., LossCurves], model: PowerModel, unit: BudgetUnit
+) -> None:
+    curves = steps(make_curves, 240.0)
+    full = power(model, np.ones(curves.n_frames), curves.channel_means)
+    half = power(model, np.full(curves.n_frames, 0.5), curves.channel_means)
+    wanted = half.mean() / full.mean() if unit is BudgetUnit.POWER else half.mean()
+    asked = GovernorSettings(float(wanted), unit, 60.0)
+    track = governed(curves, asked, Controller(ControllerSettings(0.03), PAPER), 0.5, model)
+    used = power(model, track.factors, curves.channel_means)[600:]
+    achieved = used.mean() / (full[600:].mean() if unit is BudgetUnit.POWER else 1.0)
+    assert achieved == pytest.approx(wanted, rel=0.02)
+
+
+@given(st.integers(1, 79))
+@settings(max_examples=20)
+def test_no_frame_changes_what_was_done_before_it(
+    make_curves: Callable[..., LossCurves], changed: int
+) -> None:
+    """Nothing of the frames to come is known: another end leaves the beginning as it was."""
+    strength, luminance = 0.1 + 0.05 * np.sin(np.arange(80) / 5), np.full(80, 30.0)
+    other, darker = strength.copy(), luminance.copy()
+    other[changed:], darker[changed:] = 0.9, 3.0
+    asked = GovernorSettings(0.6, BudgetUnit.WATT, 10.0)
+    tracks = [
+        governed(
+            make_curves(s, luminance=light), asked, Controller(ControllerSettings(0.03), PAPER), 0.5, OLED
+        )
+        for s, light in ((strength, luminance), (other, darker))
+    ]
+    np.testing.assert_array_equal(tracks[0].factors[:changed], tracks[1].factors[:changed])
+
+
+def test_by_hand(make_curves: Callable[..., LossCurves]) -> None:
+    # H = 20 s, so T = 2 s; frames of 0.1 s, loss 0.5 (1 - b), b = 0.6 against a budget of 0.5: u = 0.1.
+    # m = 0.1 · 0.1 / 20 = 0.0005; Δb = (0.1 + 0.0005 · 20 / 8) · 0.1 / 2 = 0.0050625; ŝ = 0.2 / 0.4 = 0.5.
+    curves = make_curves(np.full(2, 0.5), frames_per_second=10.0)
+    controller = Controller(ControllerSettings(0.2, 0.0, 0.0, 0.0), free)
+    track = governed(curves, GovernorSettings(0.5, horizon=20.0), controller, 0.6)
+    assert track.factors[1] == pytest.approx(0.6 - 0.0050625, abs=1e-12)
+    assert track.targets[1] == pytest.approx(0.2 + 0.5 * 0.0050625, abs=1e-12)
+
+
+def test_a_budget_has_limits() -> None:
+    with pytest.raises(ValueError, match="budget must be above 0"):
+        GovernorSettings(0.0)
+    with pytest.raises(ValueError, match="horizon"):
+        replace(GovernorSettings(0.5), horizon=0.0)

@@ -1,0 +1,97 @@
+"""The loss at one factor: the definition, for every choice of the contrast model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    MaskingNeighbourhood,
+    PixelToLuminance,
+    SensitivityModel,
+    Visibility,
+)
+from data_schema.errors import InputError
+from method.contrast_loss import contrast_loss
+from method.luminance import emitted_luminance
+from method.one_factor import OneFactorLoss
+from method.preset_files import load_display
+
+DISPLAY = load_display("varjo-xr3")
+
+
+def picture(height: int, width: int, seed: int = 1) -> np.ndarray:
+    """Detail at every scale, in colour, with an area of one luminance."""
+    rng = np.random.default_rng(seed)
+    frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)[None, :])
+    spectrum = np.fft.rfft2(rng.standard_normal((height, width))) / np.maximum(frequency, 1 / width)
+    detail = np.fft.irfft2(spectrum, (height, width))
+    gray = np.clip(0.45 + 0.2 * detail / detail.std(), 0, 1)
+    pixels = np.stack([gray, gray**1.2, 0.8 * gray], axis=2)
+    pixels[: height // 3, : width // 3] = 0.3
+    return np.asarray((255 * pixels).round(), dtype=np.uint8)
+
+
+def by_definition(pixels: np.ndarray, factor: float, display=DISPLAY, model=DEFAULT_MODEL) -> float:
+    emitted = emitted_luminance(pixels, display, model.pixel_to_luminance)
+    return contrast_loss(emitted, factor, display, model)
+
+
+@pytest.mark.parametrize("size", [(8, 8), (9, 31), (61, 47), (90, 160)])
+@pytest.mark.parametrize("factor", [0.2, 0.47, 1.0])
+def test_it_is_the_definition(size: tuple[int, int], factor: float) -> None:
+    pixels = picture(*size)
+    seen = OneFactorLoss(size, DISPLAY).of(pixels, factor)
+    assert seen.loss == pytest.approx(by_definition(pixels, factor), abs=2e-4)
+    assert seen.mean_luminance == pytest.approx(emitted_luminance(pixels, DISPLAY).mean(), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"sensitivity": SensitivityModel.AUTHORS},
+        {"masking": MaskingNeighbourhood.WITHOUT_CENTRE},
+        {"visibility": Visibility.POSITIVE_ONLY},
+        {"pixel_to_luminance": PixelToLuminance.LUMA_FIRST},
+        {"band_count": 2},
+    ],
+    ids=lambda choice: next(iter(choice)),
+)
+@pytest.mark.parametrize("reflected", [0.0, 2.0])
+def test_it_is_the_definition_for_every_choice(choice: dict, reflected: float) -> None:
+    model, display = replace(DEFAULT_MODEL, **choice), replace(DISPLAY, reflected_luminance=reflected)
+    pixels = picture(60, 80)
+    seen = OneFactorLoss((60, 80), display, model).of(pixels, 0.35)
+    assert seen.loss == pytest.approx(by_definition(pixels, 0.35, display, model), abs=4e-4)
+
+
+def test_other_pixel_types_give_the_same() -> None:
+    pixels, loss = picture(48, 64), OneFactorLoss((48, 64), DISPLAY)
+    expected = loss.of(pixels, 0.4).loss
+    assert loss.of(pixels.astype(np.uint16) * 257, 0.4).loss == pytest.approx(expected, abs=1e-12)
+    assert loss.of(pixels / 255, 0.4).loss == pytest.approx(expected, abs=2e-3)
+
+
+def test_what_has_no_contrast_loses_none() -> None:
+    gray = np.full((40, 50, 3), 90, np.uint8)
+    assert OneFactorLoss((40, 50), DISPLAY).of(gray, 0.2).loss == 0
+    black = np.zeros((40, 50, 3), np.uint8)
+    assert OneFactorLoss((40, 50), DISPLAY).of(black, 0.2).loss == 0
+
+
+def test_counting_one_strip_in_four_hardly_changes_the_loss() -> None:
+    pixels = picture(360, 480)
+    whole, strips = (OneFactorLoss((360, 480), DISPLAY, one_strip_in=n).of(pixels, 0.3) for n in (1, 4))
+    assert whole.loss > 0.02
+    assert strips.loss != whole.loss
+    assert strips.loss == pytest.approx(whole.loss, abs=3e-3)
+    assert strips.mean_luminance == whole.mean_luminance
+
+
+def test_what_was_not_asked_for_at_first_is_refused() -> None:
+    loss = OneFactorLoss((40, 50), DISPLAY, lowest_factor=0.3)
+    with pytest.raises(InputError, match=r"shape \(40, 50\), got \(50, 40\)"):
+        loss.of(picture(50, 40), 0.5)
+    with pytest.raises(InputError, match=r"0\.3 to 1, got 0\.2"):
+        loss.of(picture(40, 50), 0.2)

@@ -1,0 +1,163 @@
+"""`evenlight control`, from a video file to its results: what the controller did, and what it knew."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_schema.brightness_track import read_track
+from data_schema.control import TargetRow
+from data_schema.loss_curves import read_loss_curves
+from data_schema.text_files import read_rows
+from experiments.track_fit import load_track, require_fit
+from method.control_curves import control_curves
+from method.controller import Controller, ControllerSettings
+from method.curve_lookup import loss_and_slope
+from method.objective import pairwise_spread
+from method.preset_files import load_rate_limit
+from method.scalar_rate_limit import scalar_rate_limit
+from stimuli.video_source import open_video
+from stimuli.video_writer import write_video
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+TABLES = {"track.csv", "track.json", "summary.json", "control.json", "loss_curves.npz"}
+FIGURES = {"track.png", "contrast_map.png"}
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the figures of the track, in tests that are about what else there is."""
+    monkeypatch.setattr("analysis.control_results._draw", lambda *_: None)
+
+
+def room(seed: int, light: float) -> np.ndarray:
+    """A picture with detail at every scale in some light, uint8."""
+    rng = np.random.default_rng(seed)
+    frequency = np.hypot(np.fft.fftfreq(36)[:, None], np.fft.rfftfreq(48)[None, :])
+    picture = np.fft.irfft2(
+        np.fft.rfft2(rng.standard_normal((36, 48))) / np.maximum(frequency, 1 / 48), (36, 48)
+    )
+    gray = np.clip(light * (1 + 0.4 * picture / picture.std()), 0, 1)
+    return np.repeat((255 * gray).round().astype(np.uint8)[..., None], 3, axis=2)
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bright room, a dark one, the bright one: 10 s each at 5 Hz."""
+    path = tmp_path_factory.mktemp("walk") / "walk.mkv"
+    write_video(path, [room(1, 0.6)] * 50 + [room(2, 0.15)] * 50 + [room(1, 0.6)] * 50, 5.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def another_end(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same for 12 s, and then another room."""
+    path = tmp_path_factory.mktemp("walk") / "walk.mkv"
+    write_video(path, [room(1, 0.6)] * 50 + [room(2, 0.15)] * 10 + [room(3, 0.4)] * 90, 5.0)
+    return path
+
+
+def controlled(command, out: Path, video: Path, *more: object):
+    """Run the command, and return its track, summary and control."""
+    result = command("control", video, "--out", out, *more)
+    assert result.code == 0, result.err
+    assert {file.name for file in out.iterdir()} >= TABLES
+    track = read_track(out / "track.csv")
+    assert (np.abs(track.rate) <= track.rate_limit).all()
+    parts = (json.loads((out / f"{name}.json").read_text()) for name in ("summary", "control"))
+    return track, *parts, result.out
+
+
+def test_the_results_say_what_the_controller_did(command, tmp_path: Path, walk: Path) -> None:
+    track, summary, control, said = controlled(command, tmp_path / "out", walk, "--target-loss", 0.05)
+    assert {file.name for file in (tmp_path / "out").iterdir()} == TABLES | FIGURES
+    curves = read_loss_curves(tmp_path / "out" / "loss_curves.npz")
+    np.testing.assert_allclose(track.contrast_loss, loss_and_slope(curves, track.factors)[0], atol=1e-12)
+    constant = loss_and_slope(curves, np.full(150, track.factors.mean()))[0]
+    assert summary["solver"] == "pid"
+    assert summary["budget"] == summary["achieved"] == pytest.approx(track.factors.mean(), rel=1e-12)
+    assert summary["baseline_factor"] == summary["mean_factor"]
+    assert summary["objective"] == pytest.approx(pairwise_spread(track.contrast_loss), rel=1e-9)
+    assert summary["objective_baseline"] == pytest.approx(pairwise_spread(constant), rel=1e-9)
+    assert summary["lower_bound"] == 0
+    assert control["sd_loss"] == pytest.approx(track.contrast_loss.std(), rel=1e-9)
+    assert control["sd_loss_constant"] == pytest.approx(constant.std(), rel=1e-9)
+    assert control["start_factor"] == track.factors[0]
+    assert track.contrast_loss[0] == pytest.approx(0.05, abs=1e-9)  # it begins at the target
+    assert f"its SD over time is {control['sd_loss']:.4g}" in said
+    assert f"{summary['mean_power_w']:.4g} W" in said
+    require_fit(open_video(str(walk)), load_track(tmp_path / "out").track)  # `play` takes it
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_nothing_of_the_frames_to_come_is_known(
+    command, tmp_path: Path, walk: Path, another_end: Path
+) -> None:
+    options = ("--budget", 0.6, "--horizon", 10)
+    tracks = [
+        controlled(command, tmp_path / name, video, *options)[0]
+        for name, video in (("one", walk), ("other", another_end))
+    ]
+    np.testing.assert_array_equal(tracks[0].factors[:60], tracks[1].factors[:60])
+    assert (tracks[0].factors[61:] != tracks[1].factors[61:]).any()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_budget_is_met_over_its_horizon(command, tmp_path: Path, walk: Path) -> None:
+    track, summary, control, said = controlled(
+        command, tmp_path / "out", walk, "--budget", 0.7, "--budget-unit", "power", "--horizon", 20
+    )
+    assert summary["achieved"] == pytest.approx(0.7, abs=0.01)
+    assert (summary["budget"], summary["budget_unit"]) == (0.7, "power")
+    shares = track.power / summary["full_power_w"]  # of a backlight, whose full power is the same always
+    windows = np.convolve(shares, np.ones(100) / 100, "valid")
+    assert control["horizon_error"] == pytest.approx(np.abs(windows - 0.7).max(), rel=1e-6)
+    assert "over any 20 s off by" in said
+    checked = command("validate", tmp_path / "out")  # the budget is no promise
+    assert checked.code == 0, checked.out
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_gains_are_tuned_and_targets_swept(command, tmp_path: Path, walk: Path) -> None:
+    out = tmp_path / "out"
+    *_, said = controlled(command, out, walk, "--target-loss", 0.1, "--tune", "--sweep", "0.02:0.1:3")
+    tuning = json.loads((out / "tuning.json").read_text())
+    after = tuning["after"]
+    assert after["gain_margin_db"] >= tuning["least_gain_margin_db"] - 1e-9
+    assert after["rms_error"] <= tuning["before"]["rms_error"] * 1.02
+    assert {"tuning.png", "target_sweep.png"} <= {file.name for file in out.iterdir()}
+    assert "gains tuned" in said
+    rows = read_rows(TargetRow, out / "target_sweep.csv")
+    assert [row.target_loss for row in rows] == [0.02, 0.06, 0.1]
+    gains = ControllerSettings(0.06, *(after[k] for k in ("proportional", "integral", "derivative")))
+    curves = read_loss_curves(out / "loss_curves.npz")
+    alone = control_curves(curves, Controller(gains, scalar_rate_limit(load_rate_limit("surace2025"))))
+    assert rows[1].mean_factor == pytest.approx(alone.factors.mean(), rel=1e-9)
+    assert rows[1].sd_loss == pytest.approx(alone.contrast_loss.std(), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ((), "give --target-loss, the contrast loss to hold, or --budget"),
+        (("--target-loss", 1.5), "--target-loss must lie in 0 to 1, got 1.5"),
+        (("--target-loss", "nan"), "--target-loss must lie in 0 to 1, got nan"),
+        (("--target-loss", 0.1, "--start-factor", 0.1), "--start-factor must lie in 0.2 to 1, got 0.1"),
+        (("--target-loss", 0.1, "--integral", -1), "--integral must lie in 0 to 1e+06, got -1"),
+        (("--target-loss", 0.1, "--sweep", "0.1"), "give LOWEST:HIGHEST:HOW_MANY"),
+        (("--target-loss", 0.1, "--sweep", "0.2:0.1:5"), "LOWEST < HIGHEST"),
+        (("--budget", 0.1), "--budget 0.1 (factor) cannot be met"),
+        (("--budget", 0.5, "--horizon", 0), "--horizon must lie in 0.1 to 1e+06, got 0"),
+        (("--target-loss", 0.1, "--jobs", -1), "--jobs must be 0 (all cores) or more, got -1"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(
+    command, tmp_path: Path, options: tuple[object, ...], says: str
+) -> None:
+    result = command("control", "sunrise", "--out", tmp_path / "out", *options)
+    assert result.code == 2
+    assert says in result.err
+    assert result.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,81 @@
+"""`evenlight optimize` with sections of weights and allowances, several clips, and an earlier track."""
+
+import json
+
+import numpy as np
+import pytest
+
+from data_schema.brightness_track import read_track
+from data_schema.provenance import sha256_of_bytes
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+
+@pytest.fixture
+def videos(tmp_path, make_video):
+    paths = [tmp_path / "a.mkv", tmp_path / "b.mkv"]
+    make_video(paths[0], np.linspace(0.2, 0.8, 10), (32, 24), 2.0)
+    make_video(paths[1], np.linspace(0.9, 0.3, 8), (32, 24), 2.0)
+    return paths
+
+
+def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_path, videos) -> None:
+    weights, allowances = tmp_path / "v.weights.csv", tmp_path / "v.allowances.csv"
+    weights.write_text("start_s,end_s,weight\n0,2,3\n4,5,0\n")
+    allowances.write_text("start_s,end_s,allowance\n1,2.1,0\n3,3.5,20\n")
+    out = tmp_path / "out"
+    options = ("--weights", weights, "--allowances", allowances, "--budget", 0.5, "--quiet")
+    assert command("optimize", videos[0], *options, "--out", out).code == 0
+    summary = json.loads((out / "summary.json").read_text())
+    inputs = summary["provenance"]["inputs"]
+    assert inputs["weights"] == sha256_of_bytes(weights.read_bytes())
+    assert inputs["allowances"] == sha256_of_bytes(allowances.read_bytes())
+    track = read_track(out / "track.csv")
+    assert np.ptp(track.factors[1:5]) == 0  # the steps to the frames at 1, 1.5 and 2 s
+    assert (track.rate_limit[1:4] == 0).all()
+    assert summary["max_rate_ratio"] <= 1 + 1e-6
+    checked = command("validate", tmp_path)
+    assert checked.code == 0, checked.out
+
+
+def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos) -> None:
+    out = tmp_path / "out"
+    done = command("optimize", videos[0], "--with", videos[1], "--budget", 0.5, "--out", out, "--quiet")
+    assert done.code == 0, done.err
+    tracks = [read_track(out / name / "track.csv") for name in ("01-a", "02-b")]
+    assert [len(track.factors) for track in tracks] == [10, 8]
+    factors = np.concatenate([track.factors for track in tracks])
+    assert np.mean(factors) == pytest.approx(0.5, abs=1e-6)
+    assert all((np.abs(t.rate) <= t.rate_limit * (1 + 1e-6)).all() for t in tracks)
+    assert json.loads((out / "summary.json").read_text())["frames"] == 18
+    assert command("validate", out).code == 0
+
+
+def test_an_earlier_track_may_be_the_start(command, tmp_path, videos) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    assert command("optimize", videos[0], "--budget", 0.5, "--out", first, "--quiet").code == 0
+    options = ("--budget", 0.52, "--start", first, "--quiet")
+    assert command("optimize", videos[0], *options, "--out", again).code == 0
+    summary = json.loads((again / "summary.json").read_text())
+    assert summary["provenance"]["inputs"]["start"] == sha256_of_bytes((first / "track.csv").read_bytes())
+    assert summary["mean_factor"] == pytest.approx(0.52, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("start_s,end_s,weight\n2,1,3\n", "need start_s < end_s, got 2 and 1"),
+        ("start_s,end_s,weight\n0,1,-3\n", "weight"),
+        ("start_s,end_s,weight\n90,91,3\n", "holds no frame"),
+        ("start,end,weight\n0,1,3\n", "start_s"),
+    ],
+)
+def test_bad_sections_end_with_one_line(command, tmp_path, videos, text, says) -> None:
+    file = tmp_path / "w.csv"
+    file.write_text(text)
+    out = tmp_path / "out"
+    failed = command("optimize", videos[0], "--budget", 0.5, "--weights", file, "--out", out, "--quiet")
+    assert failed.code == 2
+    assert says in failed.err
+    assert failed.err.strip().count("\n") == 0
+    assert not out.exists()
