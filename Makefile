@@ -1,5 +1,5 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test check format
+.PHONY: setup lab demo test check format benchmarks
 
 BIN := .venv/bin
 
@@ -30,3 +30,9 @@ check: lab
 format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# The page of speed against error, on this machine: half an hour, in which it should have nothing else to do.
+benchmarks: lab
+	$(BIN)/evenlight bench all --out benchmarks
+	mkdir -p docs/benchmarks
+	cp benchmarks/benchmarks.md benchmarks/*.png docs/benchmarks/

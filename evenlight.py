@@ -76,14 +76,14 @@ def _ramp_design(name_or_path: str) -> Any:
 
 def _fit_sweep(folder: Path) -> list[str]:
     """Write the results of a sweep into its folder, and return what is to be said of them."""
-    from analysis.sweep_results import fit_sweep
+    from analysis.measurement.sweep_results import fit_sweep
 
     return fit_sweep(folder, folder)
 
 
 def _write_power(folder: Path, power_model: str | None) -> list[str]:
     """Write the results of measured power into its folder, and return what is to be said of them."""
-    from analysis.power_table import write_power_results
+    from analysis.measurement.power_table import write_power_results
     from method.preset_files import load_power_model
 
     return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
@@ -120,7 +120,7 @@ def demo(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
 ) -> None:
     """Run the whole loop, small: simulated calibration, rate limit, a track, a report."""
-    from analysis.closed_loop import close_loop
+    from analysis.tracks.closed_loop import close_loop
     from stimuli.sequences import built_in_sequence
 
     if not 0.2 <= budget <= 1:

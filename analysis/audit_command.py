@@ -15,7 +15,7 @@ def audit(
     """Audit the paper's published numbers: what they can and cannot support."""
     from rich.console import Console
 
-    from analysis.audit_findings import TITLE, audit_findings
+    from analysis.audit.audit_findings import TITLE, audit_findings
     from analysis.findings import write_findings
     from analysis.report import Report, write_report
     from data_schema.files import results_folder

@@ -7,22 +7,39 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.optimize_command import MIN_FACTORS, WIDEST_FIELD
+from analysis.track_options import (
+    BudgetUnitOption,
+    ContrastModelOption,
+    CurvesOption,
+    DeviceOption,
+    DisplayOption,
+    FieldOfViewOption,
+    FpsOption,
+    JobsOption,
+    LimitCurveOption,
+    MinFactorOption,
+    ModulatedOption,
+    OtherDisplayOption,
+    PowerModelOption,
+    QuietOption,
+    RateLimitOption,
+    VideoArgument,
+    check_video,
+    require_between,
+)
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from method.choices import Device, LimitCurve, ModulatedLuminance
 
 if TYPE_CHECKING:
-    from analysis.control_run import Controlled
+    from analysis.tracks.control_run import Controlled
     from data_schema.control import TargetRow
 
 MOST_TARGETS = 200
 
 
 def control(
-    video: Annotated[
-        str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
-    ],
+    video: VideoArgument,
     out: Annotated[Path, typer.Option(help="Folder for track.csv, control.json, track.png and the rest.")],
     target_loss: Annotated[
         float | None, typer.Option(help="Contrast loss to hold, 0 to 1; with --budget only to begin with.")
@@ -30,9 +47,7 @@ def control(
     budget: Annotated[
         float | None, typer.Option(help="Budget that the target follows, in the unit of --budget-unit.")
     ] = None,
-    budget_unit: Annotated[
-        BudgetUnit, typer.Option(help="Mean brightness factor, share of full power, or watt.")
-    ] = BudgetUnit.FACTOR,
+    budget_unit: BudgetUnitOption = BudgetUnit.FACTOR,
     horizon: Annotated[float, typer.Option(help="Seconds over which the mean is to meet the budget.")] = 60.0,
     proportional: Annotated[float, typer.Option(help="Gain K_p.")] = 0.2,
     integral: Annotated[float, typer.Option(help="Gain K_i, per frame of 1 / --gain-rate.")] = 0.01,
@@ -49,48 +64,26 @@ def control(
     sweep: Annotated[
         str | None, typer.Option(help="Targets to try as well, LOWEST:HIGHEST:HOW_MANY, as 0.01:0.1:10.")
     ] = None,
-    display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
-    power_model: Annotated[str, typer.Option(help="Power model: a preset or a toml file.")] = "surace2025",
-    rate_limit: Annotated[
-        str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")
-    ] = "surace2025",
-    contrast_model: Annotated[
-        str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
-    ] = "default",
-    limit_curve: Annotated[
-        LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
-    ] = LimitCurve.FITTED,
-    modulated: Annotated[
-        ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")
-    ] = ModulatedLuminance.FRAME_MEAN,
-    min_factor: Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")] = 0.2,
-    field_of_view: Annotated[
-        float | None,
-        typer.Option(help="Degrees that the video's width spans; else it is shown pixel for pixel."),
-    ] = None,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames per second of a folder of images or a sequence.")
-    ] = None,
-    curves: Annotated[
-        Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
-    ] = None,
-    jobs: Annotated[
-        int, typer.Option(help="Frames to analyse at a time, each on a core; 0 for all cores.")
-    ] = 1,
-    device: Annotated[
-        Device,
-        typer.Option(help="What computes loss curves; auto: compute shaders where hardware runs them."),
-    ] = Device.CPU,
-    other_display_ok: Annotated[
-        bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
+    display: DisplayOption = "varjo-xr3",
+    power_model: PowerModelOption = "surace2025",
+    rate_limit: RateLimitOption = "surace2025",
+    contrast_model: ContrastModelOption = "default",
+    limit_curve: LimitCurveOption = LimitCurve.FITTED,
+    modulated: ModulatedOption = ModulatedLuminance.FRAME_MEAN,
+    min_factor: MinFactorOption = 0.2,
+    field_of_view: FieldOfViewOption = None,
+    fps: FpsOption = None,
+    curves: CurvesOption = None,
+    jobs: JobsOption = 1,
+    device: DeviceOption = Device.CPU,
+    other_display_ok: OtherDisplayOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
-    from analysis.control_results import run_control
-    from analysis.control_run import Control
     from analysis.device_choice import chosen_device
-    from analysis.optimization import Work
+    from analysis.tracks.control_results import run_control
+    from analysis.tracks.control_run import Control
+    from analysis.tracks.optimization import Work
     from data_schema.files import results_folder
     from method.controller import ControllerSettings
     from method.governor import GovernorSettings
@@ -105,28 +98,18 @@ def control(
     from method.thrift import Thrift
     from stimuli.video_source import open_video
 
-    _require_between("--min-factor", min_factor, MIN_FACTORS)
+    check_video(video, min_factor, field_of_view, jobs)
     if target_loss is None and budget is None:
         raise InputError("give --target-loss, the contrast loss to hold, or --budget, which it is to follow")
     for name, value in (("--target-loss", target_loss), ("--start-factor", start_factor)):
         if value is not None:
-            _require_between(name, value, (0.0 if name == "--target-loss" else min_factor, 1.0))
+            require_between(name, value, (0.0 if name == "--target-loss" else min_factor, 1.0))
     for name, gain in (
         ("--proportional", proportional), ("--integral", integral), ("--derivative", derivative),
         ("--gain-rate", gain_rate),
     ):  # fmt: skip
-        _require_between(name, gain, (0.0, 1e6))
-    _require_between("--horizon", horizon, (0.1, 1e6))
-    if field_of_view is not None and not 0 < field_of_view <= WIDEST_FIELD:
-        raise InputError(
-            f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
-        )
-    if jobs < 0:
-        raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
-    if not video:
-        raise InputError(
-            "the video has an empty name; give a file, a folder of images or a built-in sequence"
-        )
+        require_between(name, gain, (0.0, 1e6))
+    require_between("--horizon", horizon, (0.1, 1e6))
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
@@ -169,13 +152,6 @@ def control(
         done, rows = run_control(asked, folder)
     if not quiet:
         _tell(done, rows, out)
-
-
-def _require_between(name: str, value: float, limits: tuple[float, float]) -> None:
-    """Refuse a value of an option outside of its limits."""
-    low, high = limits
-    if not low <= value <= high:
-        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {value:.15g}")
 
 
 def targets_in(words: str | None) -> tuple[float, ...]:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.binomial_tests import DEFAULT_MARGIN
 from analysis.findings import Findings
+from analysis.inference.binomial_tests import DEFAULT_MARGIN
 from analysis.session_loading import load_task, tasks_in
 from data_schema.dataset_layout import DESCRIPTION
 from data_schema.errors import InputError
@@ -139,9 +139,9 @@ _Analysed = tuple[Findings, bool, str, int]
 
 
 def _ramp(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.calibration import calibrate, write_calibration
+    from analysis.calibration.calibration import calibrate, write_calibration
+    from analysis.calibration.ramp_findings import ramp_findings
     from analysis.loading import load_ramp_data
-    from analysis.ramp_findings import ramp_findings
     from data_schema.provenance import provenance_now
 
     data = load_ramp_data(dataset)
@@ -156,14 +156,14 @@ def _ramp(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
 
 
 def _rating(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.rating_findings import rating_findings
+    from analysis.rating.rating_findings import rating_findings
 
     data = load_task(dataset, "rating", RatingTrial)
     return rating_findings(data, options.seed), data.simulated, data.sha256, len(data.participant_ids)
 
 
 def _comparison(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.comparison_findings import comparison_findings
+    from analysis.comparison.comparison_findings import comparison_findings
 
     data = load_task(dataset, "comparison", ComparisonTrial)
     findings = comparison_findings(data, options.seed, options.margin)
@@ -171,7 +171,7 @@ def _comparison(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analy
 
 
 def _search(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.search_findings import search_findings
+    from analysis.search.search_findings import search_findings
 
     data = load_task(dataset, "search", SearchTrial)
     findings = search_findings(data, options.seed, options.slowing)

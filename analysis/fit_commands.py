@@ -15,12 +15,12 @@ from data_schema.rate_limit import RateLimitForm
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from analysis.calibration import Calibration
-    from analysis.limit_choices import LimitChoices
+    from analysis.calibration.calibration import Calibration
+    from analysis.calibration.limit_choices import LimitChoices
+    from analysis.calibration.rate_limit_curve import RateLimitOptions
     from analysis.loading import RampData
-    from analysis.rate_limit_curve import RateLimitOptions
-    from analysis.sweep_loading import ChosenSweep
-    from analysis.sweep_results import SweepOutcome
+    from analysis.measurement.sweep_loading import ChosenSweep
+    from analysis.measurement.sweep_results import SweepOutcome
     from stimuli.video_source import VideoSource
 
 
@@ -60,16 +60,16 @@ def fit(
     from rich.console import Console
     from rich.progress import Progress
 
-    from analysis.choice_on_clip import open_clip, require_budget
+    from analysis.calibration.choice_on_clip import open_clip, require_budget
+    from analysis.calibration.rate_limit_curve import RateLimitOptions
     from analysis.loading import has_ramp_sessions, load_ramp_data
-    from analysis.rate_limit_curve import RateLimitOptions
-    from analysis.sweep_loading import newest_sweeps
+    from analysis.measurement.sweep_loading import newest_sweeps
     from data_schema.dataset_layout import POWER_LOG
     from data_schema.errors import InputError
     from data_schema.files import results_folder
 
     if (dataset / POWER_LOG).is_file():
-        from analysis.power_table import write_power_results
+        from analysis.measurement.power_table import write_power_results
         from method.preset_files import load_power_model
 
         model = load_power_model(power_model) if power_model else None
@@ -107,7 +107,7 @@ def fit(
 
 def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepOutcome:
     """Fit the sweeps and write their files."""
-    from analysis.sweep_results import write_chosen_sweeps
+    from analysis.measurement.sweep_results import write_chosen_sweeps
 
     return write_chosen_sweeps(sweeps, folder, needed=needed)
 
@@ -133,12 +133,12 @@ class _Results:
 
 def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     """Fit, compare the curves, and write every file."""
-    from analysis.calibration import calibrate, write_calibration
-    from analysis.calibration_figures import write_figures
-    from analysis.choice_on_clip import compare_on_clip, curves_of, in_words
-    from analysis.fit_report import FitResults, write_fit_report
-    from analysis.limit_choices import limit_choices
-    from analysis.limit_choices_files import write_limit_choices
+    from analysis.calibration.calibration import calibrate, write_calibration
+    from analysis.calibration.calibration_figures import write_figures
+    from analysis.calibration.choice_on_clip import compare_on_clip, curves_of, in_words
+    from analysis.calibration.fit_report import FitResults, write_fit_report
+    from analysis.calibration.limit_choices import limit_choices
+    from analysis.calibration.limit_choices_files import write_limit_choices
     from data_schema.provenance import provenance_now
     from method.preset_files import load_power_model
 

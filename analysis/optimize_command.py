@@ -7,6 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analysis.track_options import (
+    BudgetUnitOption,
+    ContrastModelOption,
+    CurvesOption,
+    DeviceOption,
+    DisplayOption,
+    FieldOfViewOption,
+    FpsOption,
+    JobsOption,
+    LimitCurveOption,
+    MinFactorOption,
+    ModulatedOption,
+    OtherDisplayOption,
+    PowerModelOption,
+    QuietOption,
+    RateLimitOption,
+    VideoArgument,
+    check_video,
+)
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
@@ -14,58 +33,31 @@ from method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 if TYPE_CHECKING:
     from data_schema.brightness_track import OptimizationSummary
 
-MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
-WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide
-
 
 def optimize(
-    video: Annotated[
-        str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
-    ],
+    video: VideoArgument,
     budget: Annotated[float, typer.Option(help="Budget, in the unit of --budget-unit.")],
     out: Annotated[Path, typer.Option(help="Folder for track.csv, summary.json, track.png and the rest.")],
-    budget_unit: Annotated[
-        BudgetUnit, typer.Option(help="Mean brightness factor, share of full power, or watt.")
-    ] = BudgetUnit.FACTOR,
-    display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
-    power_model: Annotated[str, typer.Option(help="Power model: a preset or a toml file.")] = "surace2025",
-    rate_limit: Annotated[
-        str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")
-    ] = "surace2025",
-    contrast_model: Annotated[
-        str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
-    ] = "default",
+    budget_unit: BudgetUnitOption = BudgetUnit.FACTOR,
+    display: DisplayOption = "varjo-xr3",
+    power_model: PowerModelOption = "surace2025",
+    rate_limit: RateLimitOption = "surace2025",
+    contrast_model: ContrastModelOption = "default",
     solver: Annotated[
         SolverName, typer.Option(help="The fast one, the paper's, or a general one (short clips).")
     ] = SolverName.SPLITTING,
-    limit_curve: Annotated[
-        LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
-    ] = LimitCurve.FITTED,
-    modulated: Annotated[
-        ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")
-    ] = ModulatedLuminance.FRAME_MEAN,
-    min_factor: Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")] = 0.2,
-    field_of_view: Annotated[
-        float | None,
-        typer.Option(help="Degrees that the video's width spans; else it is shown pixel for pixel."),
-    ] = None,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames per second of a folder of images or a sequence.")
-    ] = None,
-    curves: Annotated[
-        Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
-    ] = None,
+    limit_curve: LimitCurveOption = LimitCurve.FITTED,
+    modulated: ModulatedOption = ModulatedLuminance.FRAME_MEAN,
+    min_factor: MinFactorOption = 0.2,
+    field_of_view: FieldOfViewOption = None,
+    fps: FpsOption = None,
+    curves: CurvesOption = None,
     tolerance: Annotated[
         float,
         typer.Option(help="Error of contrast loss to accept for counting fine detail only where it changes."),
     ] = 0.001,
-    jobs: Annotated[
-        int, typer.Option(help="Frames to analyse at a time, each on a core; 0 for all cores.")
-    ] = 1,
-    device: Annotated[
-        Device,
-        typer.Option(help="What computes loss curves; auto: compute shaders where hardware runs them."),
-    ] = Device.CPU,
+    jobs: JobsOption = 1,
+    device: DeviceOption = Device.CPU,
     weights: Annotated[
         Path | None, typer.Option(help="Sections that count more or less: csv start_s,end_s,weight.")
     ] = None,
@@ -82,15 +74,13 @@ def optimize(
     calm: Annotated[
         float, typer.Option(help="Share of the gain to give up for a calmer track, e.g. 0.02.")
     ] = 0.0,
-    other_display_ok: Annotated[
-        bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
-    ] = False,
+    other_display_ok: OtherDisplayOption = False,
     seed: Annotated[int, typer.Option(help="Seed of the solver's start (slsqp).")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
     from analysis.device_choice import chosen_device
-    from analysis.optimization import Work, run_optimization
+    from analysis.tracks.optimization import Work, run_optimization
     from data_schema.files import results_folder
     from data_schema.section import AllowanceSection, WeightSection
     from data_schema.text_files import read_rows
@@ -105,27 +95,15 @@ def optimize(
     from method.thrift import Thrift
     from stimuli.video_source import open_video
 
-    low, high = MIN_FACTORS
-    if not low <= min_factor <= high:
-        raise InputError(f"--min-factor must lie in {low:g} to {high:g}, got {min_factor:.15g}")
+    check_video(video, min_factor, field_of_view, jobs)
     if not 0 <= calm <= 1:
         raise InputError(f"--calm must lie between 0 and 1, got {calm:g}")
-    if field_of_view is not None and not 0 < field_of_view <= WIDEST_FIELD:
-        raise InputError(
-            f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
-        )
     if not 0 <= tolerance < 1:
         raise InputError(
             f"--tolerance must lie in 0 (count all of every frame) to below 1, got {tolerance:g}"
         )
-    if jobs < 0:
-        raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
     if seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
-    if not video:
-        raise InputError(
-            "the video has an empty name; give a file, a folder of images or a built-in sequence"
-        )
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)

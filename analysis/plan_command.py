@@ -14,8 +14,8 @@ import typer
 from data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.planning import Plan, PlanRequest
-    from analysis.planning_pool import SimulateRamps
+    from analysis.calibration.planning import Plan, PlanRequest
+    from analysis.calibration.planning_pool import SimulateRamps
     from data_schema.ramp import RampDesign
 
 OPTIONS_OF_TASK = {  # beside those that go with every task
@@ -154,7 +154,7 @@ def _ramp_request(
     given: Mapping[str, Any], participants: str, seed: int, load_design: Callable[[str], RampDesign]
 ) -> PlanRequest:
     """Return what is to be planned of a calibration."""
-    from analysis.planning import PlanRequest
+    from analysis.calibration.planning import PlanRequest
     from method.preset_files import load_display
 
     return PlanRequest(
@@ -219,9 +219,9 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
 
 def write_plan(folder: Path, plan: Plan) -> None:
     """Write `plan.csv`, `plan.json` and `plan.png`."""
+    from analysis.calibration.planning import in_words
+    from analysis.calibration.planning_figure import planning_figure
     from analysis.figure_style import write_png
-    from analysis.planning import in_words
-    from analysis.planning_figure import planning_figure
     from data_schema.mapping import mapping_from_record
     from data_schema.plan import RampPlanRow
     from data_schema.provenance import provenance_now, sha256_of_record
@@ -248,7 +248,7 @@ def write_plan(folder: Path, plan: Plan) -> None:
 
 def _planned(request: PlanRequest, simulate: SimulateRamps, quiet: bool) -> Plan:
     """Return the plan, its work shared among processes, under a progress bar."""
-    from analysis.planning import plan_ramps
+    from analysis.calibration.planning import plan_ramps
 
     with _processes() as mapped, _bar(quiet) as report:
         return plan_ramps(request, simulate, mapped, report)
@@ -293,7 +293,7 @@ def _single_threaded() -> None:
 
 def _tell(plan: Plan, out: Path) -> None:
     """Print the table and what it comes to."""
-    from analysis.planning import in_words
+    from analysis.calibration.planning import in_words
 
     rows = [[heading for heading, _ in SHOWN]]
     rows += [[cell.format(row) for _, cell in SHOWN] for row in plan.rows]

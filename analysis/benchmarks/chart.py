@@ -8,7 +8,7 @@ from itertools import cycle
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from analysis.benchmarks.measured import Chart
 from analysis.figure_style import (
@@ -87,6 +87,7 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
             textcoords="offset points", ha="center", color=MUTED,
         )  # fmt: skip
     axes.margins(0.08, 0.15)
+    _tick_often_enough(axes)
     _role_legend(axes, known)
     top = below + 1.9 * em + 2.75 + 4.2 * em
     for number, p in enumerate(known, start=1):
@@ -122,6 +123,7 @@ def _over_size(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     first = min(default, key=lambda p: p.size)
     reach = np.array([first.size, max(p.size for p in points)])
     axes.plot(reach, first.time * reach / first.size, color=MUTED, linestyle=":", zorder=0)
+    _tick_often_enough(axes)
     _label_ends(axes, ends)
     return figure
 
@@ -140,6 +142,16 @@ def _label_ticks(axes: Axes, x_words: Callable[[float], str]) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: duration(value)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _tick_often_enough(axes: Axes) -> None:
+    """Put more ticks than powers of ten on an axis that holds fewer than three of them."""
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        span = limits[1] / limits[0]
+        if span < 5:
+            axis.set_major_locator(MaxNLocator(4))
+        elif span < 1000:
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if span < 100 else (1.0, 3.0)))
 
 
 def _role_legend(axes: Axes, points: Sequence[BenchmarkPoint]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special, stats
 
-from analysis.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior, RampCounts
+from analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior, RampCounts
 from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction, log_likelihood
 
 Array = NDArray[np.float64]

@@ -19,8 +19,8 @@ from analysis.benchmarks.fit_peers import (
 from analysis.benchmarks.measured import Approach, Chart, Measured, Pains, claim, growth, point
 from analysis.benchmarks.peak_memory import peak_memory
 from analysis.benchmarks.stopwatch import timed_in_turn
-from analysis.posterior_grid import COARSE_NODES, PsychometricPrior, RampCounts, posterior_grid
-from analysis.psychometric_fit import fit_psychometric
+from analysis.calibration.posterior_grid import COARSE_NODES, PsychometricPrior, RampCounts, posterior_grid
+from analysis.calibration.psychometric_fit import fit_psychometric
 from data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from method.psychometric import PsychometricFunction, yes_probability
 

@@ -99,7 +99,7 @@ def _target_point(lengths: list[BenchmarkPoint]) -> list[BenchmarkPoint]:
         time=202.0,
         time_low=202.0,
         time_high=202.0,
-        note="their program, run before by us on another machine; one core",
+        note="their program, on another machine, one core; the figure is that of this project's design",
     )
     return [replace(ours, task=AUTHORS_TASK, size_of="frames optimized"), cited]
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.adaptation_differences import (
+from analysis.findings import Findings
+from analysis.reproduction.adaptation_differences import (
     AdaptationInput,
     Differences,
     Dimming,
@@ -14,11 +15,10 @@ from analysis.adaptation_differences import (
     differences,
     differences_of,
 )
-from analysis.adaptation_figure import bar_edges, bars
-from analysis.adaptation_findings import adaptation_findings
-from analysis.adaptation_tracks import adaptation_input
-from analysis.findings import Findings
-from analysis.luminance_maps import LuminanceMaps
+from analysis.reproduction.adaptation_figure import bar_edges, bars
+from analysis.reproduction.adaptation_findings import adaptation_findings
+from analysis.reproduction.adaptation_tracks import adaptation_input
+from analysis.reproduction.luminance_maps import LuminanceMaps
 from data_schema.errors import InputError
 from data_schema.statistic import Origin
 from method.adaptation import response_differences

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.luminance_maps import LuminanceMaps, block_means, seen_luminance
+from analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
 from data_schema.display import Display
 from data_schema.frame import Frame
 from method.luminance import emitted_luminance

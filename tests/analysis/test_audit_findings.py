@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from analysis.audit_conventions import CONVENTIONS, conventions_that_allow
-from analysis.audit_distribution_section import CELLS
-from analysis.audit_findings import audit_findings
-from analysis.audit_open_points import CONTRADICTIONS, LEFT_OPEN
-from analysis.audit_ratings import printed_cell
+from analysis.audit.audit_conventions import CONVENTIONS, conventions_that_allow
+from analysis.audit.audit_distribution_section import CELLS
+from analysis.audit.audit_findings import audit_findings
+from analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN
+from analysis.audit.audit_ratings import printed_cell
 from analysis.figure_style import PAGE
 from analysis.findings import Findings, write_findings
 from analysis.published import SEQUENCES, published

@@ -118,6 +118,22 @@ def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_d
     np.testing.assert_allclose(drawn, [(2e-6, 0.9), (2e-5, 0.05), (4e-3, 0.01)])  # none: a tenth of the least
 
 
+@pytest.mark.parametrize("spread", [1.2, 3.0, 20.0, 400.0, 1e6])
+def test_an_axis_of_time_has_two_labels_at_least_however_near_the_times_lie(spread: float) -> None:
+    rows = [a_point("fast", Role.DEFAULT, 0.033, 1e-3), a_point("slow", Role.VARIANT, 0.033 * spread, 2e-3)]
+    with look(PAGE):
+        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
+        figure.canvas.draw()
+    axes = figure.axes[0]
+    low, high = axes.get_ylim()
+    labels = {
+        tick.label1.get_text()
+        for tick in axes.yaxis.get_major_ticks()
+        if low <= tick.get_loc() <= high and tick.label1.get_text()
+    }
+    assert len(labels) >= 2
+
+
 def test_a_figure_over_size_has_a_line_for_each_approach() -> None:
     rows = [
         a_point(n, r, k * 1e-3, None, k)

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.calibration import calibrate, summary_of, trials_of_one_task
-from analysis.level_estimates import difference_in_words, estimate_levels
+from analysis.calibration.calibration import calibrate, summary_of, trials_of_one_task
+from analysis.calibration.level_estimates import difference_in_words, estimate_levels
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.thresholds import fit_thresholds_of
 from analysis.loading import RampData
-from analysis.rate_limit_curve import RateLimitOptions
 from analysis.session_loading import Session
-from analysis.thresholds import fit_thresholds_of
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.provenance import Provenance

@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from analysis.calibration.psychometric_figure import psychometric_figure
+from analysis.calibration.psychometric_panels import by_level, pooled_answers
+from analysis.calibration.rate_limit_figure import level_means, rate_limit_figure
+from analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
 from analysis.figure_style import (
     COLUMN,
     LIMIT,
@@ -18,10 +22,6 @@ from analysis.figure_style import (
     Medium,
     png_bytes,
 )
-from analysis.psychometric_figure import psychometric_figure
-from analysis.psychometric_panels import by_level, pooled_answers
-from analysis.rate_limit_figure import level_means, rate_limit_figure
-from analysis.thresholds import ThresholdFit, fit_thresholds_of
 from data_schema.ramp import Procedure, RampTrial, Response
 from data_schema.threshold import Threshold, ThresholdFlag
 from method.preset_files import load_rate_limit

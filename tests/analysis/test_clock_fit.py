@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
-from analysis.arrival_clock import fit_arrivals
-from analysis.clock_fit import changes_of, fit_clock
-from analysis.clock_line import ClockLine, line_of
-from analysis.clock_windows import ClockWindows
-from analysis.ping_clock import fit_pings
-from analysis.sample_gaps import Samples
+from analysis.measurement.arrival_clock import fit_arrivals
+from analysis.measurement.clock_fit import changes_of, fit_clock
+from analysis.measurement.clock_line import ClockLine, line_of
+from analysis.measurement.clock_windows import ClockWindows
+from analysis.measurement.ping_clock import fit_pings
+from analysis.measurement.sample_gaps import Samples
 from data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
 
 Array = NDArray[np.float64]

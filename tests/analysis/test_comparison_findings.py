@@ -13,22 +13,22 @@ from scipy import stats
 from statsmodels.stats.contingency_tables import cochrans_q
 from statsmodels.stats.multitest import multipletests
 
-from analysis.binomial_power import difference_power, smallest_margin_ever
-from analysis.comparison_chance import consistency_of, sequence_differences
-from analysis.comparison_counts import Choices, count_choices
-from analysis.comparison_figure import power_figure, shares_figure
-from analysis.comparison_findings import comparison_findings
-from analysis.comparison_limits import answer_limits
-from analysis.comparison_model import choice_model
-from analysis.comparison_results import Comparison, compare
-from analysis.comparison_sections import pooled_section, shares_section
-from analysis.comparison_shares import estimate_share, standard_error
-from analysis.comparison_statistics import statistics_of
-from analysis.comparison_words import lead_of
+from analysis.comparison.comparison_chance import consistency_of, sequence_differences
+from analysis.comparison.comparison_counts import Choices, count_choices
+from analysis.comparison.comparison_figure import power_figure, shares_figure
+from analysis.comparison.comparison_findings import comparison_findings
+from analysis.comparison.comparison_limits import answer_limits
+from analysis.comparison.comparison_model import choice_model
+from analysis.comparison.comparison_results import Comparison, compare
+from analysis.comparison.comparison_sections import pooled_section, shares_section
+from analysis.comparison.comparison_shares import estimate_share, standard_error
+from analysis.comparison.comparison_statistics import statistics_of
+from analysis.comparison.comparison_words import lead_of
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from analysis.findings import Findings
+from analysis.inference.binomial_power import difference_power, smallest_margin_ever
+from analysis.plans.viewing_plan_comparison import ComparisonTruth
 from analysis.report import Picture
-from analysis.viewing_plan_comparison import ComparisonTruth
 from data_schema.errors import InputError
 
 

@@ -7,12 +7,12 @@ import pytest
 from comparison_answers import answers_of, data_of, row, rows_of
 from scipy import stats
 
-from analysis.comparison_findings import answers_per_sequence, comparison_findings
-from analysis.comparison_limits import answer_limits, limit_rows
-from analysis.comparison_results import compare
-from analysis.comparison_sections import pooled_section
-from analysis.comparison_statistics import statistics_of
-from analysis.comparison_words import lead_of
+from analysis.comparison.comparison_findings import answers_per_sequence, comparison_findings
+from analysis.comparison.comparison_limits import answer_limits, limit_rows
+from analysis.comparison.comparison_results import compare
+from analysis.comparison.comparison_sections import pooled_section
+from analysis.comparison.comparison_statistics import statistics_of
+from analysis.comparison.comparison_words import lead_of
 from analysis.session_loading import TaskData
 from data_schema.errors import InputError
 

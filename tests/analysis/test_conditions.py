@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.conditions import Condition
-from analysis.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from analysis.rate_limit_fit import fit_thresholds
+from analysis.calibration.conditions import Condition
+from analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from analysis.calibration.rate_limit_fit import fit_thresholds
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.ramp import Direction, Procedure

@@ -10,7 +10,6 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from analysis.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure, map_picture
 from analysis.figure_style import (
     COLUMN,
     LOST,
@@ -18,6 +17,7 @@ from analysis.figure_style import (
     SLIDE,
     Medium,
 )
+from analysis.tracks.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure, map_picture
 from method.contrast_loss import contrast_loss
 from method.luminance import emitted_luminance
 from method.preset_files import load_display

@@ -10,9 +10,16 @@ from ordinal_levels import OrdinalTruth, covered, simulated_answers
 from scipy import optimize, stats
 from statsmodels.miscmodels.ordinal_model import OrderedModel
 
-from analysis.adaptive_quadrature import marginal_likelihood
-from analysis.cumulative_link import FitFlag, FixedEffect, Link, OrdinalData, OrdinalFit, fit_ordinal
-from analysis.cumulative_link_model import ordinal_model
+from analysis.inference.adaptive_quadrature import marginal_likelihood
+from analysis.inference.cumulative_link import (
+    FitFlag,
+    FixedEffect,
+    Link,
+    OrdinalData,
+    OrdinalFit,
+    fit_ordinal,
+)
+from analysis.inference.cumulative_link_model import ordinal_model
 
 # Bitterness of wine, Randall (1989, Biometrical J. 31, 781), as printed in Table 1 of Christensen's tutorial
 # on the R package ordinal: rows are bottles (cold and warm, each without and with contact, two of each),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings
 
-from analysis.display_fit import GammaFit, fit_gamma, tolerated
-from analysis.gamma_curve import Curve, PixelLevel
-from analysis.luminance_levels import middle_of, pixel_levels
-from analysis.meter_noise import Repeats
+from analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
+from analysis.measurement.gamma_curve import Curve, PixelLevel
+from analysis.measurement.luminance_levels import middle_of, pixel_levels
+from analysis.measurement.meter_noise import Repeats
 from data_schema.errors import InputError
 from data_schema.sweep import LuminanceSweepDesign
 from hardware.simulated_panel import PanelPhysics

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.drift import TimedAnswers, drift_of
-from analysis.posterior_grid import RampCounts
-from analysis.psychometric_fit import fit_psychometric
+from analysis.calibration.posterior_grid import RampCounts
+from analysis.calibration.psychometric_fit import fit_psychometric
+from analysis.measurement.drift import TimedAnswers, drift_of
 from method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.calibration.published_rate_limit import published_fit
 from analysis.fit_commands import fit
-from analysis.published_rate_limit import published_fit
 from data_schema.errors import InputError
 from data_schema.ramp import RampDesign
 from data_schema.rate_limit import RateLimitForm

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from analysis.calibration import Calibration, calibrate, write_calibration
-from analysis.calibration_figures import write_figures
-from analysis.calibration_sections import calibration_section, rate_limit_section
+from analysis.calibration.calibration import Calibration, calibrate, write_calibration
+from analysis.calibration.calibration_figures import write_figures
+from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from analysis.calibration.fit_report import FitResults, write_fit_report
+from analysis.calibration.limit_choices import limit_choices
+from analysis.calibration.limit_choices_section import choices_section
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.threshold_sections import population_section, thresholds_section
 from analysis.figure_style import PAGE, new_figure, png_bytes
-from analysis.fit_report import FitResults, write_fit_report
-from analysis.limit_choices import limit_choices
-from analysis.limit_choices_section import choices_section
 from analysis.loading import load_ramp_data
-from analysis.rate_limit_curve import RateLimitOptions
 from analysis.report import SIMULATED_NOTE
-from analysis.threshold_sections import population_section, thresholds_section
 from data_schema.provenance import Provenance
 from data_schema.ramp import Direction, Procedure, RampDesign
 from data_schema.rate_limit import RateLimit, RateLimitForm

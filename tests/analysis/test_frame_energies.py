@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.clock_line import ClockLine
-from analysis.frame_energy import FrameSpans, frame_energies, frame_spans
-from analysis.power_recording import Flips
-from analysis.sample_gaps import Samples
+from analysis.measurement.clock_line import ClockLine
+from analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
+from analysis.measurement.power_recording import Flips
+from analysis.measurement.sample_gaps import Samples
 from data_schema.frame_energy import FrameEnergy, FrameFlag
 
 SAME = ClockLine(0.0, 0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.frame_samples import FrameSamples
+from analysis.tracks.frame_samples import FrameSamples
 from data_schema.frame import Frame
 
 

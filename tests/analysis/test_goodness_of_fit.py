@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from analysis.goodness_of_fit import GoodnessOfFit, bin_starts, goodness_of_fit, joint_p_value
-from analysis.most_probable import Answers, most_probable
-from analysis.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
+from analysis.calibration.goodness_of_fit import GoodnessOfFit, bin_starts, goodness_of_fit, joint_p_value
+from analysis.calibration.most_probable import Answers, most_probable
+from analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
 from method.psychometric import PsychometricFunction, log_likelihood, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])

@@ -13,15 +13,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.calibration import Calibration
-from analysis.choice_on_clip import compare_on_clip, in_words, open_clip
+from analysis.calibration.calibration import Calibration
+from analysis.calibration.choice_on_clip import compare_on_clip, in_words, open_clip
+from analysis.calibration.limit_choices import (
+    FITTED,
+    LOG_LOG_QUADRATIC,
+    POWER_LAW,
+    SAFE,
+    LimitChoices,
+    limit_choices,
+)
+from analysis.calibration.limit_choices_figure import limit_choices_figure
+from analysis.calibration.limit_choices_files import (
+    LOG_LOG_LIMIT,
+    SAFE_LIMIT,
+    better_log_log,
+    write_limit_choices,
+)
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.rate_limit_fit import fit_points, fit_thresholds
+from analysis.calibration.safe_limit import safe_limit
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
-from analysis.limit_choices import FITTED, LOG_LOG_QUADRATIC, POWER_LAW, SAFE, LimitChoices, limit_choices
-from analysis.limit_choices_figure import limit_choices_figure
-from analysis.limit_choices_files import LOG_LOG_LIMIT, SAFE_LIMIT, better_log_log, write_limit_choices
-from analysis.rate_limit_curve import RateLimitOptions
-from analysis.rate_limit_fit import fit_points, fit_thresholds
-from analysis.safe_limit import safe_limit
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.meter_noise import Repeats, last_digits, noise_of, scattered_rounding, shared_rounding
+from analysis.measurement.meter_noise import (
+    Repeats,
+    last_digits,
+    noise_of,
+    scattered_rounding,
+    shared_rounding,
+)
 
 LEVELS = 200 * (np.arange(17) / 16) ** 2.2 + 0.2
 

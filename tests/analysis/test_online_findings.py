@@ -8,9 +8,9 @@ import pytest
 from online_spread_coverage import coverage, walk_ratios
 from scipy import stats
 
-from analysis.online_findings import online_findings
-from analysis.online_run import SweepPoint, TargetSweep, online_run, target_sweep
-from analysis.online_spread import spread_ratio
+from analysis.reproduction.online_findings import online_findings
+from analysis.reproduction.online_run import SweepPoint, TargetSweep, online_run, target_sweep
+from analysis.reproduction.online_spread import spread_ratio
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.statistic import Origin

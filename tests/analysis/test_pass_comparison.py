@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.pass_comparison import Estimate, PassComparison
-from analysis.pass_power import equal_power
+from analysis.measurement.pass_comparison import Estimate, PassComparison
+from analysis.measurement.pass_power import equal_power
 from data_schema.played_power import PassPower
 
 T_975 = {1: 12.706, 2: 4.303, 5: 2.571}  # Student's t, of any table

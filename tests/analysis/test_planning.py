@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from scipy import special
 
+from analysis.calibration.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
+from analysis.calibration.planning_draws import Experiments, participants_needed, resampling_spread
+from analysis.calibration.planning_figure import planning_figure
+from analysis.calibration.planning_pool import first_trials, with_trials_per_level
 from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from analysis.plan_command import plan_command, whole_numbers, write_plan
-from analysis.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
-from analysis.planning_draws import Experiments, participants_needed, resampling_spread
-from analysis.planning_figure import planning_figure
-from analysis.planning_pool import first_trials, with_trials_per_level
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.plan import RampPlanRow

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from analysis.pooled_fit import logistic_threshold
-from analysis.posterior_grid import RampCounts
+from analysis.calibration.pooled_fit import logistic_threshold
+from analysis.calibration.posterior_grid import RampCounts
 from method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.geomspace(0.5, 16.0, 11)

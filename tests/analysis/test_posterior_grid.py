@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.posterior_grid import (
+from analysis.calibration.posterior_grid import (
     FINE_NODES,
     Axis,
     PosteriorGrid,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.power_fit import fit_line, points_of, slope_through
+from analysis.measurement.power_fit import fit_line, points_of, slope_through
 from data_schema.errors import InputError
 
 FACTORS = np.repeat(np.arange(1, 11) / 10, 3)

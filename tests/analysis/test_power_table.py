@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play, write_folder
 
-from analysis.power_figure import _binned
-from analysis.power_recording import _columns, load_recording
-from analysis.power_table import MeasuredPower, measure_power, write_power_results
+from analysis.measurement.power_figure import _binned
+from analysis.measurement.power_recording import _columns, load_recording
+from analysis.measurement.power_table import MeasuredPower, measure_power, write_power_results
 from data_schema.errors import InputError
 from data_schema.frame_energy import ClockMethod, FrameEnergy, FrameFlag
 from data_schema.played_power import PlayedPower, VersionPower

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.adaptive_quadrature import Array, Likelihood
-from analysis.likelihood_search import Held, Maximum, Profile, ProfileEnd
+from analysis.inference.adaptive_quadrature import Array, Likelihood
+from analysis.inference.likelihood_search import Held, Maximum, Profile, ProfileEnd
 
 CRITICAL = 4.0
 

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.posterior_grid import PsychometricPrior, RampCounts
-from analysis.psychometric_fit import Estimate, fit_psychometric
+from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from analysis.calibration.psychometric_fit import Estimate, fit_psychometric
 from method.psychometric import WIDTH_LOGITS
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from analysis.level_estimates import pooled_counts
-from analysis.pooled_fit import logistic_threshold
-from analysis.posterior_grid import PsychometricPrior, RampCounts
-from analysis.random_threshold import (
+from analysis.calibration.level_estimates import pooled_counts
+from analysis.calibration.pooled_fit import logistic_threshold
+from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from analysis.calibration.random_threshold import (
     RandomThresholdFit,
     _Model,
     _stacked,

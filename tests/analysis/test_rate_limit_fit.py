@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from analysis.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from analysis.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
+from analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimitForm

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from analysis.calibration import Calibration, calibrate
-from analysis.calibration_figures import write_figures
-from analysis.calibration_sections import calibration_section, rate_limit_section
-from analysis.closed_loop import origins_of
+from analysis.calibration.calibration import Calibration, calibrate
+from analysis.calibration.calibration_figures import write_figures
+from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from analysis.calibration.rate_limit_curve import RateLimitOptions
 from analysis.figure_style import PAGE, new_figure, png_bytes
 from analysis.loading import load_ramp_data
-from analysis.rate_limit_curve import RateLimitOptions
 from analysis.report import SIMULATED_NOTE, Picture, Report, Section, Table, report_html, write_report
 from analysis.report_sections import (
     contrast_map_section,
@@ -25,6 +24,7 @@ from analysis.report_sections import (
     provenance_section,
     track_section,
 )
+from analysis.tracks.closed_loop import origins_of
 from data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from data_schema.provenance import Provenance
 from data_schema.ramp import RampDesign

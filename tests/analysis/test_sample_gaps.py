@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.sample_gaps import Samples, count_samples, energy_knots, samples_once
+from analysis.measurement.sample_gaps import Samples, count_samples, energy_knots, samples_once
 from data_schema.errors import InputError
 
 

@@ -13,14 +13,14 @@ import pytest
 from made_searches import SearchTruth, made_table, task_data, trials_of
 
 from analysis.findings import Findings, write_findings
-from analysis.fixed_effects import FitFlag, FixedEffect
-from analysis.search_averages_section import averages_section
-from analysis.search_findings import search_findings
-from analysis.search_results import SearchResults, search_results
-from analysis.search_sections import brightness_section, pairs_section, times_section
-from analysis.search_statistics import statistics_of
-from analysis.search_trials import search_table
-from analysis.search_words import lead_of, slope_words
+from analysis.inference.fixed_effects import FitFlag, FixedEffect
+from analysis.search.search_averages_section import averages_section
+from analysis.search.search_findings import search_findings
+from analysis.search.search_results import SearchResults, search_results
+from analysis.search.search_sections import brightness_section, pairs_section, times_section
+from analysis.search.search_statistics import statistics_of
+from analysis.search.search_trials import search_table
+from analysis.search.search_words import lead_of, slope_words
 from data_schema.errors import InputError
 from data_schema.search import SearchTrial
 from data_schema.statistic import Origin, PlottedPoint, Statistic

@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy import special
 
-from analysis.signal_detection import (
+from analysis.calibration.signal_detection import (
     TWO_INTERVAL_D_PRIME,
     criterion_of,
     interval_bias_of,

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.small_samples import Reference, Sample, between_directions, reference_of, weight_of_people
+from analysis.inference.small_samples import (
+    Reference,
+    Sample,
+    between_directions,
+    reference_of,
+    weight_of_people,
+)
 
 
 def test_the_likelihood_ratio_of_a_normal_mean_has_the_p_value_of_the_t_test() -> None:

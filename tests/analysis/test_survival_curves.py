@@ -7,7 +7,13 @@ import pytest
 from scipy import stats
 from statsmodels.duration.survfunc import SurvfuncRight
 
-from analysis.survival_curves import NO_UPPER_END, NOT_REACHED, TOO_FEW, kaplan_meier, restricted_mean
+from analysis.inference.survival_curves import (
+    NO_UPPER_END,
+    NOT_REACHED,
+    TOO_FEW,
+    kaplan_meier,
+    restricted_mean,
+)
 
 
 def drawn(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:

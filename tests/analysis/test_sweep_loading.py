@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, luminance_readings, power_readings, write_sweep
 
-from analysis.sweep_loading import load_luminance_sweep, load_power_sweep, newest_sweeps
+from analysis.measurement.sweep_loading import load_luminance_sweep, load_power_sweep, newest_sweeps
 from data_schema.dataset_layout import READINGS
 from data_schema.errors import InputError
 from data_schema.session import SessionStatus

@@ -12,7 +12,7 @@ import pytest
 from made_sweeps import STARTED, WARM, Meter, luminance_readings, power_readings, write_sweep
 
 from analysis.fit_commands import fit
-from analysis.sweep_results import fit_sweep
+from analysis.measurement.sweep_results import fit_sweep
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.power_model import PowerModel

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.posterior_grid import RampCounts
-from analysis.ramp_counts import catch_counts, ramp_counts
-from analysis.signal_detection import criterion_of, false_alarm_warnings
-from analysis.thresholds import fit_thresholds_of, flag_of
+from analysis.calibration.posterior_grid import RampCounts
+from analysis.calibration.ramp_counts import catch_counts, ramp_counts
+from analysis.calibration.signal_detection import criterion_of, false_alarm_warnings
+from analysis.calibration.thresholds import fit_thresholds_of, flag_of
 from data_schema.ramp import RampTrial, Response
 from data_schema.threshold import ThresholdFlag
 

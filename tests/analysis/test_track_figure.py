@@ -26,9 +26,9 @@ from analysis.figure_style import (
     png_bytes,
     write_png,
 )
-from analysis.thumbnails import dimmed_picture
-from analysis.track_figure import drawn_rates, track_figure
-from analysis.track_story import TrackStory, outcome_in_words
+from analysis.tracks.thumbnails import dimmed_picture
+from analysis.tracks.track_figure import drawn_rates, track_figure
+from analysis.tracks.track_story import TrackStory, outcome_in_words
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from data_schema.provenance import Provenance
 

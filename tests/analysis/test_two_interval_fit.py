@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.pooled_fit import logistic_threshold
-from analysis.posterior_grid import PsychometricPrior, RampCounts, posterior_grid
-from analysis.psychometric_fit import fit_psychometric, posterior_band
-from analysis.ramp_counts import catch_counts, ramp_counts
-from analysis.signal_detection import TWO_INTERVAL_D_PRIME
-from analysis.thresholds import fit_thresholds_of, flag_of
+from analysis.calibration.pooled_fit import logistic_threshold
+from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts, posterior_grid
+from analysis.calibration.psychometric_fit import fit_psychometric, posterior_band
+from analysis.calibration.ramp_counts import catch_counts, ramp_counts
+from analysis.calibration.signal_detection import TWO_INTERVAL_D_PRIME
+from analysis.calibration.thresholds import fit_thresholds_of, flag_of
 from data_schema.ramp import Direction, Procedure, RampTrial, Response
 from data_schema.threshold import ThresholdFlag
 from method.psychometric import PsychometricFunction, yes_probability

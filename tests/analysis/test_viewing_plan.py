@@ -10,18 +10,22 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from analysis.comparison_counts import Choices
-from analysis.comparison_shares import estimate_share
+from analysis.comparison.comparison_counts import Choices
+from analysis.comparison.comparison_shares import estimate_share
 from analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
-from analysis.fixed_effects import FixedEffect
-from analysis.search_models import slowing
-from analysis.viewing_plan import ViewingPlan, ViewingRequest, in_words, needed_in_words, plan_viewing
+from analysis.inference.fixed_effects import FixedEffect
+from analysis.plans.viewing_plan import ViewingPlan, ViewingRequest, in_words, needed_in_words, plan_viewing
+from analysis.plans.viewing_plan_comparison import (
+    ComparisonTruth,
+    clustered_equivalence,
+    person_in_the_middle,
+)
+from analysis.plans.viewing_plan_figure import viewing_plan_figure
+from analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from analysis.plans.viewing_plan_rating import RatingTruth, published_difference, published_spread
+from analysis.plans.viewing_plan_search import SearchTruth, version_effect
+from analysis.search.search_models import slowing
 from analysis.viewing_plan_command import write_viewing_plan
-from analysis.viewing_plan_comparison import ComparisonTruth, clustered_equivalence, person_in_the_middle
-from analysis.viewing_plan_figure import viewing_plan_figure
-from analysis.viewing_plan_needs import Needed, exactly_needed, needed_by_line
-from analysis.viewing_plan_rating import RatingTruth, published_difference, published_spread
-from analysis.viewing_plan_search import SearchTruth, version_effect
 from data_schema.plan import ViewingPlanRow
 from data_schema.text_files import read_rows
 

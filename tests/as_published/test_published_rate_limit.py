@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.polynomial import legendre
 
-from analysis.published_rate_limit import (
+from analysis.calibration.published_rate_limit import (
     PUBLISHED_COEFFICIENTS,
     PUBLISHED_LUMINANCE,
     published_fit,
     published_rate_limit,
     published_rates,
 )
-from analysis.rate_limit_curve import RateLimitOptions
-from analysis.rate_limit_fit import fit_points
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.rate_limit_fit import fit_points
 from data_schema.mapping import mapping_from_record
 from data_schema.rate_limit import RateLimit
 from data_schema.text_files import read_json_record

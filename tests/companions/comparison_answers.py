@@ -8,8 +8,8 @@ from pathlib import Path
 
 from comparison_levels import PEOPLE
 
-from analysis.comparison_results import compare
-from analysis.comparison_statistics import statistics_of
+from analysis.comparison.comparison_results import compare
+from analysis.comparison.comparison_statistics import statistics_of
 from analysis.session_loading import Session, TaskData
 from data_schema.display import Display
 from data_schema.provenance import Provenance

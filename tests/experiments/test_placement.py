@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.posterior_grid import PsychometricPrior
+from analysis.calibration.posterior_grid import PsychometricPrior
 from data_schema.ramp import Placement
 from experiments.placement import JITTER_STEPS, AdaptivePlacement, expected_entropy
 from experiments.placement_grid import (

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from analysis.posterior_grid import RampCounts
-from analysis.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
-from analysis.rate_limit_fit import fit_points
+from analysis.calibration.posterior_grid import RampCounts
+from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
+from analysis.calibration.rate_limit_fit import fit_points
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimit, RateLimitForm

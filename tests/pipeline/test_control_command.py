@@ -29,7 +29,7 @@ FIGURES = {"track.png", "contrast_map.png"}
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the figures of the track, in tests that are about what else there is."""
-    monkeypatch.setattr("analysis.control_results._draw", lambda *_: None)
+    monkeypatch.setattr("analysis.tracks.control_results._draw", lambda *_: None)
 
 
 def room(seed: int, light: float) -> np.ndarray:

@@ -121,7 +121,7 @@ def test_a_second_demo_that_fails_leaves_the_first_as_it_was(command, folder, tm
     def fill_the_place_of_the_report(dataset, source, budget, results, quiet) -> None:
         (results / "report.html").write_text("a file where a folder is")
 
-    monkeypatch.setattr("analysis.closed_loop.close_loop", fill_the_place_of_the_report)
+    monkeypatch.setattr("analysis.tracks.closed_loop.close_loop", fill_the_place_of_the_report)
     (again / "report.html").unlink()
     (again / "report.html").mkdir()
     (again / "report.html" / "mine.txt").write_text("mine")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import evenlight
-from analysis import reproduction
+from analysis.reproduction import reproduction
 from data_schema.analysis_summary import AnalysisSummary
 from data_schema.frame import Frame
 from data_schema.provenance import Provenance, sha256_of_bytes

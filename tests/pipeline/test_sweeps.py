@@ -7,7 +7,7 @@ import os
 import pytest
 from warm_evenlight import Run
 
-from analysis.sweep_results import fit_sweep
+from analysis.measurement.sweep_results import fit_sweep
 from data_schema.display import Display
 from data_schema.power_model import PowerModel
 from data_schema.rig import Rig

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.binomial_power import difference_power, equivalence_power, interval_coverage
-from analysis.comparison_counts import Choices
-from analysis.comparison_model import choice_model
-from analysis.comparison_shares import estimate_share
-from analysis.viewing_plan_comparison import ComparisonTruth, person_in_the_middle
+from analysis.comparison.comparison_counts import Choices
+from analysis.comparison.comparison_model import choice_model
+from analysis.comparison.comparison_shares import estimate_share
+from analysis.inference.binomial_power import difference_power, equivalence_power, interval_coverage
+from analysis.plans.viewing_plan_comparison import ComparisonTruth, person_in_the_middle
 from data_schema.ramp import Response
 from data_schema.viewing import ComparisonTrial
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.search_trials import Location, SearchTable
+from analysis.search.search_trials import Location, SearchTable
 from analysis.session_loading import Session, TaskData
 from data_schema.provenance import Provenance
 from data_schema.search import SearchDesign, SearchTrial

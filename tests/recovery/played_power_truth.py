@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.power_recording import Flips, Recording
-from analysis.sample_gaps import Samples, samples_once
+from analysis.measurement.power_recording import Flips, Recording
+from analysis.measurement.sample_gaps import Samples, samples_once
 from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from data_schema.text_files import write_json_record, write_rows
 from hardware.simulated_panel import PanelPhysics

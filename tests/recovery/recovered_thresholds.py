@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.ramp_counts import catch_counts, ramp_counts
+from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from analysis.calibration.ramp_counts import catch_counts, ramp_counts
 from data_schema.ramp import Placement, Procedure, RampDesign
 from data_schema.session_length import trial_seconds
 from experiments.design import ramp_levels

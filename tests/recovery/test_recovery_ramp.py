@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.mixed_model import GroupedEstimates, fit_mixed_model
-from analysis.posterior_grid import RampCounts
-from analysis.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.rate_limit_curve import RateLimitOptions, basis_for
+from analysis.calibration.posterior_grid import RampCounts
+from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from analysis.calibration.rate_limit_curve import RateLimitOptions, basis_for
+from analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
 from data_schema.ramp import RampDesign
 from experiments.simulated_observers import draw_observer
 from method.preset_files import load_rate_limit

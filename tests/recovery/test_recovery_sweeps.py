@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings, power_readings
 
-from analysis.display_fit import GammaFit, fit_gamma
-from analysis.luminance_levels import middle_of, pixel_levels
-from analysis.power_fit import LineFit, fit_line, points_of
+from analysis.measurement.display_fit import GammaFit, fit_gamma
+from analysis.measurement.luminance_levels import middle_of, pixel_levels
+from analysis.measurement.power_fit import LineFit, fit_line, points_of
 from data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
 from hardware.simulated_panel import PanelPhysics
 

@@ -1,0 +1,147 @@
+"""The figure of the audit on 53 % and 47 %: what such counts say, and what so many answers can find."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from analysis.audit.audit_choices import chosen_counts
+from analysis.figure_style import (
+    FAINT,
+    INK,
+    MUTED,
+    OURS,
+    PAGE,
+    PARTICIPANT,
+    Medium,
+    axes_at,
+    heading_lines,
+    look,
+    new_figure,
+    png_bytes,
+    text_at,
+    text_size,
+)
+from analysis.findings import Drawing
+from analysis.inference.binomial_power import difference_power, smallest_share_found
+from analysis.inference.binomial_tests import HALF, clopper_pearson, smallest_margin
+from analysis.wording import in_words
+from data_schema.statistic import Origin, PlottedPoint
+
+CURVE = np.linspace(0.5, 1.0, 101)
+THRESHOLD = 0.75  # share of right choices at which a change is usually called visible
+POWER = 0.8
+SUBTITLE = (
+    "Asked which version showed a change in brightness. Margin: within which the answers show one half. "
+    "Dashed: a share of 0.75. All: as if independent."
+)
+Share = tuple[str, int, int]  # name, chosen, answers
+
+
+def choice_drawing(medium: Medium = PAGE) -> Drawing:
+    """Draw the shares of choices with their intervals, and the power of so many answers."""
+    counts = chosen_counts()
+    shares: list[Share] = [(in_words(c.sequence), c.chosen, c.answers) for c in counts]
+    total = sum(c.answers for c in counts)
+    shares.append(("All", sum(c.chosen for c in counts), total))
+    numbers = (counts[0].answers, total)
+    few, many = (choose(c.chosen for c in counts) for choose in (min, max))
+    title = f"Choices of ours: what {few} or {many} of {counts[0].answers} can show"
+    with look(medium):
+        em = medium.em
+        left, gap = 11.0 * em, 5.5 * em
+        width = (medium.width - left - gap - 1.5 * em) / 2
+        lines, above = heading_lines(title, SUBTITLE,
+                                     medium.width - 2 * em, em)  # fmt: skip
+        top, height = above + 3.4 * em, 16 * em
+        figure = new_figure(medium, top + height + 4 * em)
+        for words, place, style in lines:
+            text_at(figure, em, place, words, **style)
+        intervals = axes_at(figure, left, top, width, height)
+        power = axes_at(figure, left + width + gap, top, width, height)
+        _draw_shares(intervals, shares)
+        _draw_power(power, numbers)
+        for axes, words in (
+            (intervals, "Shares that are not excluded"),
+            (power, "Chance of finding a share"),
+        ):
+            axes.set_title(words, loc="left", pad=1.4 * text_size(), color=INK)
+        png = png_bytes(figure)
+    caption = (
+        "Left: share of choices of ours with its exact 95 % interval (thin) and 90 % interval (thick), "
+        "whose farther end is the smallest margin that an equivalence test shows; n as counted. Right: how "
+        "often the exact two-sided test at 5 % finds a true share; the dashed line is a share of 0.75."
+    )
+    return Drawing("audit_choices", png, caption, tuple(_points(shares, numbers)))
+
+
+def _draw_shares(axes: Axes, shares: list[Share]) -> None:
+    """Draw shares with both of their intervals."""
+    size = text_size()
+    for place, (_, chosen, answers) in enumerate(shares):
+        for level, width in ((0.95, 0.14), (0.90, 0.4)):
+            axes.plot(clopper_pearson(chosen, answers, level), [place, place], color=OURS, lw=width * size,
+                      solid_capstyle="butt")  # fmt: skip
+        axes.plot([chosen / answers], [place], "o", color="white", mec=OURS, ms=0.75 * size, mew=0.18 * size)
+        axes.text(0.97, place, f"±{smallest_margin(chosen, answers):.2f}", ha="right", va="center", color=INK)
+    axes.text(0.97, -0.62, "margin", ha="right", va="center", color=MUTED)
+    axes.axvline(HALF, color=INK, lw=0.1 * size, zorder=0.5)
+    axes.axvline(THRESHOLD, color=INK, lw=0.13 * size, ls="--", zorder=0.5)
+    axes.set_xlim(0.2, 0.98)
+    axes.set_xticks(np.arange(0.2, 0.81, 0.1))
+    axes.set_ylim(len(shares) - 0.5, -0.9)
+    axes.set_yticks(range(len(shares)), [f"{name}: {k} of {n}" for name, k, n in shares])
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+    axes.grid(axis="x", color=FAINT, lw=0.07 * size)
+    axes.set_xlabel("share of choices of ours")
+
+
+def _draw_power(axes: Axes, numbers: tuple[int, int]) -> None:
+    """Draw how often so many answers find a share."""
+    size = text_size()
+    for answers, colour in zip(numbers, (OURS, PARTICIPANT), strict=True):
+        axes.plot(CURVE, difference_power(answers, CURVE), color=colour)
+        found = smallest_share_found(answers, POWER)
+        if found is not None:
+            axes.plot([found], [POWER], "o", color=colour, ms=0.6 * size)
+            words, side = (
+                (f"n = {answers} ", "right") if answers == max(numbers) else (f" n = {answers}", "left")
+            )
+            axes.text(
+                found, POWER - 0.02, words, color=colour, ha=side, va="top" if side == "left" else "bottom"
+            )
+    axes.axvline(THRESHOLD, color=INK, lw=0.13 * size, ls="--", zorder=0.5)
+    axes.set_xlim(0.5, 1.0)
+    axes.set_ylim(0, 1.02)
+    axes.set_yticks(np.arange(0, 1.01, 0.2), [f"{100 * p:.0f} %" for p in np.arange(0, 1.01, 0.2)])
+    axes.grid(color=FAINT, lw=0.07 * size)
+    axes.set_xlabel("true share of choices of ours")
+    axes.set_ylabel("power")
+
+
+def _points(shares: list[Share], numbers: tuple[int, int]) -> list[PlottedPoint]:
+    """Return everything that is drawn."""
+    points = []
+    for name, chosen, answers in shares:
+        for level in (0.95, 0.90):
+            low, high = clopper_pearson(chosen, answers, level)
+            points.append(
+                PlottedPoint("shares", f"{100 * level:.0f} % interval", name, None, chosen / answers,
+                             x_quantity="sequence", x_unit="1", y_quantity="share of choices of ours",
+                             y_unit="1", origin=Origin.PUBLISHED, low=low, high=high, n=answers)
+            )  # fmt: skip
+    for answers in numbers:
+        curve = difference_power(answers, CURVE)
+        points += [
+            PlottedPoint("power", f"{answers} answers", "", float(x), float(y), x_quantity="true share",
+                         x_unit="1", y_quantity="power", y_unit="1", origin=Origin.PUBLISHED, n=answers)
+            for x, y in zip(CURVE, curve, strict=True)
+        ]  # fmt: skip
+        found = smallest_share_found(answers, POWER)
+        points.append(
+            PlottedPoint("power", f"80 % power, {answers} answers", "", found, POWER,
+                         x_quantity="true share", x_unit="1", y_quantity="power", y_unit="1",
+                         origin=Origin.PUBLISHED, n=answers)
+        )  # fmt: skip
+    return points

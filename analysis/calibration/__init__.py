@@ -1,0 +1,1 @@
+"""Calibration: psychometric fits, thresholds, the rate limit, and planning for it."""

@@ -1,0 +1,259 @@
+"""The calibration: from the trials of a data set to thresholds and the rate limit, and their files."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from analysis.calibration.fit_summary import summary_of
+from analysis.calibration.goodness_of_fit import FEW_TRIALS, joint_p_value
+from analysis.calibration.level_estimates import LevelEstimates, estimate_levels
+from analysis.calibration.pooled_fit import PooledFit, fit_pooled
+from analysis.calibration.ramp_counts import catch_counts
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
+from analysis.calibration.signal_detection import (
+    Criterion,
+    IntervalBias,
+    criterion_of,
+    false_alarm_warnings,
+    interval_biases,
+)
+from analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
+from analysis.loading import RampData
+from data_schema.errors import InputError
+from data_schema.provenance import Provenance
+from data_schema.ramp import Procedure, RampTrial
+from data_schema.text_files import write_json, write_json_record, write_rows
+from data_schema.threshold import Threshold
+
+CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are told
+NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantSummary:
+    """How consistently a participant answered, over all levels.
+
+    Attributes
+    ----------
+    n_thresholds, n_usable : int
+        Thresholds, and those that went into the rate limit.
+    deviance_p : float or None
+        Of the summed deviance, by Monte Carlo; None with too few rates to judge by.
+    drift_ratio, drift_p : float or None
+        Threshold at the end over that at the beginning, and how probable as clear a drift is by chance.
+    """
+
+    n_thresholds: int
+    n_usable: int
+    deviance_p: float | None
+    drift_ratio: float | None
+    drift_p: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Everything that the trials say: what the files and figures are made from.
+
+    Attributes
+    ----------
+    data : RampData
+        The trials.
+    thresholds : tuple of ThresholdFit
+        One per participant and level.
+    criteria : dict of str to Criterion
+        How readily each participant says "yes"; without those who had no catch trials.
+    rate_limit : RateLimitFit
+        The population's curve.
+    pooled : PooledFit or None
+        The paper's way; None if too few levels allow it.
+    levels : tuple of LevelEstimates
+        The population's threshold at each level, estimated in three ways.
+    interval_biases : dict of str to IntervalBias
+        How each participant leans to one of two intervals; empty in yes/no.
+    procedure : Procedure
+        The task whose answers were fitted.
+    """
+
+    data: RampData
+    thresholds: tuple[ThresholdFit, ...]
+    criteria: dict[str, Criterion]
+    rate_limit: RateLimitFit
+    pooled: PooledFit | None
+    levels: tuple[LevelEstimates, ...] = ()
+    interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
+    procedure: Procedure = Procedure.YES_NO
+
+    @property
+    def participants(self) -> dict[str, ParticipantSummary]:
+        """How consistently each participant answered."""
+        own: dict[str, list[ThresholdFit]] = {}
+        for fit in self.thresholds:
+            own.setdefault(fit.threshold.participant_id, []).append(fit)
+        return {who: _participant(fits) for who, fits in own.items()}
+
+    @property
+    def excluded_participants(self) -> dict[str, str]:
+        """Participants of whom no threshold went into the rate limit, and why."""
+        flags: dict[str, set[str]] = {}
+        usable = set()
+        for fit in self.thresholds:
+            flags.setdefault(fit.threshold.participant_id, set()).add(fit.threshold.flag.value)
+            if fit.threshold.flag not in UNUSABLE:
+                usable.add(fit.threshold.participant_id)
+        return {who: ", ".join(sorted(why)) for who, why in flags.items() if who not in usable}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the results should know."""
+        asked = self.procedure is Procedure.YES_NO
+        catches = (NO_CATCH_TRIALS,) if asked and not self.criteria else ()
+        return (
+            self.data.warnings
+            + catches
+            + false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds))
+            + _single_levels(self.thresholds)
+            + _unsteady(self.participants)
+            + _small_samples(self.thresholds)
+            + self.rate_limit.notes
+        )
+
+
+def calibrate(
+    data: RampData,
+    options: RateLimitOptions | None = None,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> Calibration:
+    """Fit thresholds and the rate limit to the ramp trials of a data set.
+
+    Parameters
+    ----------
+    data : RampData
+        The trials.
+    options : RateLimitOptions, optional
+        Form and degree of the rate limit.
+    report : callable, optional
+        Called with the psychometric fits done and their total.
+
+    Raises
+    ------
+    InputError
+        If the thresholds that can be used lie at too few luminances.
+    """
+    options = options or RateLimitOptions()
+    trials, procedure = trials_of_one_task(data.trials, options.procedure)
+    thresholds = tuple(fit_thresholds_of(trials, report=report))
+    limit = fit_thresholds([fit.threshold for fit in thresholds], data.display, options, "calibration")
+    reference = limit.reference
+    if reference is not None:
+        options = dataclasses.replace(
+            options, direction=reference.direction, ramp_duration=reference.ramp_duration
+        )
+    try:
+        pooled = fit_pooled(trials, data.display, options)
+    except InputError:
+        pooled = None  # the pooled answers of a level can be all alike; the summary says that it is missing
+    return Calibration(
+        data=data,
+        thresholds=thresholds,
+        criteria={who: criterion_of(*counts) for who, counts in catch_counts(trials).items()},
+        rate_limit=limit,
+        pooled=pooled,
+        levels=estimate_levels(thresholds),
+        interval_biases=interval_biases(trials),
+        procedure=procedure,
+    )
+
+
+def trials_of_one_task(
+    trials: Sequence[RampTrial], procedure: Procedure | None
+) -> tuple[tuple[RampTrial, ...], Procedure]:
+    """Return the trials of one task, and which it is.
+
+    Raises
+    ------
+    InputError
+        If there are trials of both and none is named, or none of the one named.
+    """
+    tasks = sorted({trial.procedure.value for trial in trials})
+    if procedure is None:
+        if len(tasks) > 1:
+            raise InputError(
+                f"the data set holds trials of {' and '.join(tasks)}, whose thresholds do not compare; "
+                f"give --procedure {tasks[0]} or --procedure {tasks[1]}"
+            )
+        return tuple(trials), Procedure(tasks[0])
+    if procedure.value not in tasks:
+        raise InputError(f"the data set holds no trials of {procedure.value}; it holds {' and '.join(tasks)}")
+    return tuple(trial for trial in trials if trial.procedure is procedure), procedure
+
+
+def write_calibration(calibration: Calibration, folder: Path, provenance: Provenance) -> None:
+    """Write `thresholds.csv`, `rate_limit.json` and `fit_summary.json`."""
+    write_rows(folder / "thresholds.csv", Threshold, [fit.threshold for fit in calibration.thresholds])
+    participants = len(calibration.data.participant_ids)
+    kind = "simulated participants" if calibration.data.simulated else "participants"
+    fitted = calibration.rate_limit.limit
+    limit = dataclasses.replace(
+        fitted,
+        simulated=calibration.data.simulated,
+        source=f"ramp calibration with {participants} {kind}: {fitted.task_in_words}",
+        provenance=provenance,
+    )
+    write_json_record(folder / "rate_limit.json", limit)
+    write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
+
+
+def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
+    """Return a warning for each participant with thresholds at one level only, among others with more."""
+    counts: dict[str, int] = {}
+    for fit in thresholds:
+        counts[fit.threshold.participant_id] = counts.get(fit.threshold.participant_id, 0) + 1
+    return tuple(
+        f"participant {who} has a single level, which says nothing about the curve's shape"
+        for who, count in counts.items()
+        if count == 1
+    )
+
+
+def _participant(fits: Sequence[ThresholdFit]) -> ParticipantSummary:
+    """Return how consistently one participant answered."""
+    first = fits[0].threshold
+    return ParticipantSummary(
+        n_thresholds=len(fits),
+        n_usable=sum(fit.threshold.flag not in UNUSABLE for fit in fits),
+        deviance_p=joint_p_value([fit.goodness for fit in fits if fit.goodness]),
+        drift_ratio=first.drift_ratio,
+        drift_p=first.drift_p,
+    )
+
+
+def _unsteady(participants: dict[str, ParticipantSummary]) -> tuple[str, ...]:
+    """Return a warning for each participant whose answers drift or do not follow the functions fitted."""
+    warnings = []
+    for who, person in participants.items():
+        if person.drift_p is not None and person.drift_ratio and person.drift_p < CLEAR_P:
+            warnings.append(
+                f"participant {who}: thresholds at the end of the trials are {person.drift_ratio:.2f} x "
+                f"those at their beginning (p = {person.drift_p:.2g})"
+            )
+        if person.deviance_p is not None and person.deviance_p < CLEAR_P:
+            warnings.append(
+                f"participant {who}: the answers do not look like those of logistic functions (summed "
+                f"deviance, Monte Carlo p = {person.deviance_p:.2g})"
+            )
+    return tuple(warnings)
+
+
+def _small_samples(thresholds: Sequence[ThresholdFit]) -> tuple[str, ...]:
+    """Return a warning if most levels have so few trials that only gross misfits would show."""
+    few = sum(fit.threshold.n_trials < FEW_TRIALS for fit in thresholds)
+    if 2 * few <= len(thresholds):
+        return ()
+    return (
+        f"{few} of {len(thresholds)} thresholds rest on fewer than {FEW_TRIALS} ramps, where the deviance of "
+        "a single level shows gross misfits only; the participants' summed deviance tells more",
+    )

@@ -1,0 +1,136 @@
+"""The report of a calibration: one page that an experimenter can judge it by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.calibration.calibration import Calibration
+from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from analysis.calibration.choice_on_clip import ClipComparison
+from analysis.calibration.conditions import condition_of
+from analysis.calibration.limit_choices import LimitChoices
+from analysis.calibration.limit_choices_figure import limit_choices_figure
+from analysis.calibration.limit_choices_files import FIGURE, LOG_LOG_LIMIT, SAFE_LIMIT, SUMMARY, TABLE
+from analysis.calibration.limit_choices_section import choices_section
+from analysis.calibration.threshold_sections import population_section, thresholds_section
+from analysis.figure_style import short, write_png
+from analysis.report import Report, Section, write_report
+from analysis.report_sections import files_section, provenance_section
+from data_schema.provenance import Provenance
+from data_schema.threshold import Threshold
+from method.rate_limit import rate_limit_at
+
+REPORT = "report.html"
+FILES = {
+    "thresholds.csv": "thresholds of each participant and level, with intervals",
+    "rate_limit.json": "the fitted rate limit, for `evenlight optimize --rate-limit`",
+    SAFE_LIMIT: "the lower edge of its band, for the same use",
+    LOG_LOG_LIMIT: "the better of line and quadratic in log-log, for the same use",
+    "fit_summary.json": "what the fit rests on, for programs",
+    f"{TABLE}, {SUMMARY}": "the curves that could be chosen, compared",
+    f"psychometric.png, rate_limit.png, {FIGURE}": "the figures of this page",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FitResults:
+    """What the report tells about.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        What was fitted.
+    choices : LimitChoices
+        The curves that could serve.
+    comparison : ClipComparison or None
+        What they do to a clip, if one was looked at.
+    origin : Provenance
+        Software and inputs.
+    """
+
+    calibration: Calibration
+    choices: LimitChoices
+    comparison: ClipComparison | None
+    origin: Provenance
+
+
+def write_fit_report(folder: Path, results: FitResults) -> None:
+    """Write `report.html` and `limit_choices.png` beside the figures of the calibration."""
+    figure = limit_choices_figure(results.choices, _own_thresholds(results.calibration), results.comparison)
+    write_png(folder / FIGURE, figure)
+    pictures = {name: (folder / name).read_bytes() for name in ("psychometric.png", "rate_limit.png", FIGURE)}
+    write_report(folder / REPORT, fit_report(results, pictures))
+
+
+def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
+    """Return the report of a calibration.
+
+    Parameters
+    ----------
+    results : FitResults
+        What it tells about.
+    pictures : dict of str to bytes
+        Its figures by the names of their files.
+    """
+    calibration, simulated = results.calibration, results.calibration.data.simulated
+    return Report(
+        "Calibration of the rate limit",
+        _lead(results),
+        (
+            calibration_section(calibration, pictures["psychometric.png"]),
+            population_section(calibration.levels, simulated),
+            rate_limit_section(calibration, pictures["rate_limit.png"], published=False),
+            choices_section(results.choices, results.comparison, pictures[FIGURE]),
+            *_warnings(calibration),
+            thresholds_section(calibration),
+            provenance_section(_origins(results)),
+            files_section(FILES),
+        ),
+    )
+
+
+def _lead(results: FitResults) -> str:
+    """Return what came out, in two sentences."""
+    limit, choices = results.calibration.rate_limit.limit, results.choices
+    low, high = limit.luminance_range
+    ends = [f"{short(float(rate_limit_at(limit, L)))} cd/m²/s at {short(L)} cd/m²" for L in (low, high)]
+    words = f"On {limit.display_name}, the rate limit runs from {ends[0]} to {ends[1]}"
+    if limit.band_luminance:
+        widths = np.log(np.array(limit.band_upper) / np.maximum(limit.band_lower, 1e-300)) / 2
+        words += f", known within {100 * float(np.expm1(np.median(widths))):.0f} % (95 % band)"
+    falls = choices.fitted.falling
+    words += ". It falls with luminance somewhere, which no eye is known to do. " if falls else ". "
+    if results.comparison is not None:
+        gains = [outcome.gain for outcome in results.comparison.outcomes]
+        words += (
+            f"On {results.comparison.video}, contrast loss then differs {100 * gains[0]:.0f} % less between "
+            "frames than under constant dimming; with other curves through the same thresholds, "
+            f"{100 * min(gains[1:], default=gains[0]):.0f} to {100 * max(gains[1:], default=gains[0]):.0f} %."
+        )
+    return words.strip().replace(" %", "\u00a0%")
+
+
+def _own_thresholds(calibration: Calibration) -> list[Threshold]:
+    """Return the thresholds that the curve runs through: of the ramps that the limit is for."""
+    fit = calibration.rate_limit
+    return [t for t in fit.used if fit.reference in (None, condition_of(t))]
+
+
+def _warnings(calibration: Calibration) -> tuple[Section, ...]:
+    """Return a section of what to be warned of that no other section says; none if there is nothing."""
+    told = {*calibration.data.warnings, *calibration.rate_limit.notes}
+    others = tuple(warning for warning in calibration.warnings if warning not in told)
+    if not others:
+        return ()
+    text = ("Not every level or participant is as the models have it.",)
+    notes = tuple(f"{words[0].upper()}{words[1:]}." for words in others)
+    return (Section("To be looked at", text, (), (), notes, calibration.data.simulated),)
+
+
+def _origins(results: FitResults) -> dict[str, Provenance]:
+    """Return where data set and fit come from."""
+    made = results.calibration.data.sessions[0].manifest.provenance
+    return {"first session": made, "fit": results.origin}

@@ -1,0 +1,1 @@
+"""The artifact comparison: shares, exact tests, equivalence."""

@@ -1,0 +1,197 @@
+"""What the artifact comparison shows: each sequence, all of them, and what is wrong with the answers."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.comparison.comparison_chance import (
+    Consistency,
+    SequenceDifferences,
+    consistency_of,
+    sequence_differences,
+)
+from analysis.comparison.comparison_counts import chose_first, count_choices, sequences_in
+from analysis.comparison.comparison_model import choice_model
+from analysis.comparison.comparison_order import Order, order_of
+from analysis.comparison.comparison_shares import ShareEstimate, estimate_share
+from analysis.inference.binomial_tests import ALPHA
+from analysis.inference.cumulative_link import OrdinalFit
+from analysis.inference.holm import holm
+from analysis.session_loading import TaskData
+from analysis.wording import first_few, spaced
+from data_schema.errors import InputError
+from data_schema.viewing import ComparisonTrial
+
+SEVERAL = 4  # answers of somebody before "always the same" is worth saying: by chance once in eight
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceShare:
+    """How often the modulated version of a sequence was chosen.
+
+    Attributes
+    ----------
+    name : str
+        Of the sequence.
+    estimate : ShareEstimate or None
+        None without an answer.
+    p_holm, equivalence_holm : float or None
+        The p of both tests, adjusted for the number of sequences.
+    order : Order
+        How often the modulated version came first.
+    """
+
+    name: str
+    estimate: ShareEstimate | None
+    p_holm: float | None
+    equivalence_holm: float | None
+    order: Order
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All results of the artifact comparison.
+
+    Attributes
+    ----------
+    data : TaskData
+        What was analysed.
+    margin : float
+        Within which a share counts as equivalent to one half.
+    sequences : tuple of SequenceShare
+        In the order of the design.
+    pooled, first : ShareEstimate
+        Of all answers: share of the modulated version, and of the first of the two.
+    differences : SequenceDifferences or None
+        Between sequences; None for a single one.
+    consistency : Consistency or None
+        Of participants; None where nobody answered twice.
+    order : Order
+        How often the modulated version came first, of all trials.
+    model : OrdinalFit
+        Of all answers.
+    warnings : tuple of str
+        What is amiss.
+    """
+
+    data: TaskData[ComparisonTrial]
+    margin: float
+    sequences: tuple[SequenceShare, ...]
+    pooled: ShareEstimate
+    first: ShareEstimate
+    differences: SequenceDifferences | None
+    consistency: Consistency | None
+    order: Order
+    model: OrdinalFit
+    warnings: tuple[str, ...]
+
+    @property
+    def people(self) -> int:
+        """How many participants there are."""
+        return len(self.pooled.choices.participants)
+
+    @property
+    def contradictory(self) -> bool:
+        """Whether sequences differ, from one half or from each other: one share is then none of theirs."""
+        return any(own.p_holm is not None and own.p_holm <= ALPHA for own in self.sequences) or (
+            self.differences is not None and self.differences.p_value <= ALPHA
+        )
+
+
+def compare(data: TaskData[ComparisonTrial], seed: int, margin: float) -> Comparison:
+    """Return what an artifact comparison shows.
+
+    Parameters
+    ----------
+    data : TaskData of ComparisonTrial
+        The answers.
+    seed : int
+        Of the permutations.
+    margin : float
+        Within which a share counts as equivalent to one half.
+
+    Raises
+    ------
+    InputError
+        If there is no answer, or no such margin.
+    """
+    if not 0 < margin < 0.5:
+        raise InputError(f"the margin about a share of 0.5 must lie between 0 and 0.5, got {margin:g}")
+    trials = data.trials
+    if not trials:
+        raise InputError("no comparison counts: expected at least one that is neither practice nor flagged")
+    names = sequences_in(data)
+    answered = [name for name in names if any(trial.sequence == name for trial in trials)]
+    sequences, order = _sequence_shares(trials, names, margin), order_of(trials)
+    return Comparison(
+        data=data,
+        margin=margin,
+        sequences=sequences,
+        pooled=_flagged(estimate_share(count_choices(trials), margin), order),
+        first=_flagged(estimate_share(count_choices(trials, chose_first), margin), order),
+        differences=sequence_differences(trials, answered, np.random.default_rng(seed)),
+        consistency=consistency_of(count_choices(trials)),
+        order=order,
+        model=choice_model(trials),
+        warnings=(*data.warnings, *_warnings(trials, names), *_order_warnings(sequences, order)),
+    )
+
+
+def _sequence_shares(
+    trials: Sequence[ComparisonTrial], names: Sequence[str], margin: float
+) -> tuple[SequenceShare, ...]:
+    """Return the share of each sequence, its tests adjusted for their number."""
+    own = {name: [trial for trial in trials if trial.sequence == name] for name in names}
+    orders = {name: order_of(own[name]) for name in names}
+    found = {
+        name: _flagged(estimate_share(count_choices(own[name]), margin), orders[name]) if own[name] else None
+        for name in names
+    }
+    different = holm([None if e is None else e.p_value for e in found.values()])
+    equal = holm([None if e is None else e.equivalence_p for e in found.values()])
+    return tuple(
+        SequenceShare(name, found[name], different[k], equal[k], orders[name]) for k, name in enumerate(names)
+    )
+
+
+def _flagged(share: ShareEstimate, order: Order) -> ShareEstimate:
+    """Return a share with what the order makes of it."""
+    flags = dict.fromkeys(words for words in (share.flag, order.flag) if words)
+    return dataclasses.replace(share, flag="; ".join(flags))
+
+
+def _order_warnings(sequences: Sequence[SequenceShare], order: Order) -> tuple[str, ...]:
+    """Return where ours came always, or nearly always, in the same interval."""
+    over_all = [f"over all sequences {order.flag}"] if order.flag else []
+    own = [f"comparison of {spaced(s.name)}: {s.order.flag}" for s in sequences if s.order.flag]
+    return (*over_all, *own)
+
+
+def _warnings(trials: Sequence[ComparisonTrial], names: Sequence[str]) -> tuple[str, ...]:
+    """Return what is amiss with the answers: missing ones, and people who always give the same."""
+    people = sorted({trial.participant_id for trial in trials})
+    cells = {(trial.participant_id, trial.sequence) for trial in trials}
+    warnings = []
+    for name in names:
+        missing = [who for who in people if (who, name) not in cells]
+        if missing:
+            warnings.append(
+                f"comparison of {spaced(name)}: no answer of {len(missing)} of {len(people)} participants "
+                f"({first_few(missing)})"
+            )
+    always = []
+    for who in people:
+        first = [chose_first(trial) for trial in trials if trial.participant_id == who]
+        orders = {trial.ours_interval for trial in trials if trial.participant_id == who}
+        if len(first) >= SEVERAL and len(set(first)) == 1 and len(orders) == 2:
+            always.append(who)
+    if always:
+        warnings.append(
+            f"{len(always)} of {len(people)} participants chose the same interval every time, whichever held "
+            f"ours ({first_few(always)}); they are used"
+        )
+    return tuple(warnings)

@@ -1,0 +1,194 @@
+"""The share of answers that chose the modulated version: interval, exact test, equivalence to one half.
+
+Where everybody answered once, the answers are independent and their number is binomial. Where they answered
+more often, participants are the sample: answers of one person go together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from analysis.comparison.comparison_counts import Choices
+from analysis.inference.binomial_tests import (
+    ALPHA,
+    HALF,
+    LEVEL,
+    BinomialInference,
+    Interval,
+    clopper_pearson,
+    infer_share,
+)
+from analysis.inference.exact_paired_tests import sign_flip_test
+
+Array = NDArray[np.float64]
+
+EXACT = "two-sided exact binomial test of 0.5; mid-p interval"
+CLUSTERED = (
+    "n: participants, whose answers go together: exact sign-flip test; interval of the share by their "
+    "scatter, but no less than that of independent answers, Student's t"
+)
+ONE_WAY = "n: participants, each counted as one answer: exact binomial, mid-p interval; exact sign-flip test"
+ONE_PERSON = "one participant: says nothing about other people"
+ALL_ALIKE = "all participants have the same share: their scatter gives no interval"
+ALL_ONE_WAY = "every answer was the same: exact interval with participants as the sample"
+
+
+@dataclass(frozen=True, slots=True)
+class ShareEstimate:
+    """A share of answers, and what it says about people.
+
+    Attributes
+    ----------
+    choices : Choices
+        The answers.
+    interval, narrow : (float, float) or None
+        With 95 % and 90 %; the second decides on equivalence at 5 %. None where there is none.
+    p_value : float
+        Of the two-sided test of one half.
+    margin : float
+        Distance from one half within which a share counts as equivalent to it.
+    equivalence_p : float or None
+        Of the two one-sided tests; None without an interval.
+    method, flag : str
+        How it was reckoned, and what is amiss.
+    exact : BinomialInference or None
+        Of independent answers; None where somebody answered twice.
+    """
+
+    choices: Choices
+    interval: Interval | None
+    narrow: Interval | None
+    p_value: float
+    margin: float
+    equivalence_p: float | None
+    method: str
+    flag: str
+    exact: BinomialInference | None
+
+    @property
+    def smallest_margin(self) -> float | None:
+        """The margin above which the answers show equivalence at 5 %."""
+        return None if self.narrow is None else max(HALF - self.narrow[0], self.narrow[1] - HALF)
+
+    @property
+    def sample(self) -> int:
+        """How large the sample is: participants, as answers of one person are not independent."""
+        return len(self.choices.participants)
+
+    @property
+    def equivalent(self) -> bool:
+        """Whether equivalence is shown at 5 %."""
+        return self.equivalence_p is not None and self.equivalence_p <= ALPHA
+
+
+def estimate_share(choices: Choices, margin: float) -> ShareEstimate:
+    """Return the share of answers, with what it says about people.
+
+    Parameters
+    ----------
+    choices : Choices
+        At least one answer.
+    margin : float
+        Within which a share counts as equivalent to one half.
+    """
+    alone = ONE_PERSON if len(choices.participants) == 1 else ""
+    if choices.one_each:
+        found = infer_share(int(choices.chosen.sum()), choices.total, margin)
+        return ShareEstimate(
+            choices=choices,
+            interval=found.mid_p,
+            narrow=clopper_pearson(found.chosen, found.answers, 1 - 2 * ALPHA),
+            p_value=found.p_value,
+            margin=margin,
+            equivalence_p=found.equivalence_p,
+            method=EXACT,
+            flag=alone,
+            exact=found,
+        )
+    p_value = sign_flip_test(choices.scores).p_value
+    scatter = standard_error(choices)
+    if scatter is None or scatter == 0:
+        return _without_scatter(choices, margin, p_value, alone)
+    error = max(scatter, float(independent_error(choices.share, choices.total)))
+    return ShareEstimate(
+        choices=choices,
+        interval=_t_interval(choices, error, LEVEL),
+        narrow=_t_interval(choices, error, 1 - 2 * ALPHA),
+        p_value=p_value,
+        margin=margin,
+        equivalence_p=float(equivalence_p(choices.share - HALF, error, len(choices.participants), margin)),
+        method=CLUSTERED,
+        flag="",
+        exact=None,
+    )
+
+
+def standard_error(choices: Choices) -> float | None:
+    """Return the standard error of a share by how participants scatter about it; None of a single one.
+
+    That of a ratio of sums (Cochran 1977, section 6.4), with P - 1 in the variance; where all answered
+    equally often it is that of the mean of their shares.
+
+    >>> two = Choices(("01", "02"), np.array([1, 3]), np.array([4, 4]))
+    >>> standard_error(two)  # shares 0.25 and 0.75: SD sqrt(1/8), over sqrt(2)
+    0.25
+    """
+    people = len(choices.participants)
+    if people < 2:
+        return None
+    residuals = choices.chosen - choices.share * choices.answers
+    return math.sqrt(people / (people - 1) * float(np.sum(residuals**2))) / choices.total
+
+
+def independent_error(share: ArrayLike, answers: int) -> Array:
+    """Return the standard error of a share of independent answers.
+
+    Participants scatter less than that where sequences differ, and everybody says the same of each: that
+    tells of these sequences, and not of how well the share is known.
+    """
+    shares = np.asarray(share, dtype=np.float64)
+    return np.asarray(np.sqrt(shares * (1 - shares) / answers))
+
+
+def _t_interval(choices: Choices, error: float, level: float) -> Interval:
+    """Return the interval of Student's t, within [0, 1]."""
+    degrees = len(choices.participants) - 1
+    half = float(special.stdtrit(degrees, (1 + level) / 2)) * error
+    return max(0.0, choices.share - half), min(1.0, choices.share + half)
+
+
+def equivalence_p(distance: ArrayLike, error: ArrayLike, people: int, margin: float) -> Array:
+    """Return the larger p of two one-sided t tests (Schuirmann 1987).
+
+    Parameters
+    ----------
+    distance, error : array_like
+        Of a share from one half, and its standard error.
+    people : int
+        Participants.
+    margin : float
+        Within which a share counts as equivalent to one half.
+    """
+    nearest = margin - np.abs(np.asarray(distance, dtype=np.float64))
+    t = nearest / np.asarray(error, dtype=np.float64)
+    return np.asarray(special.stdtr(people - 1, -t))
+
+
+def _without_scatter(choices: Choices, margin: float, p_value: float, alone: str) -> ShareEstimate:
+    """Return the share of participants who do not differ: no standard error, hence no t.
+
+    If all answers were the same, each participant counts as one answer: answers that go together entirely.
+    """
+    people = len(choices.participants)
+    if choices.share in (0.0, 1.0) and not alone:
+        found = infer_share(round(choices.share) * people, people, margin)
+        narrow = clopper_pearson(found.chosen, people, 1 - 2 * ALPHA)
+        return ShareEstimate(
+            choices, found.mid_p, narrow, p_value, margin, found.equivalence_p, ONE_WAY, ALL_ONE_WAY, None
+        )
+    return ShareEstimate(choices, None, None, p_value, margin, None, CLUSTERED, alone or ALL_ALIKE, None)

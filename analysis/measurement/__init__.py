@@ -1,0 +1,1 @@
+"""Displays and power, measured: sweeps, the energy of frames, clocks."""

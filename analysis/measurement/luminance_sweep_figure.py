@@ -1,0 +1,141 @@
+"""The figure of a luminance sweep: luminance over pixel value, what the gamma curve misses, and drift."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, look, text_size
+from analysis.measurement.display_fit import GammaFit, tolerated
+from analysis.measurement.luminance_sweep import SIMULATED, LuminanceSweepFit
+from analysis.measurement.sweep_panels import (
+    ROW,
+    draw_over_time,
+    draw_points,
+    half_width,
+    legend_in,
+    name_panel,
+    page_of_panels,
+    plain_log_scale,
+    widen,
+)
+from data_schema.sweep import SweepPhase
+
+
+def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> Figure:
+    """Draw a luminance sweep and its fit.
+
+    Parameters
+    ----------
+    result : LuminanceSweepFit
+        What is drawn.
+    medium : Medium
+        Where it is shown.
+    """
+    with look(medium):
+        figure, panels = page_of_panels(
+            medium, _heading(result), rows=2, height=ROW * medium.width / PAGE.width
+        )
+        _draw_curve(panels[0], result)
+        _draw_deviations(panels[1], result)
+        _draw_steadiness(panels[2], result)
+        _draw_brightness(panels[3], result)
+    return figure
+
+
+def _heading(result: LuminanceSweepFit) -> tuple[str, str]:
+    """Return title and subtitle."""
+    record, manifest = result.record, result.sweep.manifest
+    title = f"Luminance of {record.display_name}"
+    data = f"{SIMULATED} readings" if record.simulated else "readings"
+    return title, (
+        f"sweep {record.session_id} · meter {manifest.rig.luminance_meter} · {record.n_readings} {data} of "
+        f"{record.n_levels} pixel values · γ = {record.gamma:.3f}, peak {record.peak_luminance:.4g}, black "
+        f"{record.black_level:.3g} cd/m²"
+    )
+
+
+def _draw_curve(axes: Axes, result: LuminanceSweepFit) -> None:
+    """Draw luminance over pixel value; levels that were too dark for the meter as arrows from its lowest."""
+    fit, reflected = result.curve_fit, result.record.reflected_luminance
+    places = np.linspace(0, 1, 401)
+    lowest = min(float((fit.means + reflected).min()), float(fit.curve.luminance(0.0)) + reflected)
+    if lowest > 0:
+        plain_log_scale(axes)
+    axes.plot(places, fit.curve.luminance(places) + reflected, color=OURS, label="gamma curve", zorder=2)
+    draw_points(axes, fit.pixel_values, fit.means + reflected, _half(fit, fit.errors), "level mean, 95 %")
+    dark = [row.pixel_value for row in result.levels if row.luminance is None]
+    if dark:
+        limit = min(r.luminance for r in result.sweep.readings if r.luminance is not None)
+        axes.plot(dark, np.full(len(dark), limit), "v", color=LIMIT, ms=0.5 * text_size(), zorder=4,
+                  label="too dark for the meter: below")  # fmt: skip
+    axes.set(xlabel="pixel value L′ [1]", ylabel="luminance L [cd/m²]", xlim=(-0.02, 1.02))
+    legend_in(axes, "lower right")
+    name_panel(axes, "A", "Luminance over pixel value")
+
+
+def _draw_deviations(axes: Axes, result: LuminanceSweepFit) -> None:
+    """Draw by how much levels deviate from the curve, over what is tolerated."""
+    fit, reflected = result.curve_fit, result.record.reflected_luminance
+    places = np.linspace(0, 1, 401)
+    fitted = fit.curve.luminance(places) + reflected
+    allowed = 100 * np.minimum(tolerated(fitted) / np.maximum(fitted, 1e-9), 10.0)
+    axes.fill_between(places, -allowed, allowed, color=OURS, alpha=0.12, linewidth=0, zorder=0,
+                      label="tolerated: 2 % and 0.02 cd/m²")  # fmt: skip
+    deviations = 100 * fit.deviations(reflected)
+    half = 100 * _half(fit, fit.errors) / (fit.curve.luminance(fit.pixel_values) + reflected)
+    axes.axhline(0, color=OURS, zorder=1)
+    draw_points(axes, fit.pixel_values, deviations, half, "level mean, 95 %")
+    reach = 1.15 * float(np.max(np.abs(deviations) + np.minimum(half, 3 * np.abs(deviations) + 2)))
+    axes.set(xlabel="pixel value L′ [1]", ylabel="measured less fitted [% of fitted]", xlim=(-0.02, 1.02))
+    axes.set_ylim(-max(reach, 3.0), max(reach, 3.0) * 1.25)
+    legend_in(axes, "upper right")
+    name_panel(axes, "B", "What the curve misses")
+
+
+def _draw_steadiness(axes: Axes, result: LuminanceSweepFit) -> None:
+    """Draw the readings that tell of warm-up and drift: white, and the levels repeated at the end."""
+    readings = [r for r in result.sweep.readings if r.factor is None and r.luminance is not None]
+    repeated = {r.pixel_value for r in readings if r.phase is not SweepPhase.SWEEP}
+    means = {
+        value: np.mean(
+            [r.luminance for r in readings if r.pixel_value == value and r.phase is SweepPhase.SWEEP]
+        )
+        for value in repeated
+    }
+    shown = [
+        (r.phase, (r.begun + r.ended) / 2, float(r.luminance or 0.0), float(means[r.pixel_value]))
+        for r in readings
+        if r.pixel_value in repeated and means[r.pixel_value] > 0
+    ]
+    draw_over_time(axes, shown, "luminance")
+    name_panel(axes, "C", "Warm-up and drift")
+
+
+def _draw_brightness(axes: Axes, result: LuminanceSweepFit) -> None:
+    """Draw by how much the light of each brightness factor is out of proportion to it."""
+    name_panel(axes, "D", "Brightness factor")
+    rows = [r for r in result.brightness if r.deviation is not None and r.luminance is not None]
+    if not rows:
+        axes.set_axis_off()
+        axes.text(0.0, 0.5, "no brightness factors were measured", color=MUTED, transform=axes.transAxes)
+        return
+    factors = np.array([row.achieved_factor for row in rows])
+    deviation = 100 * np.array([row.deviation for row in rows], dtype=np.float64)
+    means = np.array([row.luminance for row in rows], dtype=np.float64)
+    counts, fit = np.array([row.n_readings for row in rows]), result.curve_fit
+    half = 100 * _half(fit, np.sqrt(fit.noise.variance(means) / counts)) / means
+    axes.axhspan(-2, 2, color=OURS, alpha=0.12, linewidth=0, zorder=0, label="tolerated: 2 %")
+    axes.axhline(0, color=FAINT, linewidth=text_size() / 11, zorder=1)
+    draw_points(axes, factors, deviation, half, "level mean, 95 %")
+    axes.plot(factors, deviation, color=INK, linewidth=text_size() / 14, zorder=3)
+    axes.set(xlabel="achieved brightness factor b [1]", ylabel="luminance, from b · full [%]", xlim=(0, 1.03))
+    widen(axes, 3.0)
+    legend_in(axes, "best")
+
+
+def _half(fit: GammaFit, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return half the 95 % interval of level means, by what their repeats know of the noise."""
+    return half_width(errors, fit.noise.freedom)

@@ -1,0 +1,186 @@
+"""Loading the folder of a played video's power: samples, clocks, flips, markers."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.measurement.sample_gaps import Samples, samples_once
+from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
+from data_schema.errors import InputError
+from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
+from data_schema.text_files import columns_of, optional_columns, read_json_record, read_rows, read_text
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flips:
+    """What was shown when: a place for each refresh that showed a frame.
+
+    Attributes
+    ----------
+    pass_index, video_frame : array of int, (N,)
+        Which time through the video, and which frame of it.
+    version : array of str, (N,)
+        How it was dimmed.
+    flip : array, (N,)
+        When it appeared, on the computer's clock, rising [s].
+    factor : array, (N,)
+        Brightness factor b that was achieved.
+    sync : array of bool, (N,)
+        Level of the synchronisation line from then on.
+    """
+
+    pass_index: NDArray[np.int64]
+    video_frame: NDArray[np.int64]
+    version: NDArray[np.str_]
+    flip: Array
+    factor: Array
+    sync: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A played video and the power samples that came meanwhile.
+
+    Attributes
+    ----------
+    log : PowerLog
+        What it was measured on.
+    samples : Samples
+        Each sample once, in the meter's order.
+    n_duplicated : int
+        Samples that came again.
+    pings : array, (N, 3)
+        Sent, the meter's time, received [s].
+    flips : Flips
+        What was shown.
+    flashes : sequence of FlashMark
+        The markers, in order.
+    where : str
+        The file of the samples, for messages.
+    """
+
+    log: PowerLog
+    samples: Samples
+    n_duplicated: int
+    pings: Array
+    flips: Flips
+    flashes: Sequence[FlashMark]
+    where: str
+
+
+def load_recording(folder: Path) -> Recording:
+    """Return what is in the folder of a played video's power.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, torn or contradicts itself; it names the file and the line.
+    """
+    log = read_json_record(PowerLog, folder / POWER_LOG)
+    samples, n_duplicated = samples_once(_read_samples(folder / POWER_SAMPLES), folder / POWER_SAMPLES)
+    pings = [] if not (folder / CLOCK_PINGS).exists() else read_rows(ClockPing, folder / CLOCK_PINGS)
+    flashes = [] if not (folder / FLASHES).exists() else read_rows(FlashMark, folder / FLASHES)
+    _require_rising([mark.time for mark in flashes], folder / FLASHES, "time_s")
+    return Recording(
+        log=log,
+        samples=samples,
+        n_duplicated=n_duplicated,
+        pings=np.array([(p.sent, p.device_time, p.received) for p in pings]).reshape(-1, 3),
+        flips=_read_flips(folder / FLIPS, log),
+        flashes=flashes,
+        where=str(folder / POWER_SAMPLES),
+    )
+
+
+def _read_samples(path: Path) -> Samples:
+    """Return the samples of a table as they came.
+
+    There may be millions, so they are read as columns; a table in which anything is odd is read once more,
+    row by row, for the line and the reason.
+    """
+    columns = _columns(path)
+    if columns is None:
+        rows = read_rows(PowerSample, path)
+        columns = {name: np.array([getattr(row, name) for row in rows]) for name in _KINDS}
+    return Samples(**columns)
+
+
+_KINDS: dict[str, Any] = {
+    "sequence": np.int64,
+    "device_time": np.float64,
+    "received": np.float64,
+    "power": np.float64,
+    "sync": np.bool_,
+}
+
+
+def _columns(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Return the columns of a table of samples; None where it is not plainly one."""
+    import pandas as pd
+
+    keys = dict(zip(_KINDS, columns_of(PowerSample), strict=True))
+    header = next(csv.reader([read_text(path, "a table of PowerSample rows").partition("\n")[0]]), [])
+    if set(header) | optional_columns(PowerSample) != set(keys.values()) or len(set(header)) < len(header):
+        return None
+    kinds = {keys[name]: kind for name, kind in _KINDS.items() if keys[name] in header}
+    try:
+        table = pd.read_csv(path, dtype=kinds, encoding="utf-8-sig")
+    except (ValueError, OSError):  # a parser's error is a ValueError
+        return None
+    # A row with a cell too many would make pandas take the first column for an index.
+    if len(table) == 0 or not isinstance(table.index, pd.RangeIndex):
+        return None
+    found = {name: table[key].to_numpy() for name, key in keys.items() if key in table}
+    found.setdefault("sync", np.zeros(len(table), dtype=bool))
+    plain = all(np.isfinite(found[name]).all() for name in ("device_time", "received", "power"))
+    return found if plain and found["sequence"].min() >= 0 else None
+
+
+def _read_flips(path: Path, log: PowerLog) -> Flips:
+    """Return what was shown, checked against the log's order of passes."""
+    rows = read_rows(PlayedFlip, path)
+    if not rows:
+        raise InputError(f"{path}: holds no flip, so nothing was played; expected a row for each refresh")
+    _require_rising([row.flip for row in rows], path, "flip_s")
+    for line, row in enumerate(rows, start=2):
+        before = rows[line - 3] if line > 2 else row
+        if row.pass_index < before.pass_index:
+            raise InputError(f"{path}, line {line}: pass {row.pass_index} comes after {before.pass_index}")
+        if row.pass_index == before.pass_index and row.video_frame < before.video_frame:
+            raise InputError(
+                f"{path}, line {line}: frame {row.video_frame} comes after {before.video_frame} in the same "
+                "pass; expected the frames of a video in their order"
+            )
+        if row.pass_index >= len(log.passes) or log.passes[row.pass_index] != row.version:
+            planned = log.passes[row.pass_index] if row.pass_index < len(log.passes) else "no such pass"
+            raise InputError(
+                f"{path}, line {line}: pass {row.pass_index} is {row.version!r}, but {planned!r} in "
+                f"{POWER_LOG}"
+            )
+    return Flips(
+        pass_index=np.array([row.pass_index for row in rows]),
+        video_frame=np.array([row.video_frame for row in rows]),
+        version=np.array([row.version for row in rows]),
+        flip=np.array([row.flip for row in rows]),
+        factor=np.array([row.achieved_factor for row in rows]),
+        sync=np.array([row.sync for row in rows]),
+    )
+
+
+def _require_rising(times: Sequence[float], path: Path, key: str) -> None:
+    """Refuse times of which one is not after the one before."""
+    for line, (before, time) in enumerate(pairwise(times), start=3):
+        if time <= before:
+            raise InputError(
+                f"{path}, line {line}: {key} {time:.6f} is not after {before:.6f} in the line before"
+            )

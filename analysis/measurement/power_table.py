@@ -1,0 +1,177 @@
+"""The measured power of a played video: each version's average, as the paper's power table, and its files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.measurement.clock_fit import fit_clock
+from analysis.measurement.clock_line import line_of
+from analysis.measurement.frame_energy import frame_energies, frame_spans
+from analysis.measurement.pass_comparison import PassComparison
+from analysis.measurement.pass_power import ENOUGH, equal_power, pass_powers, version_powers
+from analysis.measurement.power_notes import notes_of
+from analysis.measurement.power_recording import Recording, load_recording
+from analysis.measurement.power_words import closing_lines
+from analysis.measurement.sample_gaps import count_samples
+from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
+from data_schema.errors import InputError
+from data_schema.files import results_folder
+from data_schema.frame_energy import FrameEnergy
+from data_schema.played_power import PassPower, PlayedPower, VersionPower
+from data_schema.power_model import PanelKind, PowerModel
+from data_schema.provenance import Provenance, provenance_now, sha256_of_file, sha256_of_record
+from data_schema.text_files import write_json_record, write_rows
+
+PLAYED_POWER = "played_power.json"
+POWER_TABLE = "power_table.csv"
+FRAME_ENERGIES = "frame_energy.csv"
+FIGURE = "power.png"
+REPORT = "report.html"
+FAR_OFF = 0.1  # of what a power model predicts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredPower:
+    """What was measured of a played video.
+
+    Attributes
+    ----------
+    power : PlayedPower
+        Passes, versions, clock.
+    energies : sequence of FrameEnergy
+        The frames.
+    """
+
+    power: PlayedPower
+    energies: Sequence[FrameEnergy]
+
+
+def write_power_results(folder: Path, out: Path, power_model: PowerModel | None = None) -> list[str]:
+    """Write table, energies, figure and report of a played video's power, and return lines that sum it up.
+
+    Parameters
+    ----------
+    folder : Path
+        The recording, as `evenlight play --measure-power` writes it.
+    out : Path
+        Folder for the results; it may be the same.
+    power_model : PowerModel, optional
+        Whose prediction is shown beside what was measured.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be used; it names the file and what is wrong.
+    """
+    from analysis.measurement.power_figure import power_figure  # matplotlib is loaded only where it draws
+    from analysis.measurement.power_report import write_power_report
+
+    measured = measure_power(load_recording(folder), power_model, _origin(folder, power_model))
+    with results_folder(out) as staging:
+        write_json_record(staging / PLAYED_POWER, measured.power)
+        write_rows(staging / POWER_TABLE, VersionPower, measured.power.versions)
+        write_rows(staging / FRAME_ENERGIES, FrameEnergy, measured.energies)
+        write_power_report(staging, measured, power_figure(measured))
+    return [*closing_lines(measured.power), f"power of the video: {out / REPORT}"]
+
+
+def measure_power(
+    recording: Recording, power_model: PowerModel | None = None, origin: Provenance | None = None
+) -> MeasuredPower:
+    """Return energies of frames and average powers of versions.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was played and sampled.
+    power_model : PowerModel, optional
+        Whose prediction is shown beside it.
+    origin : Provenance, optional
+        Where the recording comes from.
+
+    Raises
+    ------
+    InputError
+        If no pass was measured well enough.
+    """
+    log = recording.log
+    clock = fit_clock(recording)
+    spans = frame_spans(recording.flips, log.refresh_rate)
+    energies = frame_energies(recording.samples, spans, line_of(clock))
+    passes = pass_powers(energies, recording.flips, log)
+    predict, model_notes = _prediction(power_model)
+    comparison = PassComparison(passes)
+    versions = version_powers(energies, comparison, predict)
+    if not versions:
+        raise InputError(_nothing_measured(recording, passes))
+    samples = count_samples(recording.samples, recording.n_duplicated)
+    full = next((one.mean_power for one in versions if one.version == "full"), None)
+    power = PlayedPower(
+        simulated=log.simulated,
+        video=log.video,
+        duration=log.duration,
+        refresh_rate=log.refresh_rate,
+        sample_rate=log.sample_rate,
+        clock=clock,
+        samples=samples,
+        passes=passes,
+        versions=versions,
+        equal_power=equal_power(comparison, full),
+        drift_w_h=comparison.drift,
+        power_model="" if power_model is None else power_model.name,
+        notes=(
+            *notes_of(log, clock, samples, energies, passes),
+            *model_notes,
+            *_misfit(versions, power_model),
+        ),
+        provenance=origin or Provenance(),
+    )
+    return MeasuredPower(power, energies)
+
+
+def _prediction(model: PowerModel | None) -> tuple[Callable[[float], float] | None, tuple[str, ...]]:
+    """Return what a model predicts of a mean factor, and what to say where it cannot."""
+    if model is None:
+        return None, ()
+    if model.kind is PanelKind.OLED:
+        return None, (
+            f"The power model {model.name} is of an OLED panel, whose power goes with the content: it "
+            "predicts nothing from the brightness factor alone.",
+        )
+    slope = model.power_per_luminance * model.peak_luminance
+    return lambda factor: model.base_power + slope * factor, ()
+
+
+def _misfit(versions: Sequence[VersionPower], model: PowerModel | None) -> tuple[str, ...]:
+    """Return what to say of a model that is far off: it is probably another panel's."""
+    ratios = [v.mean_power / v.predicted_power for v in versions if v.predicted_power and v.mean_power > 0]
+    if model is None or not ratios or max(abs(ratio - 1) for ratio in ratios) <= FAR_OFF:
+        return ()
+    return (
+        f"What was measured is {100 * min(ratios):.0f} to {100 * max(ratios):.0f} % of what the power model "
+        f"{model.name} predicts; is it of this panel?",
+    )
+
+
+def _nothing_measured(recording: Recording, passes: Sequence[PassPower]) -> str:
+    """Return why no pass counts."""
+    best = max(one.measured_share for one in passes)
+    samples, flips = recording.samples, recording.flips
+    lasted = float(samples.device_time[-1] - samples.device_time[0])
+    played = float(flips.flip[-1] - flips.flip[0])
+    return (
+        f"{recording.where}: no pass has power for {100 * ENOUGH:.0f} % of the video (at most "
+        f"{100 * best:.0f} %); samples came for {lasted:.3g} s, and {played:.3g} s were "
+        "played. Measure again, with the meter on from the first marker to the last"
+    )
+
+
+def _origin(folder: Path, power_model: PowerModel | None) -> Provenance:
+    """Return software and the SHA-256 of the recording's files."""
+    names = (POWER_LOG, POWER_SAMPLES, CLOCK_PINGS, FLIPS, FLASHES)
+    inputs = {name: sha256_of_file(folder / name) for name in names if (folder / name).exists()}
+    if power_model is not None:
+        inputs[f"power model {power_model.name}"] = sha256_of_record(power_model)
+    return provenance_now(inputs=inputs)

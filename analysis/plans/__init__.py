@@ -1,0 +1,1 @@
+"""Plans of the viewing experiments: participants for a wanted power."""

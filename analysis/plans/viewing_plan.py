@@ -1,0 +1,277 @@
+"""Planning a viewing experiment: participants for a wanted power, by the tests of its analysis.
+
+For ratings and comparisons these are the analysis's own. A search is tested by a quicker form of its model
+(`viewing_plan_search.version_effect`): it knows how hard the locations are, and tests by the standard error.
+Experiments are drawn from a stated truth and tested as real data are; where the outcomes can be enumerated
+they are, and nothing is drawn. Beside the power stands how often the test finds what is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.inference.binomial_tests import clopper_pearson
+from analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from data_schema.errors import InputError
+from data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
+
+BEYOND_TRIED = "beyond what was tried"
+
+Array = NDArray[np.float64]
+Exact = Callable[[ArrayLike], Array]  # power, by number of participants
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTest:
+    """A test whose power is wanted.
+
+    Attributes
+    ----------
+    name : str
+        What is tested, and how.
+    key : str
+        Of its p values among those that `Truth.p_values` gives.
+    effect : float
+        True effect with which the power is reckoned.
+    effect_unit : str
+        Its unit.
+    null : float
+        Effect at which the test must not find anything: none, or one at the margin.
+    level : float
+        Of the test.
+    margin : float or None
+        Of an equivalence test.
+    exact, exact_error : callable or None
+        Power and type I error by number of participants, where they can be enumerated.
+    fewest : int
+        Participants with whom the test can find anything at all.
+    """
+
+    name: str
+    key: str
+    effect: float
+    effect_unit: str
+    null: float
+    level: float
+    margin: float | None = None
+    exact: Exact | None = None
+    exact_error: Exact | None = None
+    fewest: int = 2
+
+
+class Truth(Protocol):
+    """What is true of the people of a simulated experiment, and what its answers are tested for."""
+
+    @property
+    def tests(self) -> tuple[PlannedTest, ...]:
+        """The tests whose power is wanted."""
+
+    @property
+    def in_words(self) -> str:
+        """What is true, and where that comes from."""
+
+    def p_values(
+        self, effect: float, participants: int, runs: int, rng: np.random.Generator
+    ) -> Mapping[str, Array]:
+        """Return p values of simulated experiments, (runs,), by the key of the test."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViewingRequest:
+    """What is to be planned.
+
+    Attributes
+    ----------
+    task : str
+        "rating", "comparison" or "search".
+    truth : Truth
+        What is true.
+    participants : tuple of int
+        How many are tried.
+    power : float
+        What is wanted.
+    runs, seed : int
+        Simulated experiments for each number, and the seed of all random numbers.
+    """
+
+    task: str
+    truth: Truth
+    participants: tuple[int, ...]
+    power: float = 0.8
+    runs: int = 2000
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 < self.power < 1:
+            raise InputError(f"--power must lie between 0 and 1, got {self.power:g}")
+        if not self.participants or not all(2 <= n <= MOST_PARTICIPANTS for n in self.participants):
+            got = ",".join(map(str, self.participants)) or "none"
+            raise InputError(f"--participants must be numbers from 2 to {MOST_PARTICIPANTS}, got {got}")
+        if self.seed < 0:
+            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+
+
+@dataclass(frozen=True, slots=True)
+class ViewingPlan:
+    """A plan: a row for each test and number of participants."""
+
+    request: ViewingRequest
+    rows: tuple[ViewingPlanRow, ...]
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """The names of the tests, in order."""
+        return tuple(dict.fromkeys(row.test for row in self.rows))
+
+    def rows_of(self, test: str) -> tuple[ViewingPlanRow, ...]:
+        """Return the rows of a test, fewest participants first."""
+        return tuple(row for row in self.rows if row.test == test)
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """Experiments of one size with one true effect: what is simulated at once."""
+
+    request: ViewingRequest
+    effect: float
+    participants: int
+
+
+def _p_values(work: _Work) -> Mapping[str, Array]:
+    """Return the p values of simulated experiments; their seed depends on nothing but what they are."""
+    request = work.request
+    label = int.from_bytes(f"{request.task} {work.effect:.9g}".encode(), "big")
+    rng = np.random.default_rng([request.seed, label, work.participants])
+    return request.truth.p_values(work.effect, work.participants, request.runs, rng)
+
+
+@dataclass(frozen=True, slots=True)
+class _Share:
+    """A share of experiments with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def plan_viewing(
+    request: ViewingRequest,
+    mapped: Callable[..., Iterable[Any]] = map,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> ViewingPlan:
+    """Return what so many participants would show.
+
+    Parameters
+    ----------
+    request : ViewingRequest
+        What is to be planned.
+    mapped : callable, optional
+        A `map`, whose calls may run at once.
+    report : callable, optional
+        Called with what is done, and of how much.
+    """
+    tests = request.truth.tests
+    numbers = sorted(request.participants)
+    drawn = [test for test in tests if test.exact is None]
+    effects = list(dict.fromkeys(e for test in drawn for e in (test.effect, test.null)))
+    works = [_Work(request, effect, n) for effect in effects for n in reversed(numbers)]
+    found: dict[tuple[float, int], Mapping[str, Array]] = {}
+    for work, p_values in zip(works, mapped(_p_values, works), strict=True):
+        found[work.effect, work.participants] = p_values
+        report(len(found), len(works))
+    rows = []
+    for test in tests:
+        power, error = ([_share_of(test, at, n, found) for n in numbers] for at in (test.effect, test.null))
+        needed = _needed(test, request, numbers, power)
+        rows += [_row(request, test, n, power[k], error[k], needed) for k, n in enumerate(numbers)]
+    return ViewingPlan(request, tuple(rows))
+
+
+def _share_of(
+    test: PlannedTest,
+    effect: float,
+    participants: int,
+    found: Mapping[tuple[float, int], Mapping[str, Array]],
+) -> _Share:
+    """Return how often a test finds something at an effect."""
+    if test.exact is not None and test.exact_error is not None:
+        exact = test.exact if effect == test.effect else test.exact_error
+        value = float(np.clip(exact(participants), 0.0, 1.0))
+        return _Share(value, value, value)
+    p_values = found[effect, participants][test.key]
+    hits = int(np.sum(p_values <= test.level))
+    return _Share(hits / p_values.size, *clopper_pearson(hits, p_values.size))
+
+
+def _needed(test: PlannedTest, request: ViewingRequest, numbers: list[int], power: list[_Share]) -> Needed:
+    """Return how many participants a test needs."""
+    if test.exact is not None:
+        return exactly_needed(test.exact, request.power)
+    # With fewer than `fewest` the power is 0 whatever the effect: no point of a line.
+    tried = [(n, share.value) for n, share in zip(numbers, power, strict=True) if n >= test.fewest]
+    found = needed_by_line([n for n, _ in tried], [p for _, p in tried], request.runs, request.power)
+    ends = (None if n is None else max(n, test.fewest) for n in (found.participants, found.low, found.high))
+    return Needed(*ends)
+
+
+def _row(
+    request: ViewingRequest,
+    test: PlannedTest,
+    participants: int,
+    power: _Share,
+    error: _Share,
+    needed: Needed,
+) -> ViewingPlanRow:
+    """Return a row of the plan."""
+    return ViewingPlanRow(
+        task=request.task,
+        test=test.name,
+        participants=participants,
+        effect=test.effect,
+        effect_unit=test.effect_unit,
+        margin=test.margin,
+        level=test.level,
+        power=power.value,
+        power_low=power.low,
+        power_high=power.high,
+        type_i_error=error.value,
+        type_i_error_low=error.low,
+        type_i_error_high=error.high,
+        runs=request.runs if test.exact is None else 0,
+        wanted_power=request.power,
+        meets=power.value >= request.power,
+        participants_needed=needed.participants,
+        participants_needed_low=needed.low,
+        participants_needed_high=needed.high,
+    )
+
+
+def in_words(plan: ViewingPlan) -> tuple[str, ...]:
+    """Return what the plan comes to, a sentence for each test."""
+    wanted = f"{100 * plan.request.power:g} % power"
+    sentences = []
+    for name in plan.tests:
+        row = plan.rows_of(name)[-1]
+        effect = f"{row.effect:g} {row.effect_unit}"
+        within = "" if row.margin is None else f", margin {row.margin:g}"
+        needed = f"{needed_in_words(row)} participants"
+        if needed.startswith(BEYOND_TRIED):
+            needed = f"participants {BEYOND_TRIED}"
+        sentences.append(f"{name}: {needed} for {wanted} ({effect}{within})")
+    return tuple(sentences)
+
+
+def needed_in_words(row: ViewingPlanRow) -> str:
+    """Return how many participants are needed, with the interval that the simulation leaves."""
+    low, needed, high = row.participants_needed_low, row.participants_needed, row.participants_needed_high
+    beyond = f"above {MOST_PARTICIPANTS}"
+    if low is None:
+        return BEYOND_TRIED if row.runs else beyond
+    if low == needed == high:
+        return str(needed)
+    return f"{needed or beyond} ({low} to {high or beyond})"

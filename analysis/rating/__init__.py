@@ -1,0 +1,1 @@
+"""Detail ratings: means, exact tests, models, what order does."""

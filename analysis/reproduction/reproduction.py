@@ -1,0 +1,205 @@
+"""The paper's results, made anew: the whole loop, up to what tables and figures are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+from analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
+from analysis.reproduction.sequence_tracks import Panel, SequenceTracks, track_sequence
+from analysis.session_loading import tasks_in
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.loss_curves import LossCurves
+from data_schema.rate_limit import RateLimit
+from method.loss_curves import analyze_frames
+from method.preset_files import load_display, load_power_model, load_rate_limit
+from stimuli.sequences import built_in_sequence
+
+# The four sequences and their mean brightness factors (Section 4, "Stimuli", and Table 2).
+BUDGETS = {"library": 0.5, "gym": 0.4, "living_room": 0.7, "basement": 0.3}
+EXAMPLES = {"checkerboard": 0.5, "sunrise": 0.4}  # the paper's two examples; it prints no budget
+WALK = "house"  # the online walk of about three minutes (Section 6)
+PUBLISHED_LIMIT = "surace2025"
+VIEWING_TASKS = ("rating", "comparison", "search")
+PIPELINE = "pipeline"  # folder of what the pipeline makes on its way
+STIMULI, DATA, CALIBRATION = "stimuli", "data", "calibration"
+
+
+class Simulate(Protocol):
+    """Who writes the data sets of simulated participants."""
+
+    def __call__(self, task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
+        """Write a data set of a task; a viewing experiment takes a folder with a track per sequence."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReproductionPlan:
+    """How much is done.
+
+    Attributes
+    ----------
+    seed : int
+        Of all random numbers.
+    viewers, calibrators : int
+        Simulated participants of the viewing experiments, and of the calibration: as many as in the paper.
+    size : (int, int)
+        Width and height of the rendered frames [pixels].
+    frames_per_second : float
+        Of the sequences [Hz].
+    walk_frames_per_second : float
+        Of the walk with the online controller [Hz].
+    data : Path or None
+        Recorded data, which take the place of simulated ones task by task.
+    display : str
+        Name or file of the display, where no recorded calibration says which it is.
+    """
+
+    seed: int = 1
+    viewers: int = 17
+    calibrators: int = 10
+    size: tuple[int, int] = (640, 360)
+    frames_per_second: float = 12.5
+    walk_frames_per_second: float = 5.0
+    data: Path | None = None
+    display: str = "varjo-xr3"
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+        load_display(self.display)  # refuses what is none before anything is done
+        if self.data is not None and not self.data.is_dir():
+            raise InputError(
+                f"--data {self.data}: no such folder; expected a data set, or a folder of results"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """What came of it, part by part.
+
+    Attributes
+    ----------
+    plan : ReproductionPlan
+        What was asked.
+    panel : Panel
+        Display, power model and rate limit of all tracks.
+    tasks : DatasetFindings
+        Of the calibration and the three experiments.
+    sequences : tuple of SequenceTracks
+        The four sequences.
+    examples : tuple of SequenceTracks
+        Checkerboard and sunrise.
+    walk : LossCurves
+        Of the walk through the house.
+    """
+
+    plan: ReproductionPlan
+    panel: Panel
+    tasks: DatasetFindings
+    sequences: tuple[SequenceTracks, ...]
+    examples: tuple[SequenceTracks, ...]
+    walk: LossCurves
+
+
+def run_pipeline(
+    plan: ReproductionPlan,
+    simulate: Simulate,
+    folder: Path,
+    report: Callable[[str], None] = lambda step: None,
+) -> Reproduction:
+    """Calibrate, optimize, show and ask: the whole loop, up to the data that tables and figures are made of.
+
+    Parameters
+    ----------
+    plan : ReproductionPlan
+        How much is done.
+    simulate : Simulate
+        Who answers where nothing was recorded.
+    folder : Path
+        Where data sets, calibration and tracks go.
+    report : callable, optional
+        Called with each step that is begun.
+    """
+    recorded = _recorded_tasks(plan)
+    report("calibration")
+    tasks = _analysed(plan, simulate, folder, "ramp", recorded)
+    limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
+    panel = Panel(_display(plan, limit), load_power_model(PUBLISHED_LIMIT), limit)
+    tracked = partial(_tracked, plan, panel, folder / STIMULI, report)
+    sequences = tuple(tracked(name, budget) for name, budget in BUDGETS.items())
+    examples = tuple(tracked(name, budget) for name, budget in EXAMPLES.items())
+    report(f"walk through the {WALK}")
+    walk = _walk_curves(plan, panel.display)
+    for task in VIEWING_TASKS:
+        report(task)
+        _merge(tasks, _analysed(plan, simulate, folder, task, recorded))
+    return Reproduction(plan, panel, tasks, sequences, examples, walk)
+
+
+def _recorded_tasks(plan: ReproductionPlan) -> tuple[str, ...]:
+    """Return the tasks of which there are recorded sessions."""
+    return tasks_in(plan.data) if plan.data else ()
+
+
+def _analysed(
+    plan: ReproductionPlan, simulate: Simulate, folder: Path, task: str, recorded: tuple[str, ...]
+) -> DatasetFindings:
+    """Return the findings of a task: of recorded sessions if there are any, else of simulated ones."""
+    options = AnalysisOptions(plan.seed, tasks=(task,), compared=load_rate_limit(PUBLISHED_LIMIT))
+    if plan.data is not None and task in recorded:
+        return find_in_dataset(plan.data, options, folder / CALIBRATION)
+    dataset = folder / DATA / task
+    ramp = task == "ramp"
+    people = plan.calibrators if ramp else plan.viewers
+    simulate(task, dataset, people, plan.seed, None if ramp else folder / STIMULI)
+    return find_in_dataset(dataset, options, folder / CALIBRATION)
+
+
+def _merge(into: DatasetFindings, more: DatasetFindings) -> None:
+    """Add the findings of another task."""
+    into.findings.update(more.findings)
+    into.refused.update(more.refused)
+    into.simulated.update(more.simulated)
+    into.inputs.update(more.inputs)
+    into.participants.update(more.participants)
+
+
+def _display(plan: ReproductionPlan, limit: RateLimit) -> Display:
+    """Return the display that the rate limit was fitted on.
+
+    Raises
+    ------
+    InputError
+        If it is another one than the plan names.
+    """
+    display = load_display(plan.display)
+    if limit.display_fingerprint != display.fingerprint:
+        raise InputError(
+            f"the recorded calibration ran on the display {limit.display_name!r}, not on {display.name!r}; "
+            "give its file with --display"
+        )
+    return display
+
+
+def _tracked(
+    plan: ReproductionPlan,
+    panel: Panel,
+    stimuli: Path,
+    report: Callable[[str], None],
+    name: str,
+    budget: float,
+) -> SequenceTracks:
+    """Return the tracks of a built-in sequence."""
+    report(f"track of {name.replace('_', ' ')}")
+    source = built_in_sequence(name, plan.size, frames_per_second=plan.frames_per_second)
+    return track_sequence(source, budget, panel, stimuli / name)
+
+
+def _walk_curves(plan: ReproductionPlan, display: Display) -> LossCurves:
+    """Return the loss curves of the walk that the controller is tried on."""
+    source = built_in_sequence(WALK, plan.size, frames_per_second=plan.walk_frames_per_second)
+    return analyze_frames(source.frames(), source.name, display)

@@ -1,0 +1,1 @@
+"""Search times: found and not found, models, what light does."""

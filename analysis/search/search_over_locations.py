@@ -1,0 +1,141 @@
+"""The versions' difference over locations: how it goes with brightness, and how locations differ beyond that.
+
+The effects of ours at the locations, each with its standard error, are values of a line over ln(brightness
+ratio) with a scatter τ of their own, by restricted likelihood (`analysis.inference.mixed_model`; in
+meta-analysis: random-effects meta-regression). So the slope holds for locations like these, and one odd
+location ("Corridor" in the paper) makes it uncertain instead of certain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from analysis.inference.fixed_effects import FixedEffect
+from analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
+
+Array = NDArray[np.float64]
+
+FEWEST = 4  # locations of a line with a scatter of its own
+TOO_FEW = f"fewer than {FEWEST} locations with an effect of their own"
+ALL_ALIKE = "all locations have the same ratio of brightness"
+
+
+@dataclass(frozen=True, slots=True)
+class LocationLine:
+    """The effect of ours in ln(time) over x = ln(factor of ours / of the baseline).
+
+    Attributes
+    ----------
+    intercept, slope : FixedEffect
+        At equal brightness, and per unit of x.
+    scatter : float
+        τ: standard deviation of locations about the line.
+    covariance : array (2, 2)
+        Of intercept and slope.
+    slope_error_without_scatter : float
+        Standard error of the slope if locations did not scatter.
+    locations : tuple of int
+        Which have an effect of their own.
+    shrunken : array
+        Their effects, drawn to the line as far as they are uncertain.
+    """
+
+    intercept: FixedEffect
+    slope: FixedEffect
+    scatter: float
+    covariance: Array
+    slope_error_without_scatter: float
+    locations: tuple[int, ...]
+    shrunken: Array
+
+    @property
+    def df(self) -> int:
+        """Degrees of freedom."""
+        return len(self.locations) - 2
+
+    def band(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return the line, and the ends of its 95 % band."""
+        design = np.column_stack([np.ones_like(x), x])
+        middle = design @ [self.intercept.estimate, self.slope.estimate]
+        half = _quantile(self.df) * np.sqrt(np.einsum("ni,ij,nj->n", design, self.covariance, design))
+        return middle, middle - half, middle + half
+
+
+def line_over_locations(effects: Mapping[int, FixedEffect], ln_ratios: Array) -> LocationLine | str:
+    """Return the line through the effects at the locations; words that say why there is none.
+
+    Parameters
+    ----------
+    effects : mapping of int to FixedEffect
+        Of ours, at each location; those without a number are left out.
+    ln_ratios : array
+        x of each location.
+    """
+    known = tuple(k for k, effect in effects.items() if effect.standard_error)
+    if len(known) < FEWEST:
+        return TOO_FEW
+    x = ln_ratios[list(known)]
+    if np.ptp(x) == 0:
+        return ALL_ALIKE
+    values = np.array([effects[k].estimate for k in known], dtype=np.float64)
+    errors = np.array([effects[k].standard_error for k in known], dtype=np.float64)
+    design = np.column_stack([np.ones_like(x), x])
+    fit = fit_mixed_model(GroupedEstimates(values, errors, design, np.arange(x.size)))
+    fixed = np.linalg.inv(design.T @ (design / errors[:, None] ** 2))
+    on_line = design @ fit.coefficients
+    kept = fit.group_sd**2 / (fit.group_sd**2 + errors**2)
+    return LocationLine(
+        intercept=_effect("at equal brightness", fit.coefficients[0], fit.covariance[0, 0], x.size - 2),
+        slope=_effect("ln brightness ratio", fit.coefficients[1], fit.covariance[1, 1], x.size - 2),
+        scatter=fit.group_sd,
+        covariance=fit.covariance,
+        slope_error_without_scatter=math.sqrt(fixed[1, 1]),
+        locations=known,
+        shrunken=on_line + kept * (values - on_line),
+    )
+
+
+def for_people_and_locations(people: FixedEffect, line: LocationLine, n_people: int) -> FixedEffect | None:
+    """Return the slope with the uncertainty of people like these at locations like these.
+
+    Of both analyses, one in which people and one in which locations are random, each holds the scatter of
+    trials: Var = Var_people + Var_locations - Var_trials, as in the quasi-F (Clark, 1973; Judd, Westfall &
+    Kenny, 2012); degrees of freedom by Satterthwaite.
+
+    Parameters
+    ----------
+    people : FixedEffect
+        The slope, over people.
+    line : LocationLine
+        The line, over locations.
+    n_people : int
+        How many people.
+    """
+    if people.estimate is None or people.standard_error is None or line.slope.standard_error is None:
+        return None
+    if n_people < 2:
+        return None
+    by_people, by_locations = people.standard_error**2, line.slope.standard_error**2
+    variance = max(by_people + by_locations - line.slope_error_without_scatter**2, by_people, by_locations)
+    df = variance**2 / (by_people**2 / (n_people - 1) + by_locations**2 / line.df)
+    df = min(max(df, min(n_people - 1, line.df)), n_people + line.df)
+    return _effect("ln brightness ratio", people.estimate, variance, df)
+
+
+def _effect(name: str, estimate: float, variance: float, df: float) -> FixedEffect:
+    """Return an estimate with Student's interval and test."""
+    error = math.sqrt(variance)
+    half = _quantile(df) * error
+    p_value = float(2 * special.stdtr(df, -abs(estimate) / error))
+    return FixedEffect(name, float(estimate), error, estimate - half, estimate + half, p_value, df)
+
+
+def _quantile(df: float) -> float:
+    """Return the 97.5 % point of Student's t."""
+    return float(special.stdtrit(df, 0.975))

@@ -1,0 +1,286 @@
+"""The trials of a search as arrays: who looked where, at which brightness, and for how long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.search.search_sides import side_of
+from analysis.session_loading import TaskData
+from data_schema.errors import InputError
+from data_schema.search import SearchDesign, SearchTrial
+from data_schema.viewing import Version
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+SHORTEST_TIME = 0.1  # [s] nobody sees and presses faster (choice); 0 s would have no logarithm
+SAME_FACTOR = 1e-6  # of ln(factor): closer factors are one factor that was rounded in a file
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """A keypoint at which people searched.
+
+    Attributes
+    ----------
+    sequence, keypoint : str
+        Camera path, and the point on it.
+    ours, baseline : float or None
+        Brightness factor b of either version there; None of a version that nobody saw there.
+    """
+
+    sequence: str
+    keypoint: str
+    ours: float | None
+    baseline: float | None
+
+    @property
+    def name(self) -> str:
+        """Path and point, as the design has them."""
+        return f"{self.sequence}/{self.keypoint}"
+
+    @property
+    def ln_ratio(self) -> float | None:
+        """Logarithm of ours over the baseline: above 0 where the modulation brightens; None without both."""
+        if self.ours is None or self.baseline is None:
+            return None
+        ratio = math.log(self.ours / self.baseline)
+        return 0.0 if abs(ratio) < SAME_FACTOR else ratio
+
+
+@dataclass(frozen=True, slots=True)
+class SearchTable:
+    """The trials of a search.
+
+    Attributes
+    ----------
+    locations : tuple of Location
+        By sequence in the design's order, within a sequence from the most brightened to the most dimmed.
+    participants : tuple of str
+        Who took part.
+    participant, location, spot : array (n,) of int
+        Of each trial: who, where, and which of all places of a ring (each location has two).
+    session : array (n,) of int
+        Which visit of which participant.
+    ours : array (n,) of bool
+        Whether it had the modulated brightness.
+    times : array (n,)
+        Until found, or the time limit [s].
+    found, correct : array (n,) of bool
+        Whether the key was pressed in time, and whether then the gap was told rightly.
+    limits : array (n,)
+        The time limit [s].
+    visit : array (n,)
+        How often that location had been seen before: the block, from 0.
+    order : array (n,)
+        Place in the block, from the middle of all [tens of trials].
+    """
+
+    locations: tuple[Location, ...]
+    participants: tuple[str, ...]
+    participant: Places
+    location: Places
+    spot: Places
+    session: Places
+    ours: Mask
+    times: Array
+    found: Mask
+    correct: Mask
+    limits: Array
+    visit: Array
+    order: Array
+
+    @property
+    def ln_ratio(self) -> Array:
+        """ln(factor of ours / of the baseline) at each trial's location; 0 where one of them is not known."""
+        return np.array([place.ln_ratio or 0.0 for place in self.locations])[self.location]
+
+    @property
+    def sides(self) -> NDArray[np.object_]:
+        """Side of each location; about equal where one of the factors is not known."""
+        return np.array([side_of(place.ln_ratio or 0.0) for place in self.locations], dtype=np.object_)
+
+    @property
+    def model_times(self) -> Array:
+        """The times, none shorter than a person can be [s]."""
+        return np.maximum(self.times, SHORTEST_TIME)
+
+    def some(self, chosen: Mask) -> SearchTable:
+        """Return the table of some of the trials; lists of people and locations stay whole."""
+        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return SearchTable(self.locations, self.participants, **arrays)
+
+    def without_wrong(self) -> SearchTable:
+        """Return the table in which a ring whose gap was told wrongly counts as undetected."""
+        times = np.where(self.correct, self.times, self.limits)
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return SearchTable(
+            self.locations, self.participants, **(arrays | {"times": times, "found": self.correct})
+        )
+
+
+_ARRAYS = ("participant", "location", "spot", "session", "ours", "times", "found", "correct", "limits",
+           "visit", "order")  # fmt: skip
+
+
+def search_table(data: TaskData[SearchTrial]) -> tuple[SearchTable, tuple[str, ...]]:
+    """Return the trials of a data set as arrays, and what is to be said about them.
+
+    Raises
+    ------
+    InputError
+        If only one of the two versions was searched in.
+    """
+    trials, warnings = _first_of_each(data)
+    if len({trial.version for trial in trials}) < len(Version):
+        raise InputError(
+            f"all {len(trials)} searches are of the version {trials[0].version.value!r}; a comparison needs "
+            "searches in both, 'ours' and 'baseline'"
+        )
+    locations = _locations(trials, _sequence_order(data, trials))
+    warnings += _factor_warnings(trials, locations)
+    limits = sorted({trial.time_limit for trial in trials})
+    if len(limits) > 1:
+        warnings.append(
+            f"search: time limits differ, {limits[0]:g} to {limits[-1]:g} s: shares undetected and averages "
+            "mix them; curves, medians and models take each trial's own"
+        )
+    short = sum(trial.search_time < SHORTEST_TIME for trial in trials)
+    if short:
+        warnings.append(
+            f"search: {short} times are shorter than {SHORTEST_TIME:g} s, which nobody needs; models of "
+            "ln(time) take that instead"
+        )
+    return table_of_trials(trials, locations), tuple(warnings)
+
+
+def first_sessions(table: SearchTable) -> SearchTable:
+    """Return each person's searches of a location in the first session of theirs that has it.
+
+    In rows of one location everybody then counts once: searches of one person are not of several people.
+    """
+    key = table.participant * len(table.locations) + table.location
+    first: dict[int, int] = {}
+    for one, session in sorted(zip(key.tolist(), table.session.tolist(), strict=True)):
+        first.setdefault(one, session)
+    return table.some(table.session == np.array([first[one] for one in key.tolist()]))
+
+
+def table_of_trials(trials: Sequence[SearchTrial], locations: tuple[Location, ...]) -> SearchTable:
+    """Return trials as arrays."""
+    people = tuple(dict.fromkeys(trial.participant_id for trial in trials))
+    names = [place.name for place in locations]
+    place = [names.index(f"{trial.sequence}/{trial.keypoint}") for trial in trials]
+    block = np.array([trial.block for trial in trials])
+    index = np.array([trial.trial_index for trial in trials], dtype=np.float64)
+    for one in np.unique(block):
+        index[block == one] -= index[block == one].mean()
+    return SearchTable(
+        locations=locations,
+        participants=people,
+        participant=np.array([people.index(trial.participant_id) for trial in trials], dtype=np.int64),
+        location=np.array(place, dtype=np.int64),
+        spot=_numbered(zip(place, (trial.ring_place for trial in trials), strict=True)),
+        session=_sessions(trials),
+        ours=np.array([trial.version is Version.OURS for trial in trials]),
+        times=np.array([trial.search_time for trial in trials]),
+        found=np.array([trial.found for trial in trials]),
+        correct=np.array([trial.correct for trial in trials]),
+        limits=np.array([trial.time_limit for trial in trials]),
+        visit=(block - block.min()).astype(np.float64),
+        order=index / 10,
+    )
+
+
+def _first_of_each(data: TaskData[SearchTrial]) -> tuple[list[SearchTrial], list[str]]:
+    """Return the first search of each session, location and version: after it the ring's place is known."""
+    kept: dict[tuple[str, str, str, str, Version], SearchTrial] = {}
+    for trial in sorted(data.trials, key=lambda trial: trial.trial_index):
+        key = (trial.participant_id, trial.session_id, trial.sequence, trial.keypoint, trial.version)
+        kept.setdefault(key, trial)
+    again = len(data.trials) - len(kept)
+    warnings = []
+    if again:
+        warnings.append(
+            f"search: {again} searches at a location and in a version that the session had before were left "
+            "out"
+        )
+    if len({key[:2] for key in kept}) > len({key[0] for key in kept}):
+        warnings.append(
+            "search: somebody took part in several sessions; rows of one location take the first session "
+            "with it alone, and practice (halves, order) is that within a session"
+        )
+    return list(kept.values()), warnings
+
+
+def _sequence_order(data: TaskData[SearchTrial], trials: Iterable[SearchTrial]) -> list[str]:
+    """Return the sequences in the order of the design, then others by name."""
+    asked = [
+        name
+        for session in data.sessions
+        if isinstance(session.manifest.design, SearchDesign)
+        for name in session.manifest.design.sequences
+    ]
+    return list(dict.fromkeys([*asked, *sorted({trial.sequence for trial in trials})]))
+
+
+def _locations(trials: Sequence[SearchTrial], sequences: list[str]) -> tuple[Location, ...]:
+    """Return where people searched, by sequence, from the most brightened to the most dimmed."""
+    keys = dict.fromkeys((trial.sequence, trial.keypoint) for trial in trials)
+    places = [
+        Location(*key, _factor(trials, key, Version.OURS), _factor(trials, key, Version.BASELINE))
+        for key in keys
+    ]
+
+    def rank(place: Location) -> tuple[int, float, str]:
+        ratio = place.ln_ratio
+        return sequences.index(place.sequence), math.inf if ratio is None else -ratio, place.keypoint
+
+    return tuple(sorted(places, key=rank))
+
+
+def _factor(trials: Sequence[SearchTrial], key: tuple[str, str], version: Version) -> float | None:
+    """Return the geometric mean of a version's factors at a location; it is one factor, as a rule."""
+    logs = [math.log(t.factor) for t in trials if (t.sequence, t.keypoint) == key and t.version is version]
+    return math.exp(math.fsum(logs) / len(logs)) if logs else None
+
+
+def _factor_warnings(trials: Sequence[SearchTrial], locations: Iterable[Location]) -> list[str]:
+    """Return a warning if a version had different factors at one location, in different sessions."""
+    middle = {(place.name, Version.OURS): place.ours for place in locations}
+    middle |= {(place.name, Version.BASELINE): place.baseline for place in locations}
+    other = set()
+    for trial in trials:
+        name = f"{trial.sequence}/{trial.keypoint}"
+        mean = middle[name, trial.version]
+        if mean is not None and abs(math.log(trial.factor / mean)) > SAME_FACTOR:
+            other.add(name)
+    if not other:
+        return []
+    return [
+        f"search: the brightness factors of a version differ between sessions at {', '.join(sorted(other))}; "
+        "their geometric mean stands for them"
+    ]
+
+
+def _sessions(trials: Sequence[SearchTrial]) -> Places:
+    """Return the number of each trial's session; of one person, in the order of their identifiers."""
+    keys = [(trial.participant_id, trial.session_id) for trial in trials]
+    numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
+    return np.array([numbers[key] for key in keys], dtype=np.int64)
+
+
+def _numbered(keys: Iterable[object]) -> Places:
+    """Return for each key the number at which it first came.
+
+    >>> _numbered("abca").tolist()
+    [0, 1, 2, 0]
+    """
+    numbers: dict[object, int] = {}
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)

@@ -1,0 +1,85 @@
+"""Options that the commands which make a brightness track have in common, and what is refused of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.errors import InputError
+from method.choices import Device, LimitCurve, ModulatedLuminance
+
+MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
+WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide
+
+VideoArgument = Annotated[
+    str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
+]
+BudgetUnitOption = Annotated[
+    BudgetUnit, typer.Option(help="Mean brightness factor, share of full power, or watt.")
+]
+DisplayOption = Annotated[str, typer.Option(help="Display: a preset or a toml file.")]
+PowerModelOption = Annotated[str, typer.Option(help="Power model: a preset or a toml file.")]
+RateLimitOption = Annotated[str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")]
+ContrastModelOption = Annotated[
+    str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
+]
+LimitCurveOption = Annotated[
+    LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
+]
+ModulatedOption = Annotated[ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")]
+MinFactorOption = Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")]
+FieldOfViewOption = Annotated[
+    float | None, typer.Option(help="Degrees that the video's width spans; else it is shown pixel for pixel.")
+]
+FpsOption = Annotated[
+    float | None, typer.Option(help="Frames per second of a folder of images or a sequence.")
+]
+CurvesOption = Annotated[
+    Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
+]
+JobsOption = Annotated[
+    int, typer.Option(help="Frames to analyse at a time, each on a core; 0 for all cores.")
+]
+DeviceOption = Annotated[
+    Device, typer.Option(help="What computes loss curves; auto: compute shaders where hardware runs them.")
+]
+OtherDisplayOption = Annotated[
+    bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")]
+
+
+def check_video(video: str, min_factor: float, field_of_view: float | None, jobs: int) -> None:
+    """Refuse, in one line, what no video can be analysed with.
+
+    Parameters
+    ----------
+    video, min_factor, field_of_view, jobs : str, float, float or None, int
+        The options of these names.
+
+    Raises
+    ------
+    InputError
+        If one of them is out of its range.
+    """
+    if not video:
+        raise InputError(
+            "the video has an empty name; give a file, a folder of images or a built-in sequence"
+        )
+    require_between("--min-factor", min_factor, MIN_FACTORS)
+    if field_of_view is not None and not 0 < field_of_view <= WIDEST_FIELD:
+        raise InputError(
+            f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
+        )
+    if jobs < 0:
+        raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
+
+
+def require_between(name: str, value: float, limits: tuple[float, float]) -> None:
+    """Refuse a value of an option outside of its limits, by the option's name."""
+    low, high = limits
+    if not low <= value <= high:
+        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {value:.15g}")

@@ -1,0 +1,106 @@
+"""The second half of the loop: from a data set of ramp sessions to a brightness track and a report."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from analysis.calibration.calibration import Calibration, calibrate, write_calibration
+from analysis.calibration.calibration_figures import write_figures
+from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from analysis.calibration.rate_limit_curve import RateLimitOptions
+from analysis.calibration.threshold_sections import population_section
+from analysis.loading import load_ramp_data
+from analysis.report import Report, write_report
+from analysis.report_sections import (
+    contrast_map_section,
+    files_section,
+    introduction_section,
+    meaning_of,
+    provenance_section,
+    track_section,
+)
+from analysis.tracks.optimization import Work, run_optimization
+from data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from data_schema.provenance import Provenance, provenance_now
+from method.optimize import Request
+from method.preset_files import load_power_model, load_rate_limit
+from method.rate_limit import require_same_display
+from stimuli.video_source import VideoSource
+
+CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
+
+FILES = {
+    "dataset/": "trials of every participant, as recorded",
+    "dataset.sha256": "what a later demo knows this one's data set by; only such a data set is replaced",
+    "calibration/thresholds.csv": "thresholds of each participant and level, with intervals",
+    "calibration/rate_limit.json": "the fitted rate limit, which the optimizer read",
+    "calibration/fit_summary.json": "what the fit rests on",
+    "track/track.csv": "the brightness factor of each frame, and what it does",
+    "track/summary.json": "what the track achieves",
+    "track/loss_curves.npz": "contrast loss of each frame at every factor, for another run",
+}
+
+
+def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, quiet: bool = False) -> None:
+    """Fit a data set, optimize a video within the rate limit that comes out, and report both.
+
+    Parameters
+    ----------
+    dataset : Path
+        Ramp sessions.
+    source : VideoSource
+        The video.
+    budget : float
+        Mean brightness factor.
+    folder : Path
+        Where `calibration/`, `track/` and `report.html` go.
+    quiet : bool
+        Whether to show no progress.
+    """
+    data = load_ramp_data(dataset)
+    calibration = calibrate(data, RateLimitOptions())
+    fitted = folder / CALIBRATION
+    origin = provenance_now(inputs={"dataset": data.sha256})
+    write_calibration(calibration, fitted, origin)
+    write_figures(calibration, fitted, load_rate_limit("surace2025"))
+    # The optimizer reads the file that the fit wrote, as it would on another day.
+    limit = load_rate_limit(str(fitted / "rate_limit.json"))
+    require_same_display(limit, data.display)
+    request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
+    summary = run_optimization(Work(source, data.display, request, quiet=quiet), folder / TRACK)
+    write_report(folder / REPORT, _report(calibration, summary, origin, folder))
+
+
+def _report(
+    calibration: Calibration, summary: OptimizationSummary, origin: Provenance, folder: Path
+) -> Report:
+    """Return the report on what lies in the folder."""
+    fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
+    return Report(
+        "From ramps to a brightness track",
+        meaning_of(summary),
+        (
+            introduction_section(),
+            calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),
+            population_section(calibration.levels, simulated),
+            rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
+            track_section(summary, (track / "track.png").read_bytes(), simulated),
+            contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
+            provenance_section(origins_of(calibration, origin, summary)),
+            files_section(FILES),
+        ),
+    )
+
+
+def origins_of(
+    calibration: Calibration, fit: Provenance, summary: OptimizationSummary
+) -> dict[str, Provenance]:
+    """Return where data set, rate limit and track come from; the fit's inputs name the data set's SHA-256.
+
+    The data set's origin is that of its first session, without a seed if other sessions have another one.
+    """
+    made = [session.manifest.provenance for session in calibration.data.sessions]
+    alike = all(origin.seed == made[0].seed for origin in made)
+    dataset = made[0] if alike else dataclasses.replace(made[0], seed=None)
+    return {"data set": dataset, "rate limit": fit, "track": summary.provenance}

@@ -1,0 +1,205 @@
+"""The figure of visible and lost contrast in one frame, after the paper's figure of thresholded contrast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from analysis.figure_style import (
+    BASELINE,
+    LOST,
+    MUTED,
+    OURS,
+    PAGE,
+    Medium,
+    axes_at,
+    heading_lines,
+    look,
+    new_figure,
+    text_at,
+    text_size,
+)
+from analysis.tracks.thumbnails import small_picture
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from data_schema.display import Display
+from method.bands import band_frequencies
+from method.contrast_loss import loss_of, visible_map
+from method.luminance import dimmed_luminance, emitted_luminance
+
+Mask = NDArray[np.bool_]
+
+SHOWN_SHARE = 0.01  # of the pixels must be visible for a band to be worth showing
+
+
+@dataclass(frozen=True, slots=True)
+class ContrastMap:
+    """Where a frame's contrast is visible in one band, at full brightness and dimmed.
+
+    Attributes
+    ----------
+    factor : float
+        Brightness factor b.
+    frequency : float
+        Spatial frequency of the band [cpd].
+    reference, dimmed : array of bool, (height, width)
+        Where contrast is visible at full brightness, and dimmed by b.
+    loss : float
+        𝓛_c of the frame, over all bands.
+    label : str
+        What a figure calls it; empty for the usual name of its panel.
+    """
+
+    factor: float
+    frequency: float
+    reference: Mask
+    dimmed: Mask
+    loss: float
+    label: str = ""
+
+    @property
+    def lost(self) -> Mask:
+        """Where contrast is visible at full brightness only."""
+        return self.reference & ~self.dimmed
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the band's visible contrast that is lost; 0 where nothing is visible."""
+        visible = int(self.reference.sum())
+        return float(self.lost.sum()) / visible if visible else 0.0
+
+
+def contrast_map(
+    pixel_values: NDArray[Any], factor: float, display: Display, model: ContrastModel = DEFAULT_MODEL
+) -> ContrastMap:
+    """Return where dimming by b loses visible contrast, in the finest band that has any worth showing.
+
+    Parameters
+    ----------
+    pixel_values : array, (height, width, 3)
+        The frame, as in `Frame`.
+    factor : float
+        Brightness factor b.
+    display : Display
+        The display, with its pixels per degree as in the analysis of the video.
+    model : ContrastModel
+        Choices of the contrast model.
+    """
+    emitted = emitted_luminance(pixel_values, display, model.pixel_to_luminance)
+    reference, dimmed = (
+        visible_map(dimmed_luminance(emitted, b, display), display, model) for b in (1.0, factor)
+    )
+    shares = [float(band.mean()) for band in reference]
+    band = next((k for k, share in enumerate(shares) if share >= SHOWN_SHARE), int(np.argmax(shares)))
+    frequencies = band_frequencies(
+        (emitted.shape[0], emitted.shape[1]), display, model.band_frequency, model.lowest_frequency,
+        model.band_count,
+    )  # fmt: skip
+    loss = loss_of(float(np.mean([part.mean() for part in dimmed])), float(np.mean(shares)))
+    return ContrastMap(factor, float(frequencies[band]), reference[band], dimmed[band], loss)
+
+
+def contrast_map_figure(
+    pixel_values: NDArray[Any],
+    ours: ContrastMap,
+    baseline: ContrastMap,
+    name: str = "",
+    medium: Medium = PAGE,
+) -> Figure:
+    """Draw a frame, and which of its contrast is visible and which is lost under two brightness factors.
+
+    Parameters
+    ----------
+    pixel_values : array, (height, width, 3)
+        The frame, as in `Frame`.
+    ours, baseline : ContrastMap
+        At the track's factor, and at that of constant dimming.
+    name : str
+        What the frame is called, e.g. "bikes.mp4 at 4.2 s".
+    medium : Medium
+        Where it is shown.
+    """
+    with look(medium):
+        em, gap = medium.em, 1.2 * medium.em
+        rows, columns = ours.reference.shape
+        cell = (medium.width - 2 * em - 2 * gap) / 3
+        high = min(cell * rows / columns, 0.7 * medium.height)
+        wide = high * columns / rows
+        lines, above = heading_lines(*_heading(ours, name), medium.width - 2 * em, em)
+        key_columns = 3 if medium.width > 60 * em else 1
+        panel_top = above + 5.2 * em
+        figure = new_figure(medium, panel_top + high + (1.6 + 1.6 * 3 / key_columns) * em)
+        for words, top, style in lines:
+            text_at(figure, em, top, words, **style)
+        panels = [axes_at(figure, em + k * (cell + gap), panel_top, wide, high) for k in range(3)]
+        panels[0].imshow(small_picture(pixel_values, 640), aspect="auto")
+        _draw_map(panels[1], ours)
+        _draw_map(panels[2], baseline)
+        _name_panel(panels[0], "full brightness", ("the frame", ""), MUTED)
+        _name_panel(panels[1], f"{ours.label or 'ours'}, b = {ours.factor:.2f}", _loss_in_words(ours), OURS)
+        _name_panel(
+            panels[2],
+            f"{baseline.label or 'constant'}, b = {baseline.factor:.2f}",
+            _loss_in_words(baseline),
+            BASELINE,
+        )
+        _draw_key(figure, em, panel_top + high + 0.8 * em, key_columns)
+    return figure
+
+
+def _heading(ours: ContrastMap, name: str) -> tuple[str, str]:
+    """Return title and subtitle."""
+    where = f" of {name}" if name else ""
+    if not ours.reference.any():
+        return f"Visible contrast{where}", "Nothing in this frame is visible, even at full brightness."
+    return (
+        f"Visible contrast{where}",
+        f"Details at {ours.frequency:.3g} cpd (cycles per degree), the finest with visible contrast.",
+    )
+
+
+def _loss_in_words(at: ContrastMap) -> tuple[str, str]:
+    """Return how much is lost, in the band and over all bands."""
+    return f"lost here: {100 * at.lost_share:.1f} %", f"over all bands: {100 * at.loss:.1f} %"
+
+
+def map_picture(at: ContrastMap) -> NDArray[np.float64]:
+    """Return the map in colours, (h, w, 3): visible contrast white, lost contrast red, the rest black."""
+    picture = np.zeros((*at.reference.shape, 3))
+    picture[at.reference & at.dimmed] = 1.0
+    picture[at.lost] = to_rgb(LOST)
+    return picture
+
+
+def _draw_map(axes: Axes, at: ContrastMap) -> None:
+    """Draw a map; smaller than its pixels, they are averaged."""
+    axes.imshow(map_picture(at), aspect="auto", interpolation="antialiased", interpolation_stage="rgba")
+
+
+def _name_panel(axes: Axes, name: str, words: tuple[str, ...], colour: str) -> None:
+    """Write a panel's name and more words above it."""
+    size = text_size()
+    axes.set_axis_off()
+    bold: dict[str, Any] = {"color": colour, "fontweight": "bold"}
+    lines: list[tuple[str, dict[str, Any]]] = [(name, bold), *((line, {}) for line in words)]
+    for up, (text, style) in enumerate(reversed(lines)):
+        axes.annotate(text, (0, 1), xytext=(0, (0.5 + 1.35 * up) * size), xycoords="axes fraction",
+                      textcoords="offset points", va="bottom", **style)  # fmt: skip
+
+
+def _draw_key(figure: Figure, left: float, top: float, columns: int) -> None:
+    """Write what the colours mean."""
+    handles = [
+        Patch(facecolor="white", edgecolor=MUTED, label="visible, and stays visible"),
+        Patch(facecolor=LOST, label="visible at full brightness, lost by dimming"),
+        Patch(facecolor="black", label="not visible"),
+    ]
+    full_width, full_height = figure.get_size_inches()
+    anchor = (left / full_width, 1 - top / full_height)
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=anchor, ncols=columns)

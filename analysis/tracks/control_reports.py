@@ -1,0 +1,176 @@
+"""The records of what the online controller did: how steady it was, and what the search for gains found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.reproduction.online_spread import SpreadRatio
+from data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from data_schema.control import ControlSummary, LoopReport, TuningReport
+from data_schema.loss_curves import LossCurves
+from data_schema.power_model import PowerModel
+from method.control_curves import ControlledTrack
+from method.controller import ControllerSettings
+from method.governor import GovernorSettings
+from method.power import power
+from method.stability_margins import Margins
+from method.tuning import Demands, Tuned, content_slopes, rms_error
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A run of the controller, its summary in the optimizer's terms, and how steady it was."""
+
+    run: ControlledTrack
+    summary: OptimizationSummary
+    spread: SpreadRatio
+
+
+def control_summary(
+    outcome: Outcome, settings: ControllerSettings, budget: GovernorSettings | None, used: PowerUse
+) -> ControlSummary:
+    """Return what the controller was set to, and how steady it was.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        The run.
+    settings : ControllerSettings
+        Its target and gains.
+    budget : GovernorSettings or None
+        Of its governor.
+    used : PowerUse
+        What the panel takes.
+    """
+    run, summary, spread = outcome.run, outcome.summary, outcome.spread
+    return ControlSummary(
+        video=summary.video,
+        target_loss=settings.target_loss,
+        final_target_loss=float(run.targets[-1]),
+        proportional=settings.proportional,
+        integral=settings.integral,
+        derivative=settings.derivative,
+        gain_rate=settings.gain_rate,
+        start_factor=float(run.factors[0]),
+        mean_loss=summary.mean_contrast_loss,
+        sd_loss=spread.sd,
+        sd_loss_constant=spread.sd_constant,
+        mean_factor=min(summary.mean_factor, 1.0),
+        mean_power=summary.mean_power,
+        share_limited=time_share(run, run.limited),
+        provenance=summary.provenance,
+        budget=None if budget is None else budget.budget,
+        budget_unit=None if budget is None else budget.budget_unit,
+        horizon=None if budget is None else budget.horizon,
+        horizon_error=None if budget is None else used.horizon_error(run, budget),
+        share_budget_held=None if budget is None else time_share(run, run.budget_held),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PowerUse:
+    """What a panel takes while some content is shown."""
+
+    model: PowerModel
+    channel_means: Array
+
+    def watts(self, factors: Array) -> Array:
+        """Return the power of each frame at its factor [W]."""
+        return power(self.model, factors, self.channel_means)
+
+    def horizon_error(self, run: ControlledTrack, budget: GovernorSettings) -> float | None:
+        """Return the largest difference of a mean over a whole horizon from the budget, in its unit."""
+        one = np.ones_like(run.factors)
+        used, of = {
+            BudgetUnit.FACTOR: (np.asarray(run.factors), one),
+            BudgetUnit.POWER: (self.watts(run.factors), self.watts(one)),
+            BudgetUnit.WATT: (self.watts(run.factors), one),
+        }[budget.budget_unit]
+        return horizon_error(used, of, np.asarray(run.durations), (budget.budget, budget.horizon))
+
+
+def tuning_report(
+    curves: LossCurves,
+    settings: tuple[ControllerSettings, ControllerSettings],
+    tuned: Tuned,
+    runs: tuple[ControlledTrack, ControlledTrack],
+    outcome: Outcome,
+) -> TuningReport:
+    """Return what the search for gains found; settings and runs are those before and after it."""
+    demands, duration = Demands(), float(np.median(curves.durations))
+    target = settings[1].target_loss
+    return TuningReport(
+        video=curves.video,
+        target_loss=target,
+        gain_rate=settings[1].gain_rate or 1 / duration,
+        frame_rate=1 / duration,
+        quantile=demands.quantile,
+        slope=tuned.slope,
+        steepest_slope=float(content_slopes(curves, target, settings[1].lowest_factor).max()),
+        least_gain_margin_db=20 * math.log10(demands.gain_margin),
+        least_phase_margin=demands.phase_margin,
+        before=loop_report(settings[0], tuned.margins_before, runs[0]),
+        after=loop_report(settings[1], tuned.margins, runs[1]),
+        tries=tuned.tries,
+        provenance=outcome.summary.provenance,
+    )
+
+
+def loop_report(settings: ControllerSettings, margin: Margins, run: ControlledTrack) -> LoopReport:
+    """Return what is to be said of gains, from their margins and from a run with them."""
+    mean = float(run.time_share @ run.contrast_loss)
+    sd = math.sqrt(float(run.time_share @ (run.contrast_loss - mean) ** 2))
+    return LoopReport(
+        proportional=settings.proportional,
+        integral=settings.integral,
+        derivative=settings.derivative,
+        stable_slope=_finite(margin.stable_slope),
+        gain_margin_db=_finite(margin.gain_margin_db),
+        phase_margin=margin.phase_margin,
+        sensitivity_peak=_finite(margin.sensitivity_peak),
+        sd_loss=sd,
+        rms_error=rms_error(run),
+        share_limited=time_share(run, run.limited),
+    )
+
+
+def horizon_error(used: Array, of: Array, durations: Array, asked: tuple[float, float]) -> float | None:
+    """Return by how much the mean over a horizon differs from the budget at most; None if none is whole.
+
+    Parameters
+    ----------
+    used, of : array, (N,)
+        What each frame uses, and what that is a share of (1: of nothing).
+    durations : array, (N,)
+        How long each frame is shown [s].
+    asked : (float, float)
+        The budget, and the horizon [s].
+
+    >>> used, second = np.array([0.4, 0.6, 0.4, 0.8]), np.ones(4)
+    >>> round(horizon_error(used, second, second, (0.5, 2.0)), 9)
+    0.1
+    """
+    budget, horizon = asked
+    ends = np.append(0.0, np.cumsum(durations))
+    sums = [np.append(0.0, np.cumsum(part * durations)) for part in (used, of)]
+    begins = ends[ends <= ends[-1] - horizon * (1 - 1e-9)]
+    if not len(begins) or horizon > ends[-1] * (1 + 1e-9):
+        return None
+    over, whole = (np.interp(begins + horizon, ends, total) - total[: len(begins)] for total in sums)
+    return float(np.max(np.abs(over / whole - budget)))
+
+
+def time_share(run: ControlledTrack, where: NDArray[np.bool_]) -> float:
+    """Return the share of the time of some frames."""
+    return min(float(run.time_share @ where), 1.0)
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None for one that is infinite."""
+    return value if math.isfinite(value) else None

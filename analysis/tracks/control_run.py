@@ -1,0 +1,250 @@
+"""From a video and a target loss to what the online controller does with it (Section 6)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from analysis.tracks.control_reports import Outcome, PowerUse, control_summary, time_share, tuning_report
+from analysis.tracks.optimization import Work
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
+from data_schema.control import ONLINE, ControlSummary, TargetRow, TuningReport
+from data_schema.display import Display
+from data_schema.loss_curves import LossCurves
+from data_schema.provenance import Provenance, provenance_now, sha256_of_record
+from method.choices import ModulatedLuminance
+from method.control_curves import ControlledTrack, Governed, control_curves
+from method.controller import Controller, ControllerSettings
+from method.curve_lookup import factor_at_loss, loss_and_slope
+from method.evaluate import Answer, Effort, summarize, track_of
+from method.governor import GovernorSettings, frame_costs, governor_of
+from method.optimize import Problem, budget_as_factor
+from method.rate_limit import rate_limit_at
+from method.scalar_rate_limit import scalar_rate_limit
+from method.tuning import tune
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What is asked of the controller.
+
+    Attributes
+    ----------
+    work : Work
+        The video, the display, the rate limit and the power model.
+    settings : ControllerSettings
+        Target, gains and bounds.
+    start_factor : float or None
+        b of the first frame; None: where it has the target loss.
+    budget : GovernorSettings or None
+        A budget for the target to follow.
+    target_is_given : bool
+        Whether the target was asked for; if not, the budget sets the first one too.
+    tuned : bool
+        Whether to choose the gains for this video.
+    sweep : tuple of float
+        Targets to try.
+    """
+
+    work: Work
+    settings: ControllerSettings
+    start_factor: float | None = None
+    budget: GovernorSettings | None = None
+    target_is_given: bool = True
+    tuned: bool = False
+    sweep: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Controlled:
+    """What came of it.
+
+    Attributes
+    ----------
+    settings : ControllerSettings
+        With the gains and the first target that were used.
+    display : Display
+        At the pixels per degree of the analysis.
+    run : ControlledTrack
+        The controller's factors, and where it was held back.
+    track : BrightnessTrack
+        The same, as a track to be played.
+    summary : OptimizationSummary
+        In the terms of the optimizer.
+    control : ControlSummary
+        In those of the controller.
+    spread : SpreadRatio
+        How steady the loss is beside that of constant dimming.
+    baseline_loss : array, (N,)
+        Of constant dimming by the mean factor.
+    tuning : TuningReport or None
+        If the gains were tuned.
+    before : ControlledTrack or None
+        With the gains before that.
+    """
+
+    settings: ControllerSettings
+    display: Display
+    run: ControlledTrack
+    track: BrightnessTrack
+    summary: OptimizationSummary
+    control: ControlSummary
+    spread: SpreadRatio
+    baseline_loss: Array
+    tuning: TuningReport | None = None
+    before: ControlledTrack | None = None
+
+
+class ControlledVideo:
+    """A video's loss curves, and the controller that runs over them.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        Of the video.
+    asked : Control
+        What is asked.
+    curves_s : float
+        Time that the curves took [s].
+    """
+
+    def __init__(self, curves: LossCurves, asked: Control, curves_s: float = 0.0) -> None:
+        self.curves, self.asked, self._curves_s = curves, asked, curves_s
+        request, reflected = asked.work.request, curves.display.reflected_luminance
+        self._limit = scalar_rate_limit(request.rate_limit, reflected, request.limit_curve)
+        white = request.modulated is ModulatedLuminance.WHITE_FIELD
+        self.luminance = (
+            np.full(curves.n_frames, curves.display.peak_luminance) if white else curves.mean_luminance
+        )
+
+    def controlled(self) -> Controlled:
+        """Return what the controller does, with tuned gains if that is asked."""
+        began = time.perf_counter()
+        settings, start = self._start()
+        tuned, before = None, None
+        if self.asked.tuned:
+            tuned = tune(self.curves, self._controller(settings), start, self.luminance)
+            before, settings = self._run(settings, start), tuned.settings
+        run = self._run(settings, start)
+        track, summary = self._evaluated(run, time.perf_counter() - began)
+        constant = np.full(self.curves.n_frames, summary.baseline_factor)
+        loss = loss_and_slope(self.curves, constant)[0]
+        spread = spread_ratio(run.contrast_loss, loss, run.durations)
+        outcome, tuning = Outcome(run, summary, spread), None
+        if tuned is not None and before is not None:
+            both = self.asked.settings, settings
+            tuning = tuning_report(self.curves, both, tuned, (before, run), outcome)
+        return Controlled(
+            settings=settings,
+            display=self.curves.display,
+            run=run,
+            track=track,
+            summary=summary,
+            control=control_summary(outcome, settings, self.asked.budget, self._use),
+            spread=spread,
+            baseline_loss=loss,
+            tuning=tuning,
+            before=before,
+        )
+
+    def sweep(self, settings: ControllerSettings) -> list[TargetRow]:
+        """Return what comes of each target, with the gains of some settings."""
+        rows = []
+        for target in self.asked.sweep:
+            run = control_curves(
+                self.curves, self._controller(replace(settings, target_loss=target)),
+                self.asked.start_factor, self.luminance,
+            )  # fmt: skip
+            factor = min(run.mean_factor, 1.0)
+            constant = loss_and_slope(self.curves, np.full(self.curves.n_frames, factor))[0]
+            spread = spread_ratio(run.contrast_loss, constant, run.durations)
+            rows.append(
+                TargetRow(
+                    target_loss=target,
+                    mean_factor=factor,
+                    mean_loss=float(run.time_share @ run.contrast_loss),
+                    sd_loss=spread.sd,
+                    sd_loss_constant=spread.sd_constant,
+                    share_limited=time_share(run, run.limited),
+                    mean_power=float(run.time_share @ self._use.watts(run.factors)),
+                )
+            )
+        return rows
+
+    @property
+    def _use(self) -> PowerUse:
+        """What the panel takes."""
+        return PowerUse(self.asked.work.request.power_model, self.curves.channel_means)
+
+    def _controller(self, settings: ControllerSettings) -> Controller:
+        return Controller(settings, self._limit)
+
+    def _start(self) -> tuple[ControllerSettings, float]:
+        """Return the settings with the first target, and the first factor."""
+        settings, start, curves = self.asked.settings, self.asked.start_factor, self.curves
+        first = np.full(curves.n_frames, settings.target_loss)
+        if not self.asked.target_is_given:
+            # Where every frame has the factor of the budget, the first one has this loss.
+            constant, _ = budget_as_factor(curves, self.asked.work.request)
+            start = constant if start is None else start
+            first = loss_and_slope(curves, np.full(curves.n_frames, constant))[0]
+            settings = replace(settings, target_loss=float(first[0]))
+        if start is None:
+            start = float(factor_at_loss(curves, first)[0])
+            start = min(max(start, settings.lowest_factor), settings.highest_factor)
+        return settings, start
+
+    def _run(self, settings: ControllerSettings, start: float) -> ControlledTrack:
+        """Return what the controller makes of the video."""
+        controller, governed = self._controller(settings), None
+        if self.asked.budget is not None:
+            costs = frame_costs(self.curves, self.asked.budget, self._use.model)
+            governed = Governed(governor_of(controller, self.asked.budget), costs)
+        return control_curves(self.curves, controller, start, self.luminance, governed)
+
+    def _evaluated(self, run: ControlledTrack, seconds: float) -> tuple[BrightnessTrack, OptimizationSummary]:
+        """Return the track, and its summary beside constant dimming of equal mean factor."""
+        curves, work, mean = self.curves, self.asked.work, min(run.mean_factor, 1.0)
+        asked, reflected = work.request, curves.display.reflected_luminance
+        if self.asked.budget is None:
+            asked = replace(asked, budget=mean, budget_unit=BudgetUnit.FACTOR)
+        problem = Problem(
+            curves=curves,
+            budget_weights=run.time_share,
+            baseline_factor=mean,
+            luminance=np.asarray(self.luminance),
+            rate_limit=lambda light: rate_limit_at(asked.rate_limit, light + reflected, asked.limit_curve),
+        )
+        header = TrackHeader(
+            video=curves.video,
+            display_name=work.display.name,
+            display_fingerprint=work.display.fingerprint,
+            power_model=asked.power_model.name,
+            rate_limit=asked.rate_limit.name,
+            budget=asked.budget,
+            budget_unit=asked.budget_unit,
+            solver=ONLINE,
+            provenance=self._provenance(),
+            rate_limit_procedure=asked.rate_limit.procedure,
+        )
+        track = track_of(problem, asked, np.asarray(run.factors), header)
+        answer = Answer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
+        return track, summarize(problem, asked, answer, track, Effort(seconds, self._curves_s, 0.0))
+
+    def _provenance(self) -> Provenance:
+        """Return where the results come from."""
+        work = self.asked.work
+        inputs = {
+            "video": self.curves.provenance.inputs.get("video", ""),
+            "display": sha256_of_record(work.display),
+            "contrast_model": sha256_of_record(work.model),
+            "power_model": sha256_of_record(work.request.power_model),
+            "rate_limit": sha256_of_record(work.request.rate_limit),
+        }
+        return provenance_now(inputs={name: digest for name, digest in inputs.items() if digest})

@@ -1,0 +1,313 @@
+"""From a video and a budget to the files of a brightness track."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from analysis.figure_style import write_png
+from analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from analysis.tracks.frame_samples import FrameSamples
+from analysis.tracks.thumbnails import thumbnails_of
+from analysis.tracks.track_figure import track_figure
+from analysis.tracks.track_story import TrackStory
+from data_schema.brightness_track import (
+    BrightnessTrack,
+    OptimizationSummary,
+    TrackHeader,
+    read_track,
+    write_track,
+)
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from data_schema.display import Display
+from data_schema.errors import InputError
+from data_schema.frame import Frame
+from data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from data_schema.provenance import Provenance, provenance_now, sha256_of_bytes, sha256_of_record
+from data_schema.text_files import write_json_record
+from method.calm import calmed
+from method.choices import SolverName
+from method.evaluate import Answer, Effort, summarize, track_of
+from method.loss_curves import analyze_frames, brightness_factors
+from method.lower_bound import lower_bound
+from method.optimize import Problem, Request, Solver, pose
+from method.optimize import optimize as optimize_problem
+from method.shared_budget import clip_of, joined_curves, joints
+from method.solvers import make_solver
+from method.thrift import EVERYTHING, Thrift
+from stimuli.video_source import VideoSource
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What is asked: a video on a display, a budget, and how to go about it.
+
+    Attributes
+    ----------
+    source : VideoSource
+        The video.
+    display : Display
+        What it is shown on.
+    request : Request
+        Budget, power model, rate limit.
+    model, model_name : ContrastModel, str
+        Choices of the contrast model, and what they are called.
+    solver : SolverName
+        Which solver.
+    seed : int
+        Of the solver's start, where it draws one.
+    min_factor : float
+        Lowest brightness factor allowed.
+    calm : float
+        Share of the gain to give up for a calmer track.
+    field_of_view : float or None
+        Degrees that the video's width spans; None shows it pixel for pixel.
+    curves : Path or None
+        Loss curves of an earlier run.
+    thrift : Thrift
+        How much of the video is counted for its loss curves, and on how many cores.
+    others : tuple of VideoSource
+        Clips that share the budget with it.
+    weights, allowances : Path or None
+        Files of the sections that the request has.
+    start : Path or None
+        Track of an earlier result to start from, or its folder.
+    quiet : bool
+        Whether to show no progress.
+    watch : callable, optional
+        Sees each frame as it is analysed, and hands it on.
+    """
+
+    source: VideoSource
+    display: Display
+    request: Request
+    model: ContrastModel = DEFAULT_MODEL
+    model_name: str = "default"
+    solver: SolverName = SolverName.SPLITTING
+    seed: int = 1
+    min_factor: float = 0.2
+    calm: float = 0.0
+    field_of_view: float | None = None
+    curves: Path | None = None
+    thrift: Thrift = EVERYTHING
+    others: tuple[VideoSource, ...] = ()
+    weights: Path | None = None
+    allowances: Path | None = None
+    start: Path | None = None
+    quiet: bool = False
+    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
+
+
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """What the figures are drawn from."""
+
+    track: BrightnessTrack
+    summary: OptimizationSummary
+
+
+def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
+    """Analyse, optimize, and write every result into a folder.
+
+    Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
+    """
+    clips = [work, *(replace(work, source=source, others=()) for source in work.others)]
+    samples = [FrameSamples() for _ in clips]
+    start = time.perf_counter()
+    curves = [_loss_curves(clip, held) for clip, held in zip(clips, samples, strict=True)]
+    analysed = time.perf_counter()
+    whole = joined_curves(curves) if work.others else curves[0]
+    problem = pose(whole, work.request, joints(curves))
+    solution = optimize_problem(problem, _solver(work, whole))
+    if work.calm > 0:
+        solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
+    solved = time.perf_counter()
+    answer = Answer(lower_bound(problem, solution), solution.iterations, work.model_name)
+    effort = Effort(solved - analysed, analysed - start, time.perf_counter() - solved, work.calm)
+    track = track_of(problem, work.request, solution.factors, _header(work, whole, curves))
+    summary = summarize(problem, work.request, answer, track, effort)
+    write_json_record(folder / "summary.json", summary)
+    if not work.others:
+        _write_clip(work, folder, problem, _Results(track, summary), samples[0])
+        return summary
+    first = 0
+    for number, (clip, own, held) in enumerate(zip(clips, curves, samples, strict=True), start=1):
+        part, factors = clip_of(problem, own, first), solution.factors[first : first + own.n_frames]
+        first += own.n_frames
+        track = track_of(part, work.request, factors, _header(clip, own, [own]))
+        results = _Results(track, summarize(part, work.request, answer, track, effort))
+        _write_clip(clip, folder / f"{number:02d}-{Path(own.video).stem}", part, results, held)
+    return summary
+
+
+def _solver(work: Work, curves: LossCurves) -> Solver:
+    """Return the solver, with the factors of an earlier track at each frame's time if there is one."""
+    start = None
+    if work.start is not None:
+        earlier = read_track(_track_file(work.start))
+        start = np.interp(curves.times, earlier.times, earlier.factors)
+    return make_solver(work.solver, np.random.default_rng(work.seed), start)
+
+
+def _track_file(path: Path) -> Path:
+    """Return the table of a track, given itself or its folder."""
+    return path / "track.csv" if path.is_dir() else path
+
+
+def _header(work: Work, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:
+    """Return what a track was made for."""
+    request, display = work.request, work.display
+    return TrackHeader(
+        video=curves.video,
+        display_name=display.name,
+        display_fingerprint=display.fingerprint,
+        power_model=request.power_model.name,
+        rate_limit=request.rate_limit.name,
+        budget=request.budget,
+        budget_unit=request.budget_unit,
+        solver=work.solver.value,
+        provenance=_provenance(work, clips),
+        rate_limit_procedure=request.rate_limit.procedure,
+    )
+
+
+def _write_clip(work: Work, folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
+    """Write the loss curves, the track and the figures of a clip."""
+    folder.mkdir(exist_ok=True)
+    write_loss_curves(folder / "loss_curves.npz", problem.curves)
+    write_track(folder / "track.csv", results.track)
+    _draw(work, folder, problem, results, samples)
+
+
+def curves_of(work: Work, samples: FrameSamples) -> LossCurves:
+    """Return the loss curves of a video, of an earlier run or made now; some of its frames are kept."""
+    return _loss_curves(work, samples)
+
+
+def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
+    """Return the loss curves: of an earlier run if one is given and fits, else of the frames."""
+    with _progress(work) as frames:
+        watched, display = _with_field_of_view(samples.watch(work.watch(frames)), work)
+        if work.curves is None:
+            return analyze_frames(
+                watched,
+                work.source.name,
+                display,
+                work.model,
+                factors=brightness_factors(work.min_factor),
+                provenance=_provenance(work),
+                thrift=work.thrift,
+            )
+        curves = read_loss_curves(work.curves)
+        _require_same_source(work, curves, display)
+        for _ in watched:  # for the pictures alone
+            pass
+        return curves
+
+
+def _require_same_source(work: Work, curves: LossCurves, display: Display) -> None:
+    """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
+    if curves.provenance.inputs.get("video") != work.source.sha256():
+        raise InputError(f"--curves {work.curves}: made of another video than {work.source.name}")
+    if curves.factors[0] != brightness_factors(work.min_factor)[0]:
+        raise InputError(
+            f"--curves {work.curves}: made for factors from {curves.factors[0]:g}, "
+            f"asked is --min-factor {work.min_factor:g}"
+        )
+    if curves.provenance.inputs.get("contrast_model") != sha256_of_record(work.model):
+        raise InputError(f"--curves {work.curves}: made with another contrast model than the one asked for")
+    if curves.tolerance > work.thrift.tolerance:
+        raise InputError(
+            f"--curves {work.curves}: made to a tolerance of {curves.tolerance:g}, "
+            f"asked is --tolerance {work.thrift.tolerance:g}"
+        )
+    if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
+        display.fingerprint,
+        display.pixels_per_degree,
+    ):
+        raise InputError(
+            f"--curves {work.curves}: made for {curves.display.name!r} at "
+            f"{curves.display.pixels_per_degree:g} pixels per degree, asked is {display.name!r} at "
+            f"{display.pixels_per_degree:g}"
+        )
+
+
+def _with_field_of_view(frames: Iterator[Frame], work: Work) -> tuple[Iterable[Frame], Display]:
+    """Return the frames, and the display at the pixels per degree that the video has in its middle."""
+    display = work.display
+    if work.field_of_view is None:
+        return frames, display
+    if not 0 < work.field_of_view < 180:
+        raise InputError(f"--field-of-view must lie between 0 and 180 degrees, got {work.field_of_view:g}")
+    first = next(frames)
+    distance = first.pixel_values.shape[1] / (2 * math.tan(math.radians(work.field_of_view) / 2))
+    density = distance * math.radians(1)
+    if density > display.pixels_per_degree * (1 + 1e-9):
+        raise InputError(
+            f"--field-of-view {work.field_of_view:g} would put {density:.4g} pixels into a degree, "
+            f"{display.name!r} shows {display.pixels_per_degree:g}; widen it, or scale the video down"
+        )
+    return itertools.chain([first], frames), replace(display, pixels_per_degree=density)
+
+
+@contextmanager
+def _progress(work: Work) -> Iterator[Iterator[Frame]]:
+    """Yield the video's frames under a progress bar with the time left."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    off = work.quiet or not console.is_terminal
+    with Progress(*columns, console=console, disable=off, transient=True) as progress:
+        source = work.source
+        yield iter(
+            progress.track(source.frames(), total=source.n_frames, description=f"analysing {source.name}")
+        )
+
+
+def _provenance(work: Work, clips: Sequence[LossCurves] = ()) -> Provenance:
+    """Return where the results come from; the seed where the solver draws random numbers."""
+    inputs = {"video": work.source.sha256(), "display": sha256_of_record(work.display)}
+    for number, clip in enumerate(clips, start=1):
+        key = "video" if number == 1 else f"video_{number}"
+        inputs[key] = clip.provenance.inputs.get("video") or inputs[key]
+    inputs["contrast_model"] = sha256_of_record(work.model)
+    if not clips:
+        return provenance_now(inputs=inputs)
+    inputs["power_model"] = sha256_of_record(work.request.power_model)
+    inputs["rate_limit"] = sha256_of_record(work.request.rate_limit)
+    files = {"weights": work.weights, "allowances": work.allowances}
+    if work.start is not None:
+        files["start"] = _track_file(work.start)
+    inputs |= {name: sha256_of_bytes(path.read_bytes()) for name, path in files.items() if path is not None}
+    return provenance_now(work.seed if work.solver is SolverName.SLSQP else None, inputs)
+
+
+def _draw(work: Work, folder: Path, problem: Problem, results: _Results, samples: FrameSamples) -> None:
+    """Draw the figures: the track over time, and where contrast is lost in the frame it changes most."""
+    story = TrackStory(
+        track=results.track,
+        baseline_factor=problem.baseline_factor,
+        baseline_loss=problem.loss(problem.baseline()),
+        objective=results.summary.objective,
+        objective_baseline=results.summary.objective_baseline,
+        thumbnails=thumbnails_of(samples.held),
+        lowest_factor=problem.lowest_factor,
+    )
+    write_png(folder / "track.png", track_figure(story))
+    gain = np.abs(story.baseline_loss - results.track.contrast_loss)
+    index, pixels = max(samples.held, key=lambda held: float(gain[held[0]]))
+    panel = problem.curves.display
+    ours, constant = (
+        contrast_map(pixels, float(factor), panel, work.model)
+        for factor in (results.track.factors[index], problem.baseline_factor)
+    )
+    name = f"{problem.curves.video} at {problem.curves.times[index]:.1f} s"
+    write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))
