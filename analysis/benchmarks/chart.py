@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
@@ -28,6 +29,8 @@ from analysis.figure_style import (
 )
 from data_schema.benchmark import BenchmarkPoint, Role
 
+# As wide as a page, for a screen: pictures that go with a document are small files.
+SCREEN = replace(PAGE, dots_per_inch=110.0)
 COLOUR = {
     Role.REFERENCE: INK,
     Role.DEFAULT: OURS,
@@ -44,11 +47,12 @@ MEANING = {
     Role.CITED: "published, another machine",
 }
 LEAST_GAP = 1.7  # lines of text between two labels
+NEAR = 0.25  # [inch] points nearer than this in both directions share a label
 
 
 def chart_png(chart: Chart, points: Sequence[BenchmarkPoint]) -> bytes:
     """Return a figure of the points of a chart's tasks as a PNG."""
-    with look(PAGE):
+    with look(SCREEN):
         return png_bytes(chart_figure(chart, points))
 
 
@@ -62,22 +66,19 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     """Return time over error, a numbered point for each approach, and a list of what the numbers are."""
     known = sorted((p for p in points if p.error is not None), key=lambda p: (p.error, p.time))
     lines = len(known)
-    figure = new_figure(PAGE, height=4.3 + 0.19 * lines)
-    em = PAGE.em
+    figure = new_figure(SCREEN, height=4.3 + 0.19 * lines)
+    em = SCREEN.em
     title, below = heading_lines(
-        chart.title, f"lower left is better; error: {known[0].error_of}", PAGE.width - 1.2, em
+        chart.title, f"lower left is better; error: {known[0].error_of}", SCREEN.width - 1.2, em
     )
     for words, top, style in title:
         text_at(figure, 0.5, top, words, **style)
-    axes = axes_at(figure, 0.9, below + 1.9 * em, PAGE.width - 1.3, 2.75)
+    axes = axes_at(figure, 0.9, below + 1.9 * em, SCREEN.width - 1.3, 2.75)
     positive = [p.error for p in known if p.error]
     none_at = min(positive, default=1e-6) / 10  # where an error of exactly 0 is drawn
     positive_only = len(positive) == len(known)
-    for number, p in enumerate(known, start=1):
+    for p in known:
         _mark(axes, p, p.error or none_at)
-        axes.annotate(
-            str(number), (p.error or none_at, p.time), xytext=(5, 4), textcoords="offset points", color=INK
-        )
     axes.set(xscale="log", yscale="log", xlabel="error", ylabel="time")
     _label_ticks(axes, lambda error: f"{error:g}" if error > none_at * 3 or positive_only else "")
     if not positive_only:
@@ -88,6 +89,7 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
         )  # fmt: skip
     axes.margins(0.08, 0.15)
     _tick_often_enough(axes)
+    _number(axes, [(p.error or none_at, p.time) for p in known])
     _role_legend(axes, known)
     top = below + 1.9 * em + 2.75 + 4.2 * em
     for number, p in enumerate(known, start=1):
@@ -99,14 +101,14 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
 
 def _over_size(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     """Return time over size, a line for each approach, labelled at its end."""
-    figure = new_figure(PAGE, height=4.2)
-    em = PAGE.em
-    title, below = heading_lines(chart.title, "dotted: time in proportion to size", PAGE.width - 1.2, em)
+    figure = new_figure(SCREEN, height=4.2)
+    em = SCREEN.em
+    title, below = heading_lines(chart.title, "dotted: time in proportion to size", SCREEN.width - 1.2, em)
     for words, top, properties in title:
         text_at(figure, 0.5, top, words, **properties)
-    axes = axes_at(figure, 0.9, below + 0.8 * em, PAGE.width - 3.4, 4.2 - below - 4.4 * em)
+    axes = axes_at(figure, 0.9, below + 0.8 * em, SCREEN.width - 3.4, 4.2 - below - 4.4 * em)
     axes.set(xscale="log", yscale="log", xlabel=points[0].size_of, ylabel="time")
-    _label_ticks(axes, lambda size: f"{size:g}")
+    _label_ticks(axes, lambda size: f"{size:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}"))
     ends = []
     lines = cycle(("--", "-.", ":"))
     for approach in dict.fromkeys(p.approach for p in points):
@@ -134,6 +136,24 @@ def _mark(axes: Axes, p: BenchmarkPoint, error: float) -> None:
     axes.plot([error, error], [p.time_low, p.time_high], color=colour, linewidth=1)
     hollow = p.role is Role.VARIANT
     axes.plot(error, p.time, MARK[p.role], color=colour, markerfacecolor="white" if hollow else colour)
+
+
+def _number(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
+    """Write the number of each point beside it, from 1 on; neighbours' numbers stand side by side."""
+    axes.figure.canvas.draw()
+    spots = [axes.transData.transform(place) for place in places]
+    groups: list[list[int]] = []
+    for k, spot in enumerate(spots):
+        for group in groups:
+            if any(np.abs(spots[other] - spot).max() < NEAR * SCREEN.dots_per_inch for other in group):
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    for group in groups:
+        beside = places[max(group, key=lambda k: spots[k][0])]
+        words = ", ".join(str(k + 1) for k in group)
+        axes.annotate(words, beside, xytext=(5, 4), textcoords="offset points", color=INK)
 
 
 def _label_ticks(axes: Axes, x_words: Callable[[float], str]) -> None:
@@ -167,7 +187,7 @@ def _label_ends(axes: Axes, ends: list[tuple[float, float, str, str]]) -> None:
     """Write the name of each line beside its last point, apart from one another."""
     axes.figure.canvas.draw()
     height = axes.get_window_extent().height
-    gap = LEAST_GAP * PAGE.font_size / 72 * PAGE.dots_per_inch / height
+    gap = LEAST_GAP * SCREEN.font_size / 72 * SCREEN.dots_per_inch / height
     last = -np.inf
     for y, x, words, colour in sorted(ends):
         at = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))[1]

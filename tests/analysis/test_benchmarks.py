@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from analysis.benchmarks import fit_subject
-from analysis.benchmarks.chart import chart_figure
+from analysis.benchmarks.chart import SCREEN, chart_figure
 from analysis.benchmarks.fit_subject import TO_TRUTH, TWO_INTERVAL, YES_NO, simulated
 from analysis.benchmarks.measured import Approach, Chart, Measured, Pains, claim, growth, not_measured, point
 from analysis.benchmarks.page import page
 from analysis.benchmarks.peak_memory import peak_memory
 from analysis.benchmarks.results import measure_all
 from analysis.benchmarks.stopwatch import Times, timed_in_turn
-from analysis.figure_style import PAGE, look
+from analysis.figure_style import look
 from data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary, Role
 from data_schema.text_files import read_json_record, read_rows
 
@@ -109,7 +109,7 @@ def test_the_page_says_what_is_missed_and_what_was_not_measured() -> None:
 
 
 def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_does_not_err() -> None:
-    with look(PAGE):
+    with look(SCREEN):
         figure = chart_figure(Chart("x", "A frame", ("one frame",)), POINTS)
     words = [text.get_text() for text in figure.texts]
     assert any("by definition: 900 ms, no error" in w for w in words)
@@ -118,10 +118,21 @@ def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_d
     np.testing.assert_allclose(drawn, [(2e-6, 0.9), (2e-5, 0.05), (4e-3, 0.01)])  # none: a tenth of the least
 
 
+def test_points_on_one_another_share_a_label_and_the_others_have_their_own() -> None:
+    rows = [
+        a_point("one", Role.DEFAULT, 0.1, 1e-3),
+        a_point("two", Role.VARIANT, 0.1001, 1.001e-3),
+        a_point("far", Role.VARIANT, 5.0, 1e-1),
+    ]
+    with look(SCREEN):
+        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["1, 2", "3"]
+
+
 @pytest.mark.parametrize("spread", [1.2, 3.0, 20.0, 400.0, 1e6])
 def test_an_axis_of_time_has_two_labels_at_least_however_near_the_times_lie(spread: float) -> None:
     rows = [a_point("fast", Role.DEFAULT, 0.033, 1e-3), a_point("slow", Role.VARIANT, 0.033 * spread, 2e-3)]
-    with look(PAGE):
+    with look(SCREEN):
         figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
         figure.canvas.draw()
     axes = figure.axes[0]
@@ -140,7 +151,7 @@ def test_a_figure_over_size_has_a_line_for_each_approach() -> None:
         for n, r in (("ours", Role.DEFAULT), ("slsqp", Role.PEER))
         for k in (1, 9)
     ]
-    with look(PAGE):
+    with look(SCREEN):
         figure = chart_figure(Chart("y", "Growth", ("one frame",), over_size=True), rows)
     labels = {text.get_text() for text in figure.axes[0].texts}
     assert labels == {"ours", "slsqp"}
