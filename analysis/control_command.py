@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.track_options import (
-    BudgetUnitOption,
     ContrastModelOption,
     CurvesOption,
     DeviceOption,
@@ -36,6 +35,8 @@ if TYPE_CHECKING:
     from data_schema.control import TargetRow
 
 MOST_TARGETS = 200
+HORIZON = 60.0  # [s] if none is given
+CURVES_TOLERANCE = 0.001  # of given loss curves: the default of `optimize`
 
 
 def control(
@@ -47,8 +48,14 @@ def control(
     budget: Annotated[
         float | None, typer.Option(help="Budget that the target follows, in the unit of --budget-unit.")
     ] = None,
-    budget_unit: BudgetUnitOption = BudgetUnit.FACTOR,
-    horizon: Annotated[float, typer.Option(help="Seconds over which the mean is to meet the budget.")] = 60.0,
+    budget_unit: Annotated[
+        BudgetUnit | None,
+        typer.Option(help="Mean brightness factor, share of full power, or watt.", show_default="factor"),
+    ] = None,
+    horizon: Annotated[
+        float | None,
+        typer.Option(help="Seconds over which the mean is to meet the budget.", show_default="60"),
+    ] = None,
     proportional: Annotated[float, typer.Option(help="Gain K_p.")] = 0.2,
     integral: Annotated[float, typer.Option(help="Gain K_i, per frame of 1 / --gain-rate.")] = 0.01,
     derivative: Annotated[float, typer.Option(help="Gain K_d, likewise.")] = 0.05,
@@ -59,10 +66,12 @@ def control(
         float | None, typer.Option(help="Factor of the first frame; else where it has the target loss.")
     ] = None,
     tune: Annotated[
-        bool, typer.Option("--tune", help="Choose the gains for this video, within stability margins.")
+        bool,
+        typer.Option("--tune", help="Choose gains for this video within stability margins, budget aside."),
     ] = False,
     sweep: Annotated[
-        str | None, typer.Option(help="Targets to try as well, LOWEST:HIGHEST:HOW_MANY, as 0.01:0.1:10.")
+        str | None,
+        typer.Option(help="Targets to try as well, budget aside: LOWEST:HIGHEST:HOW_MANY."),
     ] = None,
     display: DisplayOption = "varjo-xr3",
     power_model: PowerModelOption = "surace2025",
@@ -81,6 +90,7 @@ def control(
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
     from analysis.device_choice import chosen_device
+    from analysis.earlier_results import files_in, remove_earlier_track
     from analysis.tracks.control_results import run_control
     from analysis.tracks.control_run import Control
     from analysis.tracks.optimization import Work
@@ -109,15 +119,24 @@ def control(
         ("--gain-rate", gain_rate),
     ):  # fmt: skip
         require_between(name, gain, (0.0, 1e6))
-    require_between("--horizon", horizon, (0.1, 1e6))
+    if budget is None and (horizon is not None or budget_unit is not None):
+        raise InputError("--horizon and --budget-unit are for --budget, which is not given")
+    unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
+    require_between("--horizon", seconds, (0.1, 1e6))
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
     power = load_power_model(power_model)
-    request = Request(1.0 if budget is None else budget, budget_unit, power, limit, limit_curve, modulated)
+    request = Request(1.0 if budget is None else budget, unit, power, limit, limit_curve, modulated)
     if budget is not None:
         require_possible(request, min_factor)
     model = load_contrast_model(contrast_model)
+    # Every frame by itself: between frames one would have to know the next.
+    thrift = (
+        Thrift(jobs=jobs, device=chosen_device(device, panel, model, quiet))
+        if curves is None
+        else Thrift(CURVES_TOLERANCE)
+    )
     work = Work(
         source=open_video(video, fps),
         display=panel,
@@ -128,8 +147,7 @@ def control(
         field_of_view=field_of_view,
         curves=curves,
         quiet=quiet,
-        # Every frame by itself: between frames one would have to know the next.
-        thrift=Thrift(jobs=jobs, device=chosen_device(device, panel, model, quiet)),
+        thrift=thrift,
     )
     settings = ControllerSettings(
         target_loss=target_loss or 0.0,
@@ -143,13 +161,15 @@ def control(
         work=work,
         settings=settings,
         start_factor=start_factor,
-        budget=None if budget is None else GovernorSettings(budget, budget_unit, horizon),
+        budget=None if budget is None else GovernorSettings(budget, unit, seconds),
         target_is_given=target_loss is not None,
         tuned=tune,
         sweep=targets_in(sweep),
     )
     with results_folder(out) as folder:
         done, rows = run_control(asked, folder)
+        written = files_in(folder)
+    remove_earlier_track(out, written)
     if not quiet:
         _tell(done, rows, out)
 

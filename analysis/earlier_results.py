@@ -29,3 +29,38 @@ def remove_stale(folder: Path, before: tuple[str, ...], now: tuple[str, ...]) ->
         path = folder / name
         if folder.resolve() in path.resolve().parents and path.is_file():
             path.unlink()
+
+
+TRACK_FILES = (
+    "track.csv",
+    "track.json",
+    "track.png",
+    "summary.json",
+    "contrast_map.png",
+    "loss_curves.npz",
+    "control.json",
+    "tuning.json",
+    "tuning.png",
+    "target_sweep.csv",
+    "target_sweep.png",
+)
+CLIP_FOLDERS = "[0-9][0-9]-*"  # of clips that share a budget
+
+
+def remove_earlier_track(folder: Path, now: tuple[str, ...]) -> None:
+    """Remove what an earlier track left in a folder and the new one did not write: it would contradict it.
+
+    Parameters
+    ----------
+    folder : Path
+        The results.
+    now : tuple of str
+        What the new run wrote there, from `files_in`.
+    """
+    clips = [path for path in folder.glob(CLIP_FOLDERS) if (path / "track.json").is_file()]
+    for place in (folder, *clips):
+        below = "" if place == folder else f"{place.name}/"
+        remove_stale(folder, tuple(f"{below}{name}" for name in TRACK_FILES), now)
+    for clip in clips:
+        if not any(clip.iterdir()):
+            clip.rmdir()

@@ -25,6 +25,7 @@ from analysis.track_options import (
     RateLimitOption,
     VideoArgument,
     check_video,
+    require_there,
 )
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
@@ -80,6 +81,7 @@ def optimize(
 ) -> None:
     """Find the brightness track of a video under a power budget."""
     from analysis.device_choice import chosen_device
+    from analysis.earlier_results import files_in, remove_earlier_track
     from analysis.tracks.optimization import Work, run_optimization
     from data_schema.files import results_folder
     from data_schema.section import AllowanceSection, WeightSection
@@ -104,6 +106,11 @@ def optimize(
         )
     if seed < 0:
         raise InputError(f"--seed must be 0 or more, got {seed}")
+    require_there("--start", start, "a track.csv, or the folder of an earlier result")
+    require_there("--weights", weights, "a csv table start_s,end_s,weight")
+    require_there("--allowances", allowances, "a csv table start_s,end_s,allowance")
+    if start is not None and solver is not SolverName.SPLITTING:
+        raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
     panel, limit = load_display(display), load_rate_limit(rate_limit)
     if not other_display_ok:
         require_same_display(limit, panel)
@@ -133,11 +140,13 @@ def optimize(
         weights=weights,
         allowances=allowances,
         start=start,
-        thrift=Thrift(tolerance, jobs, chosen_device(device, panel, model, quiet)),
+        thrift=Thrift(tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)),
         quiet=quiet,
     )
     with results_folder(out) as folder:
         summary = run_optimization(work, folder)
+        written = files_in(folder)
+    remove_earlier_track(out, written)
     if not quiet:
         _tell(summary, out)
 

@@ -78,6 +78,22 @@ def check_video(video: str, min_factor: float, field_of_view: float | None, jobs
         raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
 
 
+def require_there(option: str, path: Path | None, expected: str) -> None:
+    """Refuse a file or folder that is not there, before anything is analysed.
+
+    Parameters
+    ----------
+    option : str
+        Its name.
+    path : Path or None
+        What it was given; None for nothing.
+    expected : str
+        What would be right.
+    """
+    if path is not None and not path.exists():
+        raise InputError(f"{option} {path}: no such file; give {expected}")
+
+
 def require_between(name: str, value: float, limits: tuple[float, float]) -> None:
     """Refuse a value of an option outside of its limits, by the option's name."""
     low, high = limits

@@ -1,0 +1,62 @@
+"""What stays in a folder of results when another track is made into it, and what is refused beforehand."""
+
+from pathlib import Path
+
+import pytest
+
+SUNRISE = ("sunrise", "--fps", "0.5")
+TRACK = {"contrast_map.png", "loss_curves.npz", "summary.json", "track.csv", "track.json", "track.png"}
+
+
+def names(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_nothing_of_an_earlier_track_stays_beside_a_new_one_and_what_is_not_ours_does(
+    command, tmp_path
+) -> None:
+    out = tmp_path / "out"
+    more = ("--tune", "--sweep", "0.02:0.04:2")
+    assert command("control", *SUNRISE, "--target-loss", "0.03", *more, "--out", out).code == 0
+    tuned = {"tuning.json", "tuning.png", "target_sweep.csv", "target_sweep.png"}
+    assert names(out) == TRACK | {"control.json"} | tuned
+    (out / "notes.txt").write_text("mine")
+    curves = ("--curves", out / "loss_curves.npz")
+    assert command("control", *SUNRISE, "--target-loss", "0.03", *curves, "--out", out).code == 0
+    assert names(out) == TRACK | {"control.json", "notes.txt"}
+    assert command("optimize", *SUNRISE, "--budget", "0.5", *curves, "--out", out).code == 0
+    assert names(out) == TRACK | {"notes.txt"}
+
+
+def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, tmp_path) -> None:
+    out = tmp_path / "out"
+    assert command("optimize", *SUNRISE, "--budget", "0.5", "--with", "sunrise", "--out", out).code == 0
+    assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-sunrise", "02-sunrise"}
+    (out / "02-sunrise" / "notes.txt").write_text("mine")
+    assert command("optimize", *SUNRISE, "--budget", "0.5", "--out", out).code == 0
+    assert names(out) == TRACK | {"02-sunrise/notes.txt"}
+    assert not (out / "01-sunrise").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--start", "nope"), "--start nope: no such file; give a track.csv"),
+        (
+            ("--weights", "nope.csv"),
+            "--weights nope.csv: no such file; give a csv table start_s,end_s,weight",
+        ),
+        (("--allowances", "nope.csv"), "--allowances nope.csv: no such file"),
+    ],
+)
+def test_a_file_that_is_missing_is_told_before_the_video_is_read(command, tmp_path, options, words) -> None:
+    refused = command("optimize", "no.mp4", "--budget", "0.5", *options, "--out", tmp_path / "out")
+    assert refused.code == 2
+    assert words in refused.err
+
+
+@pytest.mark.parametrize("option", [("--horizon", "5"), ("--budget-unit", "watt")])
+def test_an_option_of_the_budget_without_a_budget_is_refused(command, tmp_path, option) -> None:
+    refused = command("control", *SUNRISE, "--target-loss", "0.03", *option, "--out", tmp_path / "out")
+    assert refused.code == 2
+    assert "are for --budget" in refused.err
