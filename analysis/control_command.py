@@ -209,12 +209,14 @@ def _tell(done: Controlled, rows: list[TargetRow], out: Path) -> None:
     )
     if control.budget is not None and control.budget_unit is not None and control.horizon is not None:
         typer.echo(_budget_words(done))
+    if done.warning is not None:
+        typer.echo(f"warning: {done.warning}")
     if done.tuning is not None:
         before, after = done.tuning.before, done.tuning.after
         typer.echo(
             f"gains tuned: K_p {after.proportional:.4g}, K_i {after.integral:.4g}, "
-            f"K_d {after.derivative:.4g}; root mean square error {before.rms_error:.4g} before, "
-            f"{after.rms_error:.4g} after"
+            f"K_d {after.derivative:.4g}; root mean square error at a fixed target "
+            f"{before.rms_error:.4g} before, {after.rms_error:.4g} after"
         )
     if rows:
         typer.echo(

@@ -95,7 +95,7 @@ def optimize(
     )
     from method.rate_limit import require_same_display
     from method.thrift import Thrift
-    from stimuli.video_source import open_video
+    from stimuli.video_source import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
     if not 0 <= calm <= 1:
@@ -122,7 +122,7 @@ def optimize(
     require_possible(request, min_factor)
     if curves is not None and with_:
         raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
-    source, others = open_video(video, fps), tuple(open_video(other, fps) for other in with_ or ())
+    source, *others = open_videos([video, *(with_ or ())], fps)
     model = load_contrast_model(contrast_model)
     work = Work(
         source=source,
@@ -136,7 +136,7 @@ def optimize(
         calm=calm,
         field_of_view=field_of_view,
         curves=curves,
-        others=others,
+        others=tuple(others),
         weights=weights,
         allowances=allowances,
         start=start,
@@ -154,6 +154,7 @@ def optimize(
 def _tell(summary: OptimizationSummary, out: Path) -> None:
     """Say what was achieved, in a few lines."""
     less = 1 - summary.objective / summary.objective_baseline if summary.objective_baseline > 0 else 0.0
+    weighted = "weighted by --weights, " if summary.weighted else ""
     certified = (
         f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
     )
@@ -162,9 +163,20 @@ def _tell(summary: OptimizationSummary, out: Path) -> None:
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
         f"{summary.mean_power / summary.full_power:.1%} of full power, "
         f"mean factor {summary.mean_factor:.4g}\n"
-        f"contrast loss differs by {summary.objective:.4g} between two frames, "
+        f"{weighted}contrast loss differs by {summary.objective:.4g} between two frames, "
         f"{summary.objective_baseline:.4g} at constant dimming ({less:.1%} less; "
         f"{certified})\n"
-        f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}{asked}\n"
+        f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}{asked}"
+        f"{beyond_the_fitted(summary)}\n"
         f"results in {out}"
     )
+
+
+def beyond_the_fitted(summary: OptimizationSummary) -> str:
+    """Return how much faster than the fitted limit brightness changes, where allowances say that it may."""
+    allowance, ratio = summary.largest_allowance or 0.0, summary.max_rate_ratio_fitted or 0.0
+    if not allowance > 1:
+        return ""
+    if ratio > 1 + 1e-6:
+        return f" as allowed;\nwhere allowances say so, up to {ratio:.3g} times the fitted limit"
+    return f" as allowed;\nnowhere beyond the fitted limit, though allowances go up to {allowance:g} times it"

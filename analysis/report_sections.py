@@ -80,9 +80,11 @@ def meaning_of(summary: OptimizationSummary) -> str:
         )
     else:
         words += "Constant dimming already loses the same share of contrast in every frame. "
-    kept = "stays within" if summary.max_rate_ratio <= 1 + 1e-6 else "goes beyond"
+    # By the limit without allowances: those are nothing that was calibrated.
+    ratio = summary.max_rate_ratio if summary.max_rate_ratio_fitted is None else summary.max_rate_ratio_fitted
+    kept = "stays within" if ratio <= 1 + 1e-6 else "goes beyond"
     return words + (
-        f"The fastest change reaches {100 * summary.max_rate_ratio:.0f} % of the rate limit and {kept} "
+        f"The fastest change reaches {100 * ratio:.0f} % of the rate limit and {kept} "
         "what the calibration allows."
     )
 

@@ -196,6 +196,15 @@ class OptimizationSummary:
         the pixels was counted.
     curves_computed_on : str
         What computed the loss curves: "cpu", or "gpu" and its name.
+    clips : int
+        How many clips share the budget. In the summary of one of several, the budget is that of all, the
+        baseline has the clip's own power, no bound is known (0), and iterations and times are those of all.
+    weighted : bool
+        Whether frames count differently in the objective, its baseline's and the bound.
+    largest_allowance : float or None
+        How many times the rate limit the most generous step of the video may reach.
+    max_rate_ratio_fitted : float or None
+        Largest ratio of a step's rate to the limit without allowances; None in files from before them.
     """
 
     video: str = described("name of the video")
@@ -241,6 +250,14 @@ class OptimizationSummary:
     )
     curves_computed_on: str = described(
         "what computed the loss curves: cpu, or gpu and its name", default="cpu"
+    )
+    clips: int = quantity("1", "clips that share the budget", minimum=1, default=1)
+    weighted: bool = described("true if frames count differently in the objective", default=False)
+    largest_allowance: float | None = quantity(
+        "1", "largest multiple of the rate limit that a step may reach", minimum=0.0, default=None
+    )
+    max_rate_ratio_fitted: float | None = quantity(
+        "1", "largest ratio of a rate to the limit without allowances", minimum=0.0, default=None
     )
 
     def __post_init__(self) -> None:

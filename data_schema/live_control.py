@@ -1,10 +1,12 @@
-"""What a live controller did, refresh by refresh."""
+"""What a live controller was, and what it did, refresh by refresh."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, quantity
+from data_schema.display import Display
+from data_schema.provenance import Provenance
+from data_schema.quantities import check_limits, described, quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +24,16 @@ class LiveRefresh:
     contrast_loss : float or None
         The loss that the controller knew last; None before the first.
     measured_refresh : int or None
-        The refresh whose loss that is.
+        The refresh whose picture was measured.
+    measured_factor : float or None
+        The factor at which it was: the one that was due by the time of the answer.
     mean_luminance : float or None
-        Of that refresh at factor 1 [cd/m^2].
+        Of the picture of this refresh at factor 1 [cd/m^2].
     rate : float or None
-        Luminance change per second that the modulation made from the refresh before, at that luminance;
-        signed [cd/m^2/s].
+        Luminance change per second that the modulation made from the refresh before, at the mean of both
+        pictures' luminance; signed [cd/m^2/s]. None at the first refresh.
     rate_limit : float or None
-        What it might be [cd/m^2/s].
+        What it might be, at either picture [cd/m^2/s].
     """
 
     refresh: int = quantity("1", "number of the refresh, from 0 on", minimum=0)
@@ -39,13 +43,67 @@ class LiveRefresh:
         "1", "contrast loss known last", minimum=0.0, maximum=1.0, default=None
     )
     measured_refresh: int | None = quantity("1", "refresh whose loss that is", minimum=0, default=None)
+    measured_factor: float | None = quantity(
+        "1", "brightness factor at which it was measured", above=0.0, maximum=1.0, default=None
+    )
     mean_luminance: float | None = quantity(
-        "cd/m^2", "its mean luminance at factor 1", minimum=0.0, default=None
+        "cd/m^2", "mean luminance of the picture at factor 1", minimum=0.0, default=None
     )
     rate: float | None = quantity(
         "cd/m^2/s", "change by the modulation, from the refresh before", default=None
     )
     rate_limit: float | None = quantity("cd/m^2/s", "largest such change allowed", minimum=0.0, default=None)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveControl:
+    """What dimmed a walk; the file `live_control.json` beside the rows of its refreshes.
+
+    Attributes
+    ----------
+    scene : str
+        That was walked in.
+    display : Display
+        That it was shown on.
+    simulated : bool
+        Whether nobody sat at the keys.
+    target_loss : float
+        c_r.
+    proportional, integral, derivative, gain_rate : float
+        K_p, K_i, K_d, and the frame rate that they are for [Hz].
+    lowest_factor, highest_factor : float
+        Bounds of the factor.
+    rate_limit, limit_curve : str
+        Name of the rate limit; the fitted curve or the lower edge of its band.
+    measured_by : str
+        What measured the loss.
+    mean_loss, mean_factor : float or None
+        Over the refreshes whose loss was known; over all. None without any.
+    provenance : Provenance
+        Software, and the SHA-256 of display and rate limit.
+    """
+
+    scene: str = described("scene that was walked in")
+    display: Display = described("display that it was shown on")
+    simulated: bool = described("true if nobody sat at the keys")
+    target_loss: float = quantity("1", "contrast loss to hold", minimum=0.0, maximum=1.0)
+    proportional: float = quantity("1", "K_p", minimum=0.0)
+    integral: float = quantity("1", "K_i", minimum=0.0)
+    derivative: float = quantity("1", "K_d", minimum=0.0)
+    gain_rate: float | None = quantity(
+        "Hz", "frame rate that the gains are for; null: the display's", above=0.0
+    )
+    lowest_factor: float = quantity("1", "lowest brightness factor", above=0.0, maximum=1.0)
+    highest_factor: float = quantity("1", "highest brightness factor", above=0.0, maximum=1.0)
+    rate_limit: str = described("name of the rate limit")
+    limit_curve: str = described("fitted, or safe: the lower edge of its band")
+    measured_by: str = described("what measured the loss")
+    mean_loss: float | None = quantity("1", "mean of the losses known", minimum=0.0, maximum=1.0)
+    mean_factor: float | None = quantity("1", "mean of the factor", minimum=0.0, maximum=1.0)
+    provenance: Provenance = described("how the files were made")
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -17,7 +17,7 @@ from data_schema.control import ControlSummary, TargetRow, TuningReport
 from data_schema.display import Display
 from data_schema.frame_energy import FrameEnergy
 from data_schema.frame_log import FrameLog
-from data_schema.live_control import LiveRefresh
+from data_schema.live_control import LiveControl, LiveRefresh
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of
 from data_schema.meter_reading import MeterReading
@@ -319,6 +319,13 @@ LIVE_REFRESH = RecordKind(
     ("live_control.csv",),
     "`evenlight play --walk --target-loss`",
 )
+LIVE_CONTROL = RecordKind(
+    "live_control",
+    LiveControl,
+    FileFormat.JSON,
+    ("live_control.json",),
+    "`evenlight play --walk --target-loss`",
+)
 
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
@@ -380,6 +387,7 @@ KINDS = (
     TARGET_ROW,
     TUNING_REPORT,
     LIVE_REFRESH,
+    LIVE_CONTROL,
 )
 # The kind of the lines of trials.jsonl and of frames.jsonl, by the manifest's task.
 TRIALS_OF_TASK = {

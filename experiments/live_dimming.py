@@ -2,7 +2,9 @@
 
 A loss that is measured is the answer to a frame that has been shown. The controller then says which factor is
 due after as long as has passed since its last word, and the factor goes there in even steps, refresh by
-refresh, so that no step is faster than the rate limit allows. If the next loss is late, the factor stands.
+refresh. The next loss is measured at the factor that is due by then, so that each answer is to the last one
+given, as offline. Each picture's luminance is known before it is shown: no step is faster than the rate limit
+allows at either of its ends. If the next loss is late, the factor stands where it was to go.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from data_schema.live_control import LiveRefresh
 from experiments.loss_meters import LossMeter
 from method.controller import Controller, ControllerState, FrameSeen
 
-LONGEST = 0.25  # [s] since the last loss that a step may make up for: after a pause it starts afresh
+LONGEST = 0.25  # [s] since the last loss, or the last refresh, that a step may make up for
+JITTER = 1e-3  # [s] that two flip times may be nearer to each other than a refresh lasts: that of clocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,23 @@ class _Way:
         return self.first + share * (self.last - self.first)
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is being measured: the picture of a refresh, at a factor."""
+
+    refresh: int
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A picture: its factor, Ī at factor 1 [cd/m^2], and when it appeared [s]."""
+
+    factor: float
+    luminance: float
+    flip_time: float
+
+
 class LiveDimmer:
     """Dims by the controller's answers to what a meter measures.
 
@@ -45,7 +65,7 @@ class LiveDimmer:
     factor : float
         To begin with.
     refresh_duration : float
-        How long a refresh lasts [s].
+        How long a refresh lasts at least [s].
     """
 
     def __init__(
@@ -55,9 +75,10 @@ class LiveDimmer:
         self._way = _Way(0.0, 0.0, factor, factor)
         self._state: ControllerState | None = None
         self._answered = self._shown_at = self._due = 0.0
-        self._before = factor
-        self._asked: int | None = None
-        self._known: tuple[int, float, float] | None = None
+        self._shown: _Shown | None = None
+        self._luminance = 0.0
+        self._asked: _Asked | None = None
+        self._known: tuple[_Asked, float] | None = None
         self.factor = factor
         self.rows: list[LiveRefresh] = []
 
@@ -67,38 +88,38 @@ class LiveDimmer:
         Parameters
         ----------
         now : float
-            When it will appear, since the first [s]; later than at any earlier call.
+            When it will appear if this very refresh is caught, since the first [s]: a refresh from the moment
+            of the call. Later than at any earlier call.
         """
-        self._shown_at, self._due, self._before = self._due, now, self.factor
+        self._shown_at, self._due = self._due, now
+        self._luminance = self._meter.mean_luminance()
         seen = self._meter.result()
         if seen is not None and self._asked is not None:
-            self._known = self._asked, seen.loss, seen.mean_luminance
-            self._answer(FrameSeen(seen.loss, seen.mean_luminance, self._duration), now)
-        self.factor = self._way.at(now)
-        if self._meter.begin(self.factor):
-            self._asked = len(self.rows)
+            self._known = self._asked, seen.loss
+            self._answer(seen.loss, now)
+        self.factor = self._allowed(self._way.at(now), now)
+        if self._meter.begin(self._way.last):
+            self._asked = _Asked(len(self.rows), self._way.last)
         return self.factor
 
     def note(self, flip_time: float) -> None:
         """Note when the picture appeared, since the first [s]."""
-        row = LiveRefresh(len(self.rows), flip_time, self.factor)
+        now = _Shown(self.factor, self._luminance, flip_time)
+        row = LiveRefresh(len(self.rows), flip_time, now.factor, mean_luminance=now.luminance)
+        if self._shown is not None:
+            rate, limit = self._rate(self._shown, now)
+            row = replace(row, rate=rate, rate_limit=limit)
         if self._known is not None:
-            measured, loss, luminance = self._known
-            step, passed = self.factor - self._before, self._due - self._shown_at
+            asked, loss = self._known
             row = replace(
-                row,
-                contrast_loss=loss,
-                measured_refresh=measured,
-                mean_luminance=luminance,
-                rate=step * luminance / passed if step else 0.0,
-                rate_limit=min(
-                    self._controller.rate_limit(b * luminance) for b in (self.factor, self._before)
-                ),
+                row, contrast_loss=loss, measured_refresh=asked.refresh, measured_factor=asked.factor
             )
+        self._shown = now
         self.rows.append(row)
 
-    def _answer(self, frame: FrameSeen, now: float) -> None:
+    def _answer(self, loss: float, now: float) -> None:
         """Set out for the factor that the controller wants by the time of its next answer."""
+        frame = FrameSeen(loss, self._luminance, self._duration)
         if self._state is None:
             self._state, self._answered = self._controller.start(self.factor, frame), now
             return
@@ -107,6 +128,24 @@ class LiveDimmer:
         state = replace(self._state, factor=self.factor, luminance=frame.luminance, duration=passed)
         self._state, self._answered = self._controller.step(state, frame), now
         self._way = _Way(self._shown_at, self._shown_at + passed, self.factor, self._state.factor)
+
+    def _allowed(self, goal: float, now: float) -> float:
+        """Return the factor nearest to a goal that the step from the picture before may lead to."""
+        before = self._shown
+        if before is None:
+            return goal
+        # The picture cannot appear before the moment of the call, nor before the last one's refresh is over.
+        passed = min(max(now - self._duration - before.flip_time, self._duration), LONGEST)
+        state = ControllerState(before.factor, 0.0, 0.0, before.luminance, passed)
+        return self._controller.towards(state, FrameSeen(0.0, self._luminance, passed), goal)
+
+    def _rate(self, before: _Shown, now: _Shown) -> tuple[float, float]:
+        """Return the rate of the modulation between two pictures, as offline, and its limit [cd/m^2/s]."""
+        passed = now.flip_time - before.flip_time
+        if passed > self._duration - JITTER:
+            passed = max(passed, self._duration)
+        rate = (now.factor - before.factor) * (now.luminance + before.luminance) / 2 / max(passed, JITTER)
+        return rate, min(self._controller.rate_limit(one.factor * one.luminance) for one in (before, now))
 
     def close(self) -> None:
         """Let go of the meter."""

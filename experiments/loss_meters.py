@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from data_schema.display import Display
 from data_schema.errors import InputError
+from experiments.picture_luminance import PictureLuminance
 from method.choices import Device
 from stimuli.scenes import graphics_state
 from stimuli.scenes.renderer import SceneRenderer
@@ -17,23 +18,26 @@ if TYPE_CHECKING:
     from method.gpu_loss import GpuLoss
 
 CODES = 1024  # levels of the renderer's codes
-ONE_STRIP_IN = 4  # strips of rows that the processor counts: the loss errs by less than 0.001 (bench online)
+ONE_STRIP_IN = 4  # strips of rows that the processor counts, others each time (bench online: the error)
 
 
 class Seen(Protocol):
-    """What is known of a picture: its loss at the factor asked for, and Ī [cd/m^2]."""
+    """What is known of a picture."""
 
     @property
     def loss(self) -> float:
-        """𝓛_c, in [0, 1]."""
-
-    @property
-    def mean_luminance(self) -> float:
-        """Mean luminance at factor 1."""
+        """𝓛_c at the factor asked for, in [0, 1]."""
 
 
 class LossMeter(Protocol):
-    """Measures the picture that was drawn last; nothing waits for it."""
+    """Measures the picture that was drawn last; its loss is waited for by nothing."""
+
+    @property
+    def name(self) -> str:
+        """What measures: "cpu", or "gpu" and the renderer's name."""
+
+    def mean_luminance(self) -> float:
+        """Return its Ī at factor 1 [cd/m^2], before it is shown."""
 
     def begin(self, factor: float) -> bool:
         """Begin to measure at a factor; return False, and do nothing, while another is under way."""
@@ -76,14 +80,15 @@ def open_meter(
     InputError
         If the graphics processor is asked for, and has no compute shaders.
     """
+    light = PictureLuminance(context, pictures, display)
     if _on_gpu(context, device):
         from method.gpu_loss import GpuLoss
 
         width, height = pictures.size
         with graphics_state.own(context):
             loss = GpuLoss(context, (height, width), display, lowest_factor=lowest_factor)
-        return GpuMeter(context, pictures, loss)
-    return ProcessorMeter(pictures, display, lowest_factor, patient=patient)
+        return GpuMeter(context, pictures, loss, light, patient=patient)
+    return ProcessorMeter(pictures, display, lowest_factor, light, patient=patient)
 
 
 def _on_gpu(context: moderngl.Context, device: Device) -> bool:
@@ -104,7 +109,8 @@ def _on_gpu(context: moderngl.Context, device: Device) -> bool:
 class ProcessorMeter:
     """Measures on the processor, in a thread beside the one that draws.
 
-    Of the fine bands every fourth strip of rows counts.
+    Of the fine bands of large pictures every fourth strip of rows counts, each time others, so that over four
+    times all do.
 
     Parameters
     ----------
@@ -114,28 +120,48 @@ class ProcessorMeter:
         What shows them.
     lowest_factor : float
         That will be asked for.
+    light : PictureLuminance
+        Of the pictures.
     patient : bool
         Whether `result` waits.
     """
 
     def __init__(
-        self, pictures: SceneRenderer, display: Display, lowest_factor: float, *, patient: bool
+        self,
+        pictures: SceneRenderer,
+        display: Display,
+        lowest_factor: float,
+        light: PictureLuminance,
+        *,
+        patient: bool,
     ) -> None:
         from method.one_factor import OneFactorLoss
 
         width, height = pictures.size
-        self._pictures, self._patient = pictures, patient
+        self._pictures, self._light, self._patient = pictures, light, patient
+        self._turn = 0
         self._loss = OneFactorLoss(
             (height, width), display, lowest_factor=lowest_factor, one_strip_in=ONE_STRIP_IN
         )
         self._thread = ThreadPoolExecutor(1, "contrast loss")
         self._under_way: Future[Seen] | None = None
 
+    @property
+    def name(self) -> str:
+        """What measures."""
+        return "cpu"
+
+    def mean_luminance(self) -> float:
+        """Return Ī of the picture drawn last."""
+        return self._light.mean()
+
     def begin(self, factor: float) -> bool:
         """Read the picture back, and hand it to the thread."""
         if self._under_way is not None:
             return False
-        self._under_way = self._thread.submit(self._loss.of, self._pictures.pixel_values(), factor)
+        pixels = self._pictures.pixel_values()
+        self._under_way = self._thread.submit(self._loss.of, pixels, factor, self._turn)
+        self._turn += 1
         return True
 
     def result(self) -> Seen | None:
@@ -162,11 +188,34 @@ class GpuMeter:
         Draws the pictures.
     loss : GpuLoss
         For pictures of that size.
+    light : PictureLuminance
+        Of the pictures.
+    patient : bool
+        Whether `result` waits.
     """
 
-    def __init__(self, context: moderngl.Context, pictures: SceneRenderer, loss: GpuLoss) -> None:
-        self._context, self._pictures, self._loss = context, pictures, loss
-        self._under_way = False
+    def __init__(
+        self,
+        context: moderngl.Context,
+        pictures: SceneRenderer,
+        loss: GpuLoss,
+        light: PictureLuminance,
+        *,
+        patient: bool,
+    ) -> None:
+        self._context, self._pictures, self._loss, self._light = context, pictures, loss, light
+        self._patient, self._under_way = patient, False
+
+    @property
+    def name(self) -> str:
+        """What measures, and its name."""
+        from method.gpu_context import renderer_name
+
+        return f"gpu: {renderer_name(self._context)}"
+
+    def mean_luminance(self) -> float:
+        """Return Ī of the picture drawn last."""
+        return self._light.mean()
 
     def begin(self, factor: float) -> bool:
         """Begin with the texture of codes."""
@@ -181,8 +230,8 @@ class GpuMeter:
         return True
 
     def result(self) -> Seen | None:
-        """Return the answer; asked for at the next refresh, it is ready."""
-        if not self._under_way:
+        """Return the answer, if the graphics processor has come to it."""
+        if not self._under_way or not (self._patient or self._loss.ready()):
             return None
         self._under_way = False
         with graphics_state.own(self._context):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from data_schema.errors import InputError
-from method.choices import Device
+from method.choices import Device, LimitCurve
 
 if TYPE_CHECKING:
     from data_schema.display import Display
@@ -81,6 +81,12 @@ def play(
     rate_limit: Annotated[
         str | None, typer.Option(help="Rate limit of a dimmed walk: a preset or a file; else the paper's.")
     ] = None,
+    limit_curve: Annotated[
+        LimitCurve | None, typer.Option(help="Of a dimmed walk: the fitted rate limit, or its safe edge.")
+    ] = None,
+    tuning: Annotated[
+        Path | None, typer.Option(help="Gains of a dimmed walk: tuning.json of `evenlight control --tune`.")
+    ] = None,
     device: Annotated[
         Device | None, typer.Option(help="What measures the loss of a dimmed walk; else what is fastest.")
     ] = None,
@@ -130,6 +136,7 @@ def play(
     of_videos: dict[str, object] = {"TRACK": track, "--other-display-ok": other_display_ok}
     of_videos |= {"--measure-power": measure_power} | of_passes | of_power
     of_control: dict[str, object] = {"--rate-limit": rate_limit, "--device": device}
+    of_control |= {"--limit-curve": limit_curve, "--tuning": tuning}
     of_walks: dict[str, object] = {"--factor": factor, "--record": record, "--seconds": seconds}
     of_walks |= {"--target-loss": target_loss} | of_control
     if walk:
@@ -145,7 +152,15 @@ def play(
 
         dimmed = 1.0 if factor is None else factor
         measured_by = device or Device.AUTO
-        live = LiveRequest(target_loss, rate_limit or RATE_LIMIT, measured_by, out, other_display_ok)
+        live = LiveRequest(
+            target_loss=target_loss,
+            rate_limit=rate_limit or RATE_LIMIT,
+            limit_curve=limit_curve or LimitCurve.FITTED,
+            tuning=tuning,
+            device=measured_by,
+            out=out,
+            other_display_ok=other_display_ok,
+        )
         asked = WalkRequest(video, rig, display, size, dimmed, record, seconds, screenshots, simulate, live)
         said = walk_as_asked(asked)
         if not quiet:

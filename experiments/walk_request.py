@@ -10,17 +10,18 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.files import results_folder
 from data_schema.live_control import LiveRefresh
+from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
-from data_schema.text_files import write_rows
 from experiments.live_dimming import LiveDimmer
+from experiments.live_record import LOG, live_control, settings_of, write_live
 from experiments.loss_meters import open_meter
 from experiments.play_request import rig_of
 from experiments.playback import open_devices
 from experiments.walk import Walk, Walked, write_path
 from hardware.rig import open_held_keys, open_pointer
 from hardware.simulated_held_keys import SimulatedHeldKeys
-from method.choices import Device
-from method.controller import Controller, ControllerSettings
+from method.choices import Device, LimitCurve
+from method.controller import Controller
 from method.preset_files import load_rate_limit
 from method.rate_limit import require_same_display
 from method.scalar_rate_limit import scalar_rate_limit
@@ -29,7 +30,6 @@ from stimuli.scenes.scenes import SCENES
 
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
 RATE_LIMIT = "surace2025"
-LOG = "live_control.csv"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,10 @@ class LiveRequest:
         Contrast loss to hold; None for no controller.
     rate_limit : str
         A preset or a file.
+    limit_curve : LimitCurve
+        The fitted curve, or the lower edge of its band.
+    tuning : Path or None
+        A `tuning.json` whose gains are taken; None for the paper's.
     device : Device
         What measures the loss.
     out : Path or None
@@ -52,6 +56,8 @@ class LiveRequest:
 
     target_loss: float | None = None
     rate_limit: str = RATE_LIMIT
+    limit_curve: LimitCurve = LimitCurve.FITTED
+    tuning: Path | None = None
     device: Device = Device.AUTO
     out: Path | None = None
     other_display_ok: bool = False
@@ -63,13 +69,17 @@ class LiveRequest:
         elif not 0 <= self.target_loss <= 1:
             raise InputError(f"--target-loss must lie in 0 to 1, got {self.target_loss:g}")
 
-    def controller(self, display: Display) -> Controller:
-        """Return the controller, on some display."""
+    def limit_on(self, display: Display) -> RateLimit:
+        """Return the rate limit, if it may be used on some display."""
         limit = load_rate_limit(self.rate_limit)
         if not self.other_display_ok:
             require_same_display(limit, display)
-        settings = ControllerSettings(self.target_loss or 0.0)
-        return Controller(settings, scalar_rate_limit(limit, display.reflected_luminance))
+        return limit
+
+    def controller(self, display: Display) -> Controller:
+        """Return the controller, on some display."""
+        limit = scalar_rate_limit(self.limit_on(display), display.reflected_luminance, self.limit_curve)
+        return Controller(settings_of(self.target_loss or 0.0, self.tuning), limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +143,19 @@ def walk_as_asked(asked: WalkRequest) -> str:
     if asked.live.out is None:
         return _walked(asked, rig, display, controller)[0]
     with results_folder(asked.live.out) as folder:
-        said, rows = _walked(asked, rig, display, controller)
-        write_rows(folder / LOG, LiveRefresh, rows)
+        said, rows, measured_by = _walked(asked, rig, display, controller)
+        assert controller is not None  # `LiveRequest` has seen to it
+        limit = asked.live.limit_on(display), asked.live.limit_curve
+        seen = asked.scene, display, measured_by
+        write_live(folder, live_control(controller.settings, limit, seen, rows, asked.simulate), rows)
     return f"{said}; the log is in {asked.live.out / LOG}"
 
 
 def _walked(
     asked: WalkRequest, rig: Rig, display: Display, controller: Controller | None
-) -> tuple[str, list[LiveRefresh]]:
-    """Let somebody walk, and return how it went, and what the controller did."""
+) -> tuple[str, list[LiveRefresh], str]:
+    """Let somebody walk, and return how it went, what the controller did, and what measured the loss."""
+    measured_by = ""
     with ExitStack() as stack:
         opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
         devices = stack.enter_context(opened)
@@ -154,6 +168,7 @@ def _walked(
                 patient=asked.simulate,
             )  # fmt: skip
             stack.callback(meter.close)
+            measured_by = meter.name
             first = max(asked.factor, controller.settings.lowest_factor)
             walk.dimmer = LiveDimmer(controller, meter, first, 1 / devices.rig.refresh_rate)
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
@@ -170,7 +185,7 @@ def _walked(
     if asked.record is not None and done.flip_times and done.flip_times[-1] > 0:
         write_path(asked.record, asked.scene, done.way)
         said = f"{said}; the way is in {asked.record}"
-    return said, rows
+    return said, rows, measured_by
 
 
 def _said(asked: WalkRequest, done: Walked) -> str:

@@ -13,7 +13,7 @@ from data_schema.loss_curves import LossCurves
 from data_schema.quantities import read_only
 from method.controller import Aim, Controller, ControllerState, FrameSeen
 from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.governor import FrameCosts, Governor, GovernorState
+from method.governor import Excess, FrameCosts, Governor, GovernorState
 from method.modulation import Array, allowed_rate, modulation_rate
 
 
@@ -192,15 +192,16 @@ class _Steering:
         if governed is not None:
             self._governor = governed.governor
             costs = governed.costs
-            columns = (costs.per_factor, costs.allowance, costs.due)
+            columns = (costs.per_factor, costs.allowance, costs.due, costs.scale)
             self._costs = zip(*(column.tolist() for column in columns), strict=True)
 
     def take(self, shown: ControllerState, loss: float) -> None:
         """Take note of a frame that was shown with some factor and has some loss."""
         if self._state is None:
             self._state = self._governor.start(self.target, shown.factor, loss)
-        per_factor, allowance, due = next(self._costs)
-        excess = per_factor * shown.factor - allowance, per_factor * shown.factor - due
+        per_factor, allowance, due, scale = next(self._costs)
+        used = per_factor * shown.factor
+        excess = Excess(used - allowance, used - due, scale)
         self._state, self.aim = self._governor.step(self._state, shown, loss, excess)
         self.target, self.held = self._state.target_loss, self._state.held
 

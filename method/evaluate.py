@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
 from data_schema.provenance import Provenance
-from method.modulation import largest_rate_ratio, modulation_rate
+from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from method.optimize import Problem, Request
 from method.power import power
 
 Array = NDArray[np.float64]
+
+ROUNDING = 1e-10  # of a mean difference of losses, which are at most 1, summed over up to a million frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +50,14 @@ class Answer:
         Of the solver.
     contrast_model : str
         Name of the choices that the loss curves were made with.
+    clips : int
+        How many clips share the budget.
     """
 
     lower_bound: float
     iterations: int
     contrast_model: str
+    clips: int = 1
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
@@ -100,6 +105,11 @@ def summarize(
         The answer's track.
     effort : Effort
         How the work was done.
+
+    Raises
+    ------
+    RuntimeError
+        If the lower bound is above the objective, by more than rounding: a defect of one of the two.
     """
     curves, header = problem.curves, track.header
     share = curves.durations / curves.durations.sum()
@@ -125,7 +135,7 @@ def summarize(
         achieved=achieved[request.budget_unit],
         objective=objective,
         objective_baseline=problem.objective(baseline),
-        lower_bound=min(answer.lower_bound, objective),  # apart by rounding at most
+        lower_bound=_below(objective, answer.lower_bound),
         max_rate_ratio=largest_rate_ratio(track.rate, track.rate_limit),
         mean_contrast_loss=float(share @ track.contrast_loss),
         mean_contrast_loss_baseline=float(share @ problem.loss(baseline)),
@@ -154,4 +164,31 @@ def summarize(
         curves_tolerance=curves.tolerance,
         counted=float(np.mean(curves.counted)),
         curves_computed_on=curves.computed_on,
+        clips=answer.clips,
+        weighted=problem.importance is not None and bool(np.ptp(problem.importance) > 0),
+        largest_allowance=_largest_allowance(problem),
+        max_rate_ratio_fitted=largest_rate_ratio(
+            track.rate, limit_without_allowances(problem, track.factors)
+        ),
     )
+
+
+def limit_without_allowances(problem: Problem, factors: Array) -> Array:
+    """Return the largest rate from each frame to the next by the rate limit alone [cd/m^2/s], (N,)."""
+    return allowed_rate(factors, problem.luminance, problem.rate_limit)
+
+
+def _largest_allowance(problem: Problem) -> float:
+    """Return how many times the rate limit the most generous step may reach that is seen."""
+    if problem.allowances is None:
+        return 1.0
+    return float(problem.allowances[np.isfinite(problem.allowances)].max(initial=0.0))
+
+
+def _below(objective: float, bound: float) -> float:
+    """Return the lower bound, once it is checked to be one; it may be above the objective by rounding."""
+    if bound > objective + ROUNDING:
+        raise RuntimeError(
+            f"the lower bound {bound:.12g} is above the objective {objective:.12g} of an answer that exists"
+        )
+    return min(bound, objective)

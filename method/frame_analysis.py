@@ -149,9 +149,10 @@ class FrameAnalysis:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
         luminance, means = self._light_of(pixel_values)
         mean = float(luminance.mean(dtype=np.float64))
-        if not self.in_one_pass:
-            return self.loss_of(FrameCounts(mean, means, self._by_definition(luminance)))
-        shares = self._shares([luminance, reduced(luminance)], later=range(0))
+        if self.in_one_pass:
+            shares = self._shares([luminance, reduced(luminance)], later=range(0))
+        else:
+            shares = self._by_definition(luminance)
         self._spare.give_back(luminance)
         return self.loss_of(FrameCounts(mean, means, shares))
 
@@ -225,7 +226,9 @@ class FrameAnalysis:
         if self._model.pixel_to_luminance is not PixelToLuminance.LUMA_FIRST:
             return self._luminance_of(pixel_values)
         wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-        return wide.astype(np.float32), channel_means(pixel_values, self._display.gamma)
+        luminance = self._spare.take(wide.shape, np.float32)
+        np.copyto(luminance, wide, casting="same_kind")
+        return luminance, channel_means(pixel_values, self._display.gamma)
 
     def _luminance_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
         """Return the same of pixel values whose channels are linearized first."""

@@ -1,10 +1,10 @@
 """The governor: moves the controller's target loss so that the mean power over a horizon meets a budget.
 
 Section 6 of the paper holds a contrast loss and takes what power comes of it. Here a second, slower loop
-moves the target. Let u be what a frame uses more than the budget, as a factor, and m its exponentially
-weighted mean over the horizon H. The factor ought to fall by
+moves the target. Let u be what a frame uses more than the budget, in the budget's unit, m its exponentially
+weighted mean over the horizon H, and g what a factor of 1 uses. The factor ought to fall by
 
-    Δb = (u + m H / 4T) Δt / T,        T = H / 10,
+    Δb = (u + m H / 4T) Δt / gT,        T = H / 10,
 
 per frame: u would decay with the time constant T, and what has been used too much is paid back (4T gives the
 pair of time constants a damping of 1). The target moves by ŝ Δb, with ŝ the slope of the loss as it shows in
@@ -16,6 +16,7 @@ is: see docs/decisions/budget-governor.md for the argument.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ REACTION = 10.0  # horizons hold so many time constants T of the governor
 PAYBACK = 4.0  # times T: a damping of 1
 FEWEST_FRAMES = 20.0  # that T lasts at least, so that the delay of a frame costs no phase to speak of
 LEAST_SLOPE = 0.02  # by which the target follows where nothing is lost, so that it does not stand still
+WINDOW = 2.0  # times faster m ages at a bound: a plain mean over H is H/2 old on average, m is H old
+LEAST_SCALE = 0.01  # of what white uses: less is not told from black
 NO_ROOM = 1e-3  # below this distance from full brightness, loss / (1 - b) tells no slope
 
 Array = NDArray[np.float64]
@@ -60,7 +63,7 @@ class GovernorSettings:
 
 @dataclass(frozen=True, slots=True)
 class FrameCosts:
-    """What N frames use and may use, as factors; nothing in it is of later frames than its own.
+    """What N frames use and may use, in the budget's unit; nothing in it is of later frames than its own.
 
     Attributes
     ----------
@@ -71,11 +74,30 @@ class FrameCosts:
     due : array, (N,)
         What the budget grants to any frame: what counts over the horizon. The same, but for an OLED panel
         with a budget in watts: there bright frames take what dark ones leave.
+    scale : array, (N,)
+        g, what a factor of 1 uses, above 0: by it an excess becomes a change of the factor.
     """
 
     per_factor: Array
     allowance: Array
     due: Array
+    scale: Array
+
+
+class Excess(NamedTuple):
+    """What a frame used too much, in the budget's unit.
+
+    Attributes
+    ----------
+    at_once, over_horizon : float
+        u: more than its allowance, and more than was due (`FrameCosts`).
+    scale : float
+        g, what a factor of 1 uses.
+    """
+
+    at_once: float
+    over_horizon: float
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +109,11 @@ class GovernorState:
     target_loss : float
         c_r that it has moved to.
     excess : float
-        m, mean of what was used more than the budget, as a factor.
+        m, mean of what was used more than the budget, in its unit.
     loss, dimming : float
         Means of 𝓛_c and of 1 - b, whose ratio is the slope ŝ.
+    factor : float
+        b that the last frame was shown with.
     held : bool
         Whether a bound keeps it from where the budget would have it.
     """
@@ -98,6 +122,7 @@ class GovernorState:
     excess: float
     loss: float
     dimming: float
+    factor: float
     held: bool = False
 
 
@@ -119,12 +144,15 @@ class Governor:
 
     def start(self, target_loss: float, factor: float, loss: float) -> GovernorState:
         """Return the state at the first frame, of some target, factor and loss."""
-        return GovernorState(target_loss, 0.0, loss, 1 - factor)
+        return GovernorState(target_loss, 0.0, loss, 1 - factor, factor)
 
     def step(
-        self, state: GovernorState, shown: ControllerState, loss: float, excess: tuple[float, float]
+        self, state: GovernorState, shown: ControllerState, loss: float, excess: Excess
     ) -> tuple[GovernorState, Aim]:
         """Return the state after a frame was shown, and where the controller is to aim with the next one.
+
+        At a bound m goes on, as what is paid back there is paid; only what is out of reach counts as met,
+        so that it is not remembered, and what was remembered before ages.
 
         Parameters
         ----------
@@ -134,33 +162,65 @@ class Governor:
             The frame, its factor and how long it is shown.
         loss : float
             Its contrast loss.
-        excess : (float, float)
-            u, what it used more than its allowance, and more than was due, as factors (`FrameCosts`).
+        excess : Excess
+            u, what it used too much.
         """
-        constant = max(self.horizon / REACTION, FEWEST_FRAMES * shown.duration)
+        constant = time_constant(self.horizon, shown.duration)
         share = min(shown.duration / self.horizon, 1.0)
-        mean = state.excess + share * (excess[1] - state.excess)
+        mean = state.excess + share * (excess.over_horizon - state.excess)
         quick = min(shown.duration / constant, 1.0)
         mean_loss = state.loss + quick * (loss - state.loss)
         dimming = state.dimming + quick * (1 - shown.factor - state.dimming)
-        down = (excess[0] + mean * self.horizon / (PAYBACK * constant)) * quick
+        down = (excess.at_once + mean * self.horizon / (PAYBACK * constant)) * quick / excess.scale
         slope = max(mean_loss / dimming if dimming > NO_ROOM else 0.0, LEAST_SLOPE)
-        if self._is_held(shown.factor, down):  # what is out of reach is not remembered
-            same = GovernorState(state.target_loss, state.excess, mean_loss, dimming, held=True)
+        if self._is_held(shown.factor, down):
+            mean = self._mean_at_a_bound(state.excess, excess.over_horizon, share)
+            same = GovernorState(state.target_loss, mean, mean_loss, dimming, shown.factor, held=True)
             return same, Aim(state.target_loss, 0.0)
-        target = min(max(state.target_loss + slope * down, 0.0), 1.0)
-        return GovernorState(target, mean, mean_loss, dimming), Aim(target, -down)
+        # On its way there as fast as the rate limit lets it, the factor would not follow the target further.
+        follows = not (shown.limited and (state.factor - shown.factor) * down > 0)
+        target = min(max(state.target_loss + follows * slope * down, 0.0), 1.0)
+        return GovernorState(target, mean, mean_loss, dimming, shown.factor), Aim(target, -down)
+
+    def _mean_at_a_bound(self, mean: float, excess: float, share: float) -> float:
+        """Return m after a frame at a bound: nearer to 0 by what was paid back, or else by age."""
+        ageing = min(WINDOW * share, 1.0)
+        return min(mean + ageing * (excess - mean), (1 - ageing) * mean, key=abs)
 
     def _is_held(self, factor: float, down: float) -> bool:
         """Return whether the factor is at a bound and would have to go beyond it."""
         return factor <= self.lowest_factor if down > 0 else factor >= self.highest_factor and down < 0
 
 
+def time_constant(horizon: float, duration: float) -> float:
+    """Return T of the governor over a horizon, with frames of some duration [s].
+
+    >>> time_constant(60.0, 0.1), time_constant(20.0, 0.5)
+    (6.0, 10.0)
+    """
+    return max(horizon / REACTION, FEWEST_FRAMES * duration)
+
+
+def horizon_warning(settings: GovernorSettings, duration: float) -> str | None:
+    """Return what is to be said of a horizon that holds too few frames for the governor; None if it is fine.
+
+    >>> horizon_warning(GovernorSettings(0.5, horizon=20.0), 0.5)
+    'the horizon of 20 s holds 40 frames, too few to steer by: look for the budget over 100 s'
+    """
+    constant = time_constant(settings.horizon, duration)
+    if constant * REACTION <= settings.horizon * (1 + 1e-9):
+        return None
+    return (
+        f"the horizon of {settings.horizon:g} s holds {settings.horizon / duration:.0f} frames, too few to "
+        f"steer by: look for the budget over {constant * REACTION:.4g} s"
+    )
+
+
 def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel) -> FrameCosts:
     """Return what the frames of a video use and may use.
 
-    Watts become factors by the mean power per factor of the horizon before. An OLED's share of full power is
-    that of the same content.
+    A budget in watts allows each frame the factor at which the content of the horizon before would have met
+    it, but no more than 1. An OLED's share of full power is that of the same content.
 
     Parameters
     ----------
@@ -171,27 +231,29 @@ def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerMode
     model : PowerModel
         Of the panel.
     """
-    n, budget = curves.n_frames, settings.budget
+    one, budget = np.ones(curves.n_frames), settings.budget
     if settings.budget_unit is BudgetUnit.FACTOR:
-        return FrameCosts(np.ones(n), np.full(n, budget), np.full(n, budget))
+        return FrameCosts(one, budget * one, budget * one, one)
     slope = power_per_factor(model, curves.channel_means)
     mean = _mean_so_far(slope, np.asarray(curves.durations), settings.horizon)
-    used = slope / mean
+    white = float(power_per_factor(model, np.ones((1, 3)))[0])
+    scale = np.maximum(mean, LEAST_SCALE * white)
     if settings.budget_unit is BudgetUnit.POWER:
-        allowed = (budget * (model.base_power + slope) - model.base_power) / mean
-        return FrameCosts(used, allowed, allowed)
-    due = (budget - model.base_power) / mean
-    return FrameCosts(used, used * due, due)
+        allowed = budget * (model.base_power + slope) - model.base_power
+        return FrameCosts(slope, allowed, allowed, scale)
+    due = budget - model.base_power
+    factor = np.divide(due, mean, out=one.copy(), where=mean > due)
+    return FrameCosts(slope, slope * factor, due * one, scale)
 
 
 def _mean_so_far(values: Array, durations: Array, horizon: float) -> Array:
-    """Return the mean over what came so far, of older than a horizon ever less; 1 before anything came."""
+    """Return the mean over what came so far, of older than a horizon ever less."""
     means, mean, passed = np.empty(len(values)), 0.0, 0.0
     for k, (value, duration) in enumerate(zip(values.tolist(), durations.tolist(), strict=True)):
         passed = min(passed + duration, max(horizon, duration))
         mean += (value - mean) * duration / passed
         means[k] = mean
-    return np.where(means > 0, means, 1.0)  # a black beginning of an OLED uses nothing
+    return means
 
 
 def governor_of(controller: Controller, settings: GovernorSettings) -> Governor:

@@ -41,11 +41,20 @@ def compute_context() -> moderngl.Context:
     for options in choices:
         try:
             context = moderngl.create_context(standalone=True, require=VERSION, **options)
-            require_compute(context)
-            return context
+            return _with_compute(context)
         except Exception as error:  # moderngl raises a bare Exception
             reasons.append(str(error).splitlines()[0] if str(error) else type(error).__name__)
     raise InputError(f"no graphics processor with compute shaders, OpenGL 4.3 ({reasons[0]}); {_ADVICE}")
+
+
+def _with_compute(context: moderngl.Context) -> moderngl.Context:
+    """Return a context that has compute shaders; release one that has none, and raise `InputError`."""
+    try:
+        require_compute(context)
+    except BaseException:
+        context.release()
+        raise
+    return context
 
 
 def require_compute(context: moderngl.Context) -> None:

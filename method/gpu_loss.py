@@ -12,6 +12,7 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from method.contrast_loss import loss_of
 from method.gpu_bands import Request
+from method.gpu_fence import Fence
 from method.gpu_frame import FrameTexture, packed
 from method.gpu_frame_analysis import emitted_mean
 from method.gpu_one_pass import GpuOnePass
@@ -28,8 +29,8 @@ class GpuLoss:
 
     It stands in for `method.one_factor.OneFactorLoss`, and takes textures too. Two ways to use it. At once:
     `of_texture(frame, factor)` waits for the answer. Without waiting, one frame late: `start(frame, factor)`
-    at each frame, and `result()` from the second on, which gives the answer to the start before the last; by
-    then it is ready.
+    at each frame, and `result()` from the second on, which gives the answer to the start before the last;
+    `ready()` says whether it is there, for `result()` waits if it is not.
 
     All calls must come from the thread of the context. Programs, textures and buffers that were bound may be
     others afterwards: a window that draws with OpenGL of its own restores them, as it does after drawing.
@@ -64,6 +65,7 @@ class GpuLoss:
         request = Request(lowest_factor, knots=_KNOTS, references=_KNOTS, equal_ratios=False)
         self._display, self._lowest = display, lowest_factor
         self._pass = GpuOnePass(context, shape, display, model, request)
+        self._fences: list[Fence] = []
 
     def of_texture(self, frame: FrameTexture, factor: float) -> LossSeen:
         """Return the loss of a frame that is a texture already, at factor b; waits for it."""
@@ -93,6 +95,11 @@ class GpuLoss:
         asked = float(np.log2(factor))
         # Few pixels are compared with their neighbours at the very factors, many once, halfway.
         self._pass.start(ready, np.array([asked, 0.0]), np.array([asked / 2, asked, 0.0]))
+        self._fences.append(Fence())
+
+    def ready(self) -> bool:
+        """Return whether the answer for the oldest frame under way is there; never waits."""
+        return bool(self._fences) and self._fences[0].passed()
 
     def bytes_moved(self, bytes_per_pixel: int) -> int:
         """Return the bytes that a frame moves at least, as `GpuOnePass.bytes_moved`."""
@@ -101,6 +108,7 @@ class GpuLoss:
     def result(self) -> LossSeen:
         """Return what the oldest frame under way gave; waits if it is not ready."""
         counted = self._pass.result()
+        self._fences.pop(0).release()
         dimmed = full = 0.0
         for band in counted.bands:
             dimmed += band.visible[0, 0] / band.pixels

@@ -90,7 +90,7 @@ def _gain_within_tolerance(problem: Problem) -> float:
     way = np.abs(curves.factors[inner] - problem.baseline_factor)
     steepest = (np.abs(curves.loss[:, inner] - at_end) / way).max(axis=1)
     gain = importance * (importance.sum() - importance) * steepest / problem.budget_weights
-    return float(gain.max()) * BUDGET_TOLERANCE / 1000
+    return float(gain.max()) * BUDGET_TOLERANCE
 
 
 def _within_permutahedron(problem: Problem, solution: Solution) -> Array:
@@ -196,7 +196,7 @@ class _Relaxation:
         costs = ChainCosts(curves.loss, self.weights, problem.budget_weights, price, curves.factors)
         least, used = cheapest_chain(costs, self.rates, self.reach, self.blocks, self.per_knot)
         # What tracks may gain that meet the budget only to their tolerance, and by rounding.
-        allowance = abs(price) * BUDGET_TOLERANCE / 1000
+        allowance = abs(price) * BUDGET_TOLERANCE
         allowance += ROUNDING * (float(np.abs(self.weights).sum()) + 2 * abs(price))
         return least - price * baseline - allowance, used - baseline
 

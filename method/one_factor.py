@@ -42,9 +42,9 @@ from method.one_pass import (
     look_up,
     reduced,
 )
+from method.row_strips import counted_rows
 
-STRIP = 16  # rows that are counted together where not all are
-MANY_PIXELS = 100_000  # only bands with more are counted in part
+MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer there is little to save
 
 _BETA = np.float32(MASKING_EXPONENT)
 _DARKEST = np.float32(LOWEST_LUMINANCE)
@@ -83,7 +83,7 @@ class OneFactorLoss:
     lowest_factor : float
         Lowest factor that will be asked for.
     one_strip_in : int
-        Of bands with many pixels, only one strip of 16 rows in so many is counted; 1 counts them all.
+        Of bands with many pixels, only one strip of 4 rows in so many is counted; 1 counts them all.
     """
 
     def __init__(
@@ -104,8 +104,17 @@ class OneFactorLoss:
         # There sensitivity is taken at another luminance than the pixel's, and has no table of one variable.
         self._by_definition = by_level and display.reflected_luminance > 0
 
-    def of(self, pixel_values: NDArray[Any], factor: float) -> LossSeen:
+    def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> LossSeen:
         """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
+
+        Parameters
+        ----------
+        pixel_values : array, (height, width, 3)
+            The frame.
+        factor : float
+            Brightness factor b.
+        turn : int
+            Which strips are counted where not all are; over as many turns as there are, each is once.
 
         Raises
         ------
@@ -117,10 +126,12 @@ class OneFactorLoss:
         if not self._lowest * (1 - 1e-9) <= factor <= 1:
             raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
         luminance = self._luminance(pixel_values)
-        dimmed, full = self.visible_contrast(luminance, factor)
+        dimmed, full = self.visible_contrast(luminance, factor, turn)
         return LossSeen(loss_of(dimmed, full), float(luminance.mean(dtype=np.float64)))
 
-    def visible_contrast(self, emitted: NDArray[np.float32], factor: float) -> tuple[float, float]:
+    def visible_contrast(
+        self, emitted: NDArray[np.float32], factor: float, turn: int = 0
+    ) -> tuple[float, float]:
         """Return C_v at a factor and at 1 of a frame of emitted luminance I, (height, width) [cd/m^2]."""
         if self._by_definition:
             dimmed, full = (
@@ -133,13 +144,15 @@ class OneFactorLoss:
         for band in self._bands:
             coarser = reduced(coarse)
             if band.can_be_seen:
-                shares += self._shares_of_band(fine, coarse, expanded(coarser, *coarse.shape), (band, factor))
+                shares += self._shares_of_band(
+                    fine, coarse, expanded(coarser, *coarse.shape), _Asked(band, factor, turn)
+                )
             fine, coarse = coarse, coarser
         return float(shares[0] / len(self._bands)), float(shares[1] / len(self._bands))
 
-    def _shares_of_band(self, fine: Any, coarse: Any, around: Any, asked: tuple[BandTable, float]) -> Array:
+    def _shares_of_band(self, fine: Any, coarse: Any, around: Any, asked: _Asked) -> Array:
         """Return the shares of visible pixels of a band at the factor and at 1."""
-        band, factor = asked
+        band, factor, turn = asked
         tables = _Tables(
             log_sensitivity=band.log_sensitivity,
             log_darkest=np.float32(band.log_luminance_range[0]),
@@ -150,12 +163,8 @@ class OneFactorLoss:
             masks_itself=self._model.masking is MaskingNeighbourhood.WITH_CENTRE,
         )
         height, width = fine.shape
-        one_in = self._one_in if fine.size > MANY_PIXELS else 1
         counts, rows = np.zeros(2), 0
-        stride = STRIP * one_in
-        # Strips lie in the middles of equal parts of the height, or are one and the whole of it.
-        for begin in range((stride - STRIP) // 2, height, stride) if one_in > 1 else (0,):
-            end = min(begin + STRIP, height) if one_in > 1 else height
+        for begin, end in counted_rows(height, self._one_in if fine.size > MANY_PIXELS else 1, turn):
             counts += count_visible(fine, coarse, around, (begin, end), tables)
             rows += end - begin
         return np.asarray(counts / (rows * width))
@@ -183,6 +192,14 @@ class OneFactorLoss:
         convert = convert_integers if whole else convert_floats
         convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
         return luminance
+
+
+class _Asked(NamedTuple):
+    """What is asked of a band: at which factor, and which strips of rows."""
+
+    band: BandTable
+    factor: float
+    turn: int
 
 
 class _Tables(NamedTuple):

@@ -32,8 +32,8 @@ from method.sections import frame_weights, step_allowances
 
 Array = NDArray[np.float64]
 
-BUDGET_TOLERANCE = 1e-6
-RATE_TOLERANCE = 1e-6
+BUDGET_TOLERANCE = 1e-9  # mean factor; the lower bound covers every track within it
+RATE_TOLERANCE = 1e-6  # share of the limit; the lower bound covers far more
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,9 +321,9 @@ def broken_promises(problem: Problem, factors: Array) -> list[str]:
 
 
 def is_feasible(problem: Problem, factors: Array) -> bool:
-    """Return whether factors meet budget, rate limit and bounds with a thousandth of the tolerance."""
+    """Return whether factors meet budget, rate limit (to a thousandth of its tolerance) and bounds."""
     return (
-        abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE / 1000
+        abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE
         and problem.rate_ratio(factors) <= 1 + RATE_TOLERANCE / 1000
         and bool(factors.min() >= problem.lowest_factor - 1e-12)
         and bool(factors.max() <= 1 + 1e-12)

@@ -62,11 +62,13 @@ def clip_of(problem: Problem, clip: LossCurves, first: int) -> Problem:
         Its first frame among all.
     """
     frames = slice(first, first + clip.n_frames)
-    allowances = problem.allowances
+    allowances, weights = problem.allowances, problem.budget_weights[frames]
+    if not weights.sum() > 0:  # black throughout, on a panel that then uses nothing
+        weights = clip.durations
     return replace(
         problem,
         curves=clip,
-        budget_weights=problem.budget_weights[frames] / problem.budget_weights[frames].sum(),
+        budget_weights=weights / weights.sum(),
         luminance=problem.luminance[frames],
         importance=None if problem.importance is None else problem.importance[frames],
         allowances=None if allowances is None else allowances[first : first + clip.n_frames - 1],

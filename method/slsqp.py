@@ -11,7 +11,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 from data_schema.errors import InputError
 from method.curve_lookup import loss_and_slope
 from method.objective import order_weights, weight_of_pairs
-from method.optimize import Problem, Solution, feasible_blend
+from method.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
         options={"maxiter": 1000, "ftol": tolerance},
     )
     factors = np.clip(result.x, problem.lowest_factor, 1.0)
-    met = abs(problem.budget_error(factors)) < 1e-9
+    met = abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE
     return feasible_blend(problem, factors) if met else problem.baseline(), int(result.nit)
 
 

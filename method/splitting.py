@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from method.budgeted_chain import nearest_feasible
 from method.coarse_start import coarse_problem, refined_solution
+from method.factor_grid import grid_starts
 from method.objective import weight_of_pairs
 from method.optimize import Problem, Solution, is_feasible
 from method.slsqp import slsqp_from
@@ -35,9 +36,11 @@ HOP = (Look(0.0, 10, 0.06), *SETTLING)
 
 LONG = 600  # frames above which one search is made, from a coarse start
 SHORT = 500  # frames up to which the best answer is left and sought again
-DENSE = 150  # frames up to which a dense solver is affordable once
+DENSE = 150  # frames up to which a dense solver is affordable
 SHORTEST = 60  # and up to which it is from many starts
 HOPS = 4
+AGREED = 1e-5  # share of the baseline's objective: searches no further apart have found one optimum
+DENSE_CUBES = 2e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
@@ -100,15 +103,34 @@ def _from_start(problem: Problem, start: Array) -> Solution:
 def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> Solution:
     """Return the best of more searches, as many as the number of frames allows."""
     n = problem.curves.n_frames
-    if search_more and n > SHORTEST:
-        for looks in OTHER_SEARCHES:
-            best = _better(problem, best, search(problem, state_at(problem, problem.baseline()), looks))
     if n <= SHORTEST:
-        return _polished(problem, best)
+        return _polished(problem, best, int(np.clip(DENSE_WORK / n, *DENSE_STARTS)))
+    alike = True
+    if search_more:
+        best, alike = _searched_elsewhere(problem, best)
     for turn in range(HOPS if n <= SHORT else 0):
         factors = nearest_feasible(problem, best.factors, best.factors + _wave(n, turn), 0.5)
         best = _better(problem, best, search(problem, state_at(problem, factors, best), HOP))
-    return _polished(problem, best) if n <= DENSE else best
+    if n > DENSE:
+        return best
+    return _polished(problem, best, 1 if alike else max(int(DENSE_CUBES / n**3), 1))
+
+
+def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, bool]:
+    """Return the best of other searches from the baseline, and whether all of them found the same.
+
+    Where they did not, loss curves have many local optima, and tracks over a grid of factors are tried too.
+    """
+    found = [problem.objective(best.factors)]
+    for looks in OTHER_SEARCHES:
+        other = search(problem, state_at(problem, problem.baseline()), looks)
+        found.append(problem.objective(other.factors))
+        best = _better(problem, best, other)
+    if np.ptp(found) <= AGREED * problem.objective(problem.baseline()):
+        return best, True
+    for factors in grid_starts(problem):
+        best = _better(problem, best, search(problem, state_at(problem, factors), HOP))
+    return best, False
 
 
 def _better(problem: Problem, best: Solution, other: Solution) -> Solution:
@@ -121,16 +143,17 @@ def _better(problem: Problem, best: Solution, other: Solution) -> Solution:
     return replace(best, iterations=iterations)
 
 
-def _polished(problem: Problem, best: Solution) -> Solution:
+def _polished(problem: Problem, best: Solution, starts: int) -> Solution:
     """Return the best that a dense solver makes of the best answer, of others near it and near the baseline.
 
-    The dual variables stay: they certify any answer, not just the one they came with.
+    It ends after so many fruitless starts in turn, or twice as many in all. The dual variables stay: they
+    certify any answer, not just the one they came with.
     """
     n = problem.curves.n_frames
     if min(problem.baseline_factor - problem.lowest_factor, 1 - problem.baseline_factor) < HAIR:
         return best
-    fruitless, starts = 0, int(np.clip(DENSE_WORK / n, *DENSE_STARTS))
-    for turn in range(2 * starts if n <= SHORTEST else 1):
+    fruitless = 0
+    for turn in range(2 * starts):
         before = problem.objective(best.factors)
         if before <= NO_SPREAD or fruitless == starts:
             break

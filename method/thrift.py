@@ -15,8 +15,8 @@ class Thrift:
     Attributes
     ----------
     tolerance : float
-        Largest error of contrast loss that is accepted for not counting all bands of every frame; with 0, all
-        are counted.
+        Largest error of contrast loss, at the knots of its curve, that is accepted for not counting all bands
+        of every frame; with 0, all are counted.
     jobs : int
         How many frames are analysed at a time, each on a core of its own, beside the decoding of those that
         follow; 0 for one on each core. The result is the same, byte for byte.

@@ -22,7 +22,7 @@ from data_schema.quantities import check_limits, quantity
 from method.control_curves import ControlledTrack, control_curves
 from method.controller import Controller, ControllerSettings
 from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.stability_margins import FrameGains, Margins, margins
+from method.stability_margins import FrameGains, Margins, frame_gains, margins
 
 DIVISIONS = 6  # of each side of the first triangle of shares
 SIZES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # κ as shares of the largest that is allowed
@@ -152,15 +152,12 @@ def tune(
 
     search = _Search(demands, slope, lambda gains: error_with(settings_of(gains)))
     found = search.best()
-    before = FrameGains(
-        settings.proportional, settings.integral * gain_rate * duration,
-        settings.derivative / (gain_rate * duration),
-    )  # fmt: skip
+    chosen = settings_of(found.gains)
     return Tuned(
-        settings=settings_of(found.gains),
+        settings=chosen,
         slope=slope,
-        margins=margins(found.gains, slope),
-        margins_before=margins(before, slope),
+        margins=margins(frame_gains(chosen, duration), slope),
+        margins_before=margins(frame_gains(settings, duration), slope),
         error=found.error,
         error_before=error_with(settings),
         tries=search.tries,

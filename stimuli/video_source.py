@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -41,6 +41,34 @@ def size_of(video: VideoSource) -> tuple[int, int]:
     return width, height
 
 
+def open_videos(names: Sequence[str], frames_per_second: float | None = None) -> tuple[VideoSource, ...]:
+    """Return the videos of some names; those that tell no frame rate of their own get the one given.
+
+    Parameters
+    ----------
+    names : sequence of str
+        As in `open_video`.
+    frames_per_second : float, optional
+        Frame rate of folders of images and of built-in sequences [Hz].
+
+    Raises
+    ------
+    InputError
+        If one cannot be used, or if a frame rate is given and all tell their own.
+    """
+    own = [_tells_its_rate(name) for name in names]
+    return tuple(
+        open_video(name, None if tells and not all(own) else frames_per_second)
+        for name, tells in zip(names, own, strict=True)
+    )
+
+
+def _tells_its_rate(name: str) -> bool:
+    """Return whether a name is that of a video file."""
+    path = Path(name)
+    return path.exists() and not path.is_dir() and path.suffix != ".json"
+
+
 def open_video(name: str, frames_per_second: float | None = None) -> VideoSource:
     """Return the video of a name: a file's or a folder's path, else a built-in sequence.
 
@@ -63,7 +91,7 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
     path = Path(name)
     if path.is_dir():
         return open_image_folder(path, frames_per_second)
-    if path.exists() and path.suffix != ".json":
+    if _tells_its_rate(name):
         if frames_per_second is not None:
             raise InputError(
                 f"{name} tells its own frame rate; only a folder of images or a built-in sequence takes one, "

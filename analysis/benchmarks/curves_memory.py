@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from data_schema.contrast_model import ContrastModel, PixelToLuminance
 from data_schema.display import Display
 from data_schema.frame import Frame
 from data_schema.loss_curves import LossCurves
@@ -17,10 +18,14 @@ SIZE = (384, 270)  # large enough for its finest band not to be counted in every
 DISPLAY = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
 
-def analyze_minutes(minutes: str, tolerance: str) -> LossCurves:
+def analyze_minutes(
+    minutes: str, tolerance: str, jobs: str = "1", order: str = PixelToLuminance.LINEAR_FIRST.value
+) -> LossCurves:
     """Analyse a video of so many minutes that is made as it is asked for."""
     n = round(float(minutes) * 60 * RATE)
-    return analyze_frames(_frames(n), "made", DISPLAY, thrift=Thrift(float(tolerance)))
+    model = ContrastModel(pixel_to_luminance=PixelToLuminance(order))
+    thrift = Thrift(float(tolerance), int(jobs))
+    return analyze_frames(_frames(n), "made", DISPLAY, model, thrift=thrift)
 
 
 def curves_size(minutes: float) -> float:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from analysis.benchmarks.chart import duration
-from analysis.benchmarks.curves_memory import curves_size
 from analysis.benchmarks.frame_points import (
+    EVERY,
     GROWTH,
     frame_points,
     frame_task,
@@ -16,17 +16,15 @@ from analysis.benchmarks.frame_points import (
 )
 from analysis.benchmarks.gpu_points import curve_points
 from analysis.benchmarks.measured import Chart, Measured, Pains, claim, growth, not_measured
-from analysis.benchmarks.peak_memory import peak_memory
+from analysis.benchmarks.memory_claims import memory_claims
+from analysis.benchmarks.video_definition import TARGET_ERROR, default_claims
 from analysis.benchmarks.video_points import EVERY_FRAME, TOLERANCE, USUAL, video_points
 from data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from data_schema.errors import InputError
 from method.preset_files import load_display
 
-TARGET_SECONDS, TARGET_ERROR = 0.1, 1e-3
+TARGET_SECONDS = 0.1
 LARGE = frame_task(1920, 1080)
-MEMORY = "analysis.benchmarks.curves_memory:analyze_minutes"
-SAME_MEMORY = 1.05  # two runs of the same differ by as much
-COPIES = 2  # of the curves, while they are checked
 
 Points = Sequence[BenchmarkPoint]
 
@@ -38,10 +36,9 @@ def measure(pains: Pains) -> Measured:
     knots, sizes = knot_points(pains, display), growth_points(pains, display)
     refused = {}
     try:
-        videos = video_points(pains, display)
+        videos, errors = video_points(pains, display)
     except InputError as error:
-        videos, refused = [], {"curves of a rendered sequence": str(error)}
-    pains.say("memory of long videos")
+        videos, errors, refused = [], [], {"curves of a rendered sequence": str(error)}
     tasks = tuple(dict.fromkeys(p.task for p in frames))
     return Measured(
         name="curves",
@@ -49,7 +46,12 @@ def measure(pains: Pains) -> Measured:
         lead=_lead(frames, videos),
         points=(*frames, *knots, *sizes, *videos),
         charts=_charts(tasks, knots, videos),
-        claims=(*_frame_claims(frames), *_video_claims(videos), _memory_claim(pains)),
+        claims=(
+            *_frame_claims(frames),
+            *_video_claims(videos),
+            *default_claims(errors),
+            *memory_claims(pains),
+        ),
         growth=(growth(tuple(sizes)),),
         notes=_notes(),
         refused=refused,
@@ -76,7 +78,11 @@ def _frame_claims(frames: Points) -> list[BenchmarkClaim]:
     ours = [p for p in frames if p.role is Role.DEFAULT]
     error = max(p.error or 0.0 for p in ours)
     of_error = claim(
-        "loss of a frame, against the definition in float64", TARGET_ERROR, error, "", "worst of the sizes"
+        "loss of a frame at knots, against the definition in float64",
+        TARGET_ERROR,
+        error,
+        "",
+        f"worst of the sizes; every {EVERY}th knot",
     )
     words = "curve of a frame of 1920 x 1080, every b, processor time"
     large = next((p for p in ours if p.task == LARGE), None)
@@ -86,29 +92,15 @@ def _frame_claims(frames: Points) -> list[BenchmarkClaim]:
 
 
 def _video_claims(videos: Points) -> list[BenchmarkClaim]:
-    """Return the target of a video: the tolerance holds."""
-    words = f"loss of all frames of a video, at a tolerance of {TOLERANCE:g}"
+    """Return the target of a video: the tolerance holds, by itself."""
+    words = (
+        f"loss of all frames of a video at a tolerance of {TOLERANCE:g}, against every frame counted whole"
+    )
     errors = [p.error for p in videos if p.approach == USUAL and p.error is not None]
     if not errors:
         return [not_measured(words, TOLERANCE, "", "no video could be made")]
-    note = "against every frame counted whole; checked where it is looked at, not proven"
+    note = "what the tolerance alone costs; checked where it is looked at, not proven"
     return [claim(words, TOLERANCE, max(errors), "", note)]
-
-
-def _memory_claim(pains: Pains) -> BenchmarkClaim:
-    """Return the target of memory: a video ten times as long takes no more."""
-    short = 0.1 if pains.quick else 1.0
-    long = 10 * short
-    words = f"memory of a video of {long:g} min over that of {short:g} min, apart from the curves"
-    used = peak_memory(MEMORY, str(short), str(TOLERANCE)), peak_memory(MEMORY, str(long), str(TOLERANCE))
-    if used[0] is None or used[1] is None:
-        return not_measured(words, SAME_MEMORY, "", "the system does not tell how much memory a process used")
-    least, most = used[0] - COPIES * curves_size(short), used[1] - COPIES * curves_size(long)
-    note = (
-        f"{used[0]:.1f} and {used[1]:.1f} MiB, of which the curves take {curves_size(short):.1f} and "
-        f"{curves_size(long):.1f}, twice while they are checked; frames of 384 x 270, made one by one"
-    )
-    return claim(words, SAME_MEMORY, most / least, "", note)
 
 
 def _lead(frames: Points, videos: Points) -> str:
@@ -140,7 +132,7 @@ def _notes() -> tuple[str, ...]:
         "The definition dims the frame, rebuilds the pyramids and compares, in float64, for each factor.",
         "Half resolution and the sensitivity of the level's mean are other models of the same picture: what "
         "they err by is no error of computing.",
-        "Between knots a curve is a staircase of single pixels of the coarse bands, which no number of knots "
-        "follows.",
+        "The tolerance is of the loss at knots. Between knots a curve is a staircase of single pixels of the "
+        "coarse bands, which no number of knots follows.",
         "Results do not depend on the number of cores, byte for byte.",
     )

@@ -64,7 +64,7 @@ def frame_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     note = "five factors; as the authors report it, on another machine"
     return [
         *points,
-        replace(point(cited, _once(PUBLISHED)), repeats=0, processor_time=None, ratio=None, note=note),
+        replace(point(cited, _once(PUBLISHED, 0.0)), repeats=0, processor_time=None, ratio=None, note=note),
     ]
 
 
@@ -73,12 +73,12 @@ def _points(approach: Approach, frame: Pixels, display: Display, pains: Pains) -
     knots = brightness_factors()
     asked = np.arange(len(knots) - 1, -1, -EVERY)[::-1]
     emitted = emitted_luminance(frame, display)
-    expected, seconds = _timed_once(lambda: loss_curves_by_definition(emitted, knots[asked], display))
+    expected, once = _timed_once(lambda: loss_curves_by_definition(emitted, knots[asked], display))
     variants = _variants(frame, display, knots)
     times = timed_in_turn({name: v.curve for name, v in variants.items()}, pains.repeats(9))
     usual = float(np.median(times[OURS].wall))
     reference = replace(approach, approach=f"the definition, {len(asked)} factors", role=Role.REFERENCE)
-    definition = replace(point(reference, _once(seconds)), ratio=seconds / usual, error=0.0, error_of=ERROR)
+    definition = replace(point(reference, once), ratio=once.wall[0] / usual, error=0.0, error_of=ERROR)
     points = [replace(definition, note="float64; one run")]
     for name, variant in variants.items():
         error = float(np.abs(variant.curve()[asked] - expected).max())
@@ -122,7 +122,7 @@ def knot_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     task = f"{frame_task(width, height)}, between the knots"
     approach = Approach(task, "", Role.VARIANT, width * height, OF_PIXELS)
     dense, emitted = brightness_factors(knots=129), emitted_luminance(frame, display)
-    expected, seconds = _timed_once(lambda: loss_curves_by_definition(emitted, dense, display))
+    expected, once = _timed_once(lambda: loss_curves_by_definition(emitted, dense, display))
     paper = np.linspace(0.2, 1.0, 5)
 
     def curve(knots: Array) -> Curve:
@@ -138,7 +138,7 @@ def knot_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     role = {"65 knots": Role.DEFAULT, "the paper's 5 knots by definition": Role.PEER}
     reference = replace(approach, approach="the definition, 129 factors", role=Role.REFERENCE)
     usual = float(np.median(times["65 knots"].wall))
-    points = [replace(point(reference, _once(seconds)), ratio=seconds / usual, error=0.0, error_of=BETWEEN)]
+    points = [replace(point(reference, once), ratio=once.wall[0] / usual, error=0.0, error_of=BETWEEN)]
     for name, run in ways.items():
         made = replace(approach, approach=name, role=role.get(name, Role.VARIANT))
         points.append(point(made, times[name], float(np.abs(run() - expected).max()), BETWEEN))
@@ -158,14 +158,13 @@ def growth_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     return points
 
 
-def _timed_once(run: Curve) -> tuple[Array, float]:
-    """Return what a long run gives, and how long it takes [s]."""
-    began = time.perf_counter()
+def _timed_once(run: Curve) -> tuple[Array, Times]:
+    """Return what a long run gives, and its times."""
+    began, used = time.perf_counter(), time.process_time()
     result = run()
-    return result, time.perf_counter() - began
+    return result, _once(time.perf_counter() - began, time.process_time() - used)
 
 
-def _once(seconds: float) -> Times:
-    """Return the times of one run on one core."""
-    alone = np.array([seconds])
-    return Times(alone, alone, np.ones(1))
+def _once(wall: float, processor: float) -> Times:
+    """Return the times of one run [s]."""
+    return Times(np.array([wall]), np.array([processor]), np.ones(1))

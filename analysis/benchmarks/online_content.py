@@ -29,6 +29,25 @@ def picture(height: int, width: int, rng: np.random.Generator) -> NDArray[np.uin
     return np.asarray((255 * colours).round(), dtype=np.uint8)
 
 
+def layered_pictures(height: int, width: int, rng: np.random.Generator) -> dict[str, NDArray[np.uint8]]:
+    """Return pictures that differ from row to row as few do: what counts only some rows errs most there."""
+    rows = np.arange(height)
+    grain = 0.15 * rng.standard_normal((height, width))
+    ramp = np.broadcast_to(np.linspace(0.1, 0.7, width), (height, width))
+    pictures = {
+        f"grain in every other {thick} rows": 0.4 + grain * (rows // thick % 2 == 0)[:, None]
+        for thick in (4, 8, 16, 32)
+    }
+    pictures["grain in 16 of each 64 rows"] = 0.4 + grain * (abs(rows % 64 - 32) < 8)[:, None]
+    letters = np.where(rng.random((height, width)) < 0.5, 0.95, 0.1)
+    line = (abs(rows - 0.9 * height) < 0.02 * height)[:, None] & (abs(np.arange(width) / width - 0.5) < 0.25)
+    pictures["a ramp with a line of text"] = np.where(line, letters, ramp)
+    return {
+        name: np.repeat((255 * np.clip(gray, 0, 1)).round().astype(np.uint8)[..., None], 3, axis=2)
+        for name, gray in pictures.items()
+    }
+
+
 def house_curves(display: Display, quick: bool) -> LossCurves:
     """Return the loss curves of the walk through the house, rendered small; when quick, of its beginning."""
     size, seconds = ((96, 54), 12.0) if quick else ((640, 360), None)

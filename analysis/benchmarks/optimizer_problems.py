@@ -89,16 +89,27 @@ def some_knots(curves: LossCurves, every: int) -> LossCurves:
     return replace(curves, factors=curves.factors[::every], loss=curves.loss[:, ::every])
 
 
-def odd_problems(rng: np.random.Generator, most: int, instances: int) -> list[Problem]:
-    """Return short problems: smooth, flickering, jumping, rising curves; any limit and budget."""
+def odd_problems(rng: np.random.Generator, frames: tuple[int, int], instances: int) -> list[Problem]:
+    """Return problems of few frames: smooth, flickering, jumping, rising curves; any limit and budget.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Draws all of it.
+    frames : tuple of int
+        The least and the most.
+    instances : int
+        How many; the last one has curves that rise.
+    """
+    least, most = frames
     problems = []
-    for number in range(instances):
-        n = int(np.exp(rng.uniform(np.log(2), np.log(most))))
+    for kind in (np.arange(instances) - instances) % 4:
+        n = int(np.exp(rng.uniform(np.log(least), np.log(most + 1))))
         speed = float(10 ** rng.uniform(-1.5, 1.0))  # steps long enough for the limit to be loose or tight
-        if number % 4 < 2:
+        if kind < 2:
             curves = made_curves(n, rng, frames_per_second=25 * speed / max(n / 20, 1))
         else:
-            curves = _stairs(n, rng, rises=number % 4 == 3, frames_per_second=speed)
+            curves = _stairs(n, rng, rises=bool(kind == 3), frames_per_second=speed)
         budget = float(rng.choice([0.2 + 1e-6, 0.25, 0.5, 0.8, 1 - 1e-6, rng.uniform(0.2, 1.0)]))
         problems.append(mean_factor_problem(curves, budget, float(10 ** rng.uniform(-0.5, 1.0))))
     return problems

@@ -11,9 +11,11 @@ from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoin
 VERDICT = {True: "met", False: "**missed**", None: "not measured"}
 PREFACE = (
     "Written by `evenlight bench all`; every figure on this page is from one run of it. Times are "
-    "medians, the approaches of a task taken in turn, so that what else the machine does falls on all "
-    "alike; ratios are medians over the turns. A first turn, which compiles and fills caches, does not "
-    "count. Peers run with their own defaults unless a line says otherwise."
+    "medians of as many runs as the tables say, the approaches of a task taken in turn, so that what else "
+    "the machine does falls on all alike; ratios are medians over the turns. A first turn, which compiles "
+    "and fills caches, does not count, unless a line says that there was none. What takes too long to "
+    "repeat was timed once: its number of runs is 1, and it has no quartiles. Peers run with their own "
+    "defaults unless a line says otherwise."
 )
 
 
@@ -73,8 +75,9 @@ def _points(points: Sequence[BenchmarkPoint]) -> list[str]:
         points[0].size_of: [str(p.size) if sizes else "" for p in points],
         "role": [p.role.value for p in points],
         "time": [duration(p.time) for p in points],
+        "runs": [str(p.repeats) if p.repeats else "" for p in points],
         "quartiles": [
-            f"{duration(p.time_low)} to {duration(p.time_high)}" if p.repeats else "" for p in points
+            f"{duration(p.time_low)} to {duration(p.time_high)}" if p.repeats > 1 else "" for p in points
         ],
         "ratio": ["" if p.ratio is None else f"{p.ratio:.3g}" for p in points],
         "error": ["" if p.error is None else f"{p.error:.2g}" for p in points],

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from analysis.benchmarks.measured import Approach, Pains, point
 from analysis.benchmarks.online_content import picture
 from analysis.benchmarks.stopwatch import timed_in_turn
+from analysis.benchmarks.video_definition import DefaultErrors, default_errors
 from data_schema.benchmark import BenchmarkPoint, Role
 from data_schema.display import Display
 from data_schema.frame import Frame
@@ -22,6 +23,7 @@ from method.thrift import Thrift
 from stimuli.sequences import built_in_sequence
 
 RATE = 25.0  # [Hz]
+SMALL, FEW = (640, 360), 33  # pixels and frames of a video that takes seconds
 ONE_IN = 10  # frames, as the paper samples a video
 TOLERANCE = 1e-3  # of `evenlight optimize`
 ERROR = "largest difference of contrast loss from every frame counted whole, over all frames and knots"
@@ -46,21 +48,42 @@ class _Clip:
         return f"{self.name}: {len(self.frames)} frames of {width} x {height}"
 
 
-def video_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
-    """Return the points of two videos: a rendered sequence, and a film of what is hard."""
-    points = []
+def video_points(pains: Pains, display: Display) -> tuple[list[BenchmarkPoint], list[DefaultErrors]]:
+    """Return the points of two videos, and what the default misses the definition by in some of their frames.
+
+    They are a rendered sequence, and a film of what is hard.
+    """
+    points, errors = [], []
     for clip in _clips(pains):
         pains.say(f"a video, {clip.name}")
         points += _points(clip, display, pains)
-    return points
+        pains.say(f"a video, {clip.name}, by the definition")
+        errors.append(_errors(clip, display, 0 if pains.quick else 1))
+    if not pains.quick:  # whose frames have this size anyhow
+        errors.append(_errors(_sunrise(SMALL, FEW), display, 3))
+    return points, errors
+
+
+def _errors(clip: _Clip, display: Display, many: int) -> DefaultErrors:
+    """Return what the default misses the definition by, in its worst frame and some others."""
+    usual, whole = (
+        analyze_frames(clip.frames, clip.name, display, thrift=Thrift(tolerance))
+        for tolerance in (TOLERANCE, 0.0)
+    )
+    return default_errors(clip.frames, usual, whole.loss, many)
 
 
 def _clips(pains: Pains) -> Iterator[_Clip]:
     """Yield the videos."""
-    (width, height), n = ((640, 360), 33) if pains.quick else ((1280, 720), 100)
-    sunrise = itertools.islice(built_in_sequence("sunrise", (width, height)).frames(), n)
-    yield _Clip("sunrise", [replace(f, pixel_values=f.pixel_values.copy()) for f in sunrise])
-    yield _Clip("film", list(film(width, height, n, pains.seed)))
+    size, n = (SMALL, FEW) if pains.quick else ((1280, 720), 100)
+    yield _sunrise(size, n)
+    yield _Clip("film", list(film(*size, n, pains.seed)))
+
+
+def _sunrise(size: tuple[int, int], n: int) -> _Clip:
+    """Return the first frames of a rendered sequence."""
+    frames = itertools.islice(built_in_sequence("sunrise", size).frames(), n)
+    return _Clip("sunrise", [replace(f, pixel_values=f.pixel_values.copy()) for f in frames])
 
 
 def film(width: int, height: int, n: int, seed: int) -> Iterator[Frame]:

@@ -48,7 +48,7 @@ def tuning_figure(
     times : array, (N,)
         Of the frames [s].
     runs : (ControlledTrack, ControlledTrack)
-        Before and after.
+        Before and after, without a budget.
     """
     em = PAGE.em
     with look(PAGE):
@@ -73,9 +73,9 @@ def _heading(report: TuningReport) -> tuple[str, str]:
     outcome = f"{change:.0f} % nearer to" if change >= 0.5 else "no nearer to"
     return (
         f"Gains tuned on {report.video.replace('_', ' ')}",
-        f"With them the loss stays {outcome} the target {short(report.target_loss)} (root mean square error "
-        f"{short(before.rms_error)} before, {short(after.rms_error)} after; SD {short(before.sd_loss)} and "
-        f"{short(after.sd_loss)}).",
+        f"With them the loss stays {outcome} a fixed target of {short(report.target_loss)} (root mean "
+        f"square error {short(before.rms_error)} before, {short(after.rms_error)} after; SD "
+        f"{short(before.sd_loss)} and {short(after.sd_loss)}).",
     )
 
 

@@ -102,7 +102,10 @@ def tuning_report(
     runs: tuple[ControlledTrack, ControlledTrack],
     outcome: Outcome,
 ) -> TuningReport:
-    """Return what the search for gains found; settings and runs are those before and after it."""
+    """Return what the search for gains found.
+
+    Settings and runs are those before and after it; the runs at a target that stays, as the search was.
+    """
     demands, duration = Demands(), float(np.median(curves.durations))
     target = settings[1].target_loss
     return TuningReport(

@@ -16,7 +16,7 @@ from analysis.tracks.frame_samples import FrameSamples
 from analysis.tracks.optimization import curves_of
 from analysis.tracks.thumbnails import thumbnails_of
 from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import TrackStory
+from analysis.tracks.track_story import TrackStory, uses_same_power
 from data_schema.brightness_track import write_track
 from data_schema.control import TargetRow
 from data_schema.loss_curves import write_loss_curves
@@ -48,9 +48,9 @@ def run_control(asked: Control, folder: Path) -> tuple[Controlled, list[TargetRo
     write_json_record(folder / "summary.json", done.summary)
     write_json_record(folder / "control.json", done.control)
     _draw(asked, folder, done, samples)
-    if done.tuning is not None and done.before is not None:
+    if done.tuning is not None and done.tuning_runs is not None:
         write_json_record(folder / "tuning.json", done.tuning)
-        write_png(folder / "tuning.png", tuning_figure(done.tuning, curves.times, (done.before, done.run)))
+        write_png(folder / "tuning.png", tuning_figure(done.tuning, curves.times, done.tuning_runs))
     rows = video.sweep(done.settings) if asked.sweep else []
     if rows:
         write_rows(folder / "target_sweep.csv", TargetRow, rows)
@@ -70,6 +70,8 @@ def _draw(asked: Control, folder: Path, done: Controlled, samples: FrameSamples)
         objective_baseline=done.summary.objective_baseline,
         thumbnails=thumbnails_of(samples.held),
         lowest_factor=asked.settings.lowest_factor,
+        achieved=done.summary.achieved,
+        same_power=uses_same_power(done.summary),
     )
     write_png(folder / "track.png", track_figure(story))
     difference = np.abs(done.baseline_loss - track.contrast_loss)

@@ -21,7 +21,7 @@ from method.control_curves import ControlledTrack, Governed, control_curves
 from method.controller import Controller, ControllerSettings
 from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.evaluate import Answer, Effort, summarize, track_of
-from method.governor import GovernorSettings, frame_costs, governor_of
+from method.governor import GovernorSettings, frame_costs, governor_of, horizon_warning
 from method.optimize import Problem, budget_as_factor
 from method.rate_limit import rate_limit_at
 from method.scalar_rate_limit import scalar_rate_limit
@@ -47,9 +47,9 @@ class Control:
     target_is_given : bool
         Whether the target was asked for; if not, the budget sets the first one too.
     tuned : bool
-        Whether to choose the gains for this video.
+        Whether to choose the gains for this video; the search leaves a budget aside.
     sweep : tuple of float
-        Targets to try.
+        Targets to try, without a budget.
     """
 
     work: Work
@@ -85,8 +85,10 @@ class Controlled:
         Of constant dimming by the mean factor.
     tuning : TuningReport or None
         If the gains were tuned.
-    before : ControlledTrack or None
-        With the gains before that.
+    tuning_runs : (ControlledTrack, ControlledTrack) or None
+        With the gains before and after that, at the first target: the search leaves a budget aside.
+    warning : str or None
+        What is amiss with the horizon of the budget.
     """
 
     settings: ControllerSettings
@@ -98,7 +100,8 @@ class Controlled:
     spread: SpreadRatio
     baseline_loss: Array
     tuning: TuningReport | None = None
-    before: ControlledTrack | None = None
+    tuning_runs: tuple[ControlledTrack, ControlledTrack] | None = None
+    warning: str | None = None
 
 
 class ControlledVideo:
@@ -127,19 +130,20 @@ class ControlledVideo:
         """Return what the controller does, with tuned gains if that is asked."""
         began = time.perf_counter()
         settings, start = self._start()
-        tuned, before = None, None
+        given, tuned = settings, None
         if self.asked.tuned:
             tuned = tune(self.curves, self._controller(settings), start, self.luminance)
-            before, settings = self._run(settings, start), tuned.settings
+            settings = tuned.settings
         run = self._run(settings, start)
         track, summary = self._evaluated(run, time.perf_counter() - began)
         constant = np.full(self.curves.n_frames, summary.baseline_factor)
         loss = loss_and_slope(self.curves, constant)[0]
         spread = spread_ratio(run.contrast_loss, loss, run.durations)
-        outcome, tuning = Outcome(run, summary, spread), None
-        if tuned is not None and before is not None:
-            both = self.asked.settings, settings
-            tuning = tuning_report(self.curves, both, tuned, (before, run), outcome)
+        outcome, tuning, runs = Outcome(run, summary, spread), None, None
+        if tuned is not None:
+            both = given, settings
+            runs = self._run(given, start, governs=False), self._run(settings, start, governs=False)
+            tuning = tuning_report(self.curves, both, tuned, runs, outcome)
         return Controlled(
             settings=settings,
             display=self.curves.display,
@@ -150,7 +154,8 @@ class ControlledVideo:
             spread=spread,
             baseline_loss=loss,
             tuning=tuning,
-            before=before,
+            tuning_runs=runs,
+            warning=self._warning(),
         )
 
     def sweep(self, settings: ControllerSettings) -> list[TargetRow]:
@@ -200,10 +205,15 @@ class ControlledVideo:
             start = min(max(start, settings.lowest_factor), settings.highest_factor)
         return settings, start
 
-    def _run(self, settings: ControllerSettings, start: float) -> ControlledTrack:
-        """Return what the controller makes of the video."""
+    def _warning(self) -> str | None:
+        """Return what is amiss with the horizon of the budget."""
+        budget = self.asked.budget
+        return None if budget is None else horizon_warning(budget, float(np.median(self.curves.durations)))
+
+    def _run(self, settings: ControllerSettings, start: float, *, governs: bool = True) -> ControlledTrack:
+        """Return what the controller makes of the video; unless `governs`, without a budget."""
         controller, governed = self._controller(settings), None
-        if self.asked.budget is not None:
+        if self.asked.budget is not None and governs:
             costs = frame_costs(self.curves, self.asked.budget, self._use.model)
             governed = Governed(governor_of(controller, self.asked.budget), costs)
         return control_curves(self.curves, controller, start, self.luminance, governed)

@@ -16,6 +16,7 @@ from analysis.figure_style import (
     PAGE,
     axes_at,
     heading_lines,
+    legend_above,
     look,
     new_figure,
     text_at,
@@ -40,7 +41,7 @@ def target_figure(rows: Sequence[TargetRow], name: str, about: tuple[int, float]
         left, gap = 5.2 * em, 5.6 * em
         width = (PAGE.width - left - 2 * gap - 1.5 * em) / 3
         lines, above = heading_lines(*_heading(rows, name, n_frames), PAGE.width - left - em, em)
-        top, height = above + 1.2 * em, 14 * em
+        top, height = above + 2.4 * em, 14 * em
         figure = new_figure(PAGE, top + height + 4.4 * em)
         for words, at, style in lines:
             text_at(figure, left, at, words, **style)
@@ -61,7 +62,7 @@ def target_figure(rows: Sequence[TargetRow], name: str, about: tuple[int, float]
         spread.plot(target, constant, "o--", color=BASELINE, label="constant")
         spread.plot(target, ours, "o-", color=OURS, label="controlled")
         spread.set(ylim=(0, 1.08 * max(*constant, *ours, 1e-6)), ylabel="SD of the loss over time [1]")
-        spread.legend(loc="upper left")
+        legend_above(spread)
         for axes in panels:
             axes.set(xlim=(0, reach), xlabel="target contrast loss [1]")
             axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))

@@ -11,20 +11,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from analysis.figure_style import write_png
 from analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from analysis.tracks.earlier_track import clip_folder, start_factors, track_files
 from analysis.tracks.frame_samples import FrameSamples
 from analysis.tracks.thumbnails import thumbnails_of
 from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import TrackStory
+from analysis.tracks.track_story import TrackStory, Weighing, uses_same_power
 from data_schema.brightness_track import (
     BrightnessTrack,
     OptimizationSummary,
     TrackHeader,
-    read_track,
     write_track,
 )
 from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
@@ -36,7 +37,7 @@ from data_schema.provenance import Provenance, provenance_now, sha256_of_bytes, 
 from data_schema.text_files import write_json_record
 from method.calm import calmed
 from method.choices import SolverName
-from method.evaluate import Answer, Effort, summarize, track_of
+from method.evaluate import Answer, Effort, limit_without_allowances, summarize, track_of
 from method.loss_curves import analyze_frames, brightness_factors
 from method.lower_bound import lower_bound
 from method.optimize import Problem, Request, Solver, pose
@@ -80,7 +81,7 @@ class Work:
     weights, allowances : Path or None
         Files of the sections that the request has.
     start : Path or None
-        Track of an earlier result to start from, or its folder.
+        Track of an earlier result to start from, or its folder; of several clips, the folder of theirs.
     quiet : bool
         Whether to show no progress.
     watch : callable, optional
@@ -109,10 +110,11 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class _Results:
-    """What the figures are drawn from."""
+    """What the figures are drawn from: a track, its figures, and how its frames count in the objective."""
 
     track: BrightnessTrack
     summary: OptimizationSummary
+    weighing: Weighing
 
 
 def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
@@ -127,40 +129,49 @@ def run_optimization(work: Work, folder: Path) -> OptimizationSummary:
     analysed = time.perf_counter()
     whole = joined_curves(curves) if work.others else curves[0]
     problem = pose(whole, work.request, joints(curves))
-    solution = optimize_problem(problem, _solver(work, whole))
+    solution = optimize_problem(problem, _solver(work, curves))
     if work.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, work.calm))
     solved = time.perf_counter()
-    answer = Answer(lower_bound(problem, solution), solution.iterations, work.model_name)
+    answer = Answer(lower_bound(problem, solution), solution.iterations, work.model_name, len(clips))
     effort = Effort(solved - analysed, analysed - start, time.perf_counter() - solved, work.calm)
     track = track_of(problem, work.request, solution.factors, _header(work, whole, curves))
     summary = summarize(problem, work.request, answer, track, effort)
     write_json_record(folder / "summary.json", summary)
     if not work.others:
-        _write_clip(work, folder, problem, _Results(track, summary), samples[0])
+        weighing = Weighing.WEIGHTED if summary.weighted else Weighing.ALIKE
+        _write_clip(work, folder, problem, _Results(track, summary, weighing), samples[0])
         return summary
-    first = 0
+    first, answer = 0, replace(answer, lower_bound=0.0)  # it is about all clips, and says nothing of one
     for number, (clip, own, held) in enumerate(zip(clips, curves, samples, strict=True), start=1):
-        part, factors = clip_of(problem, own, first), solution.factors[first : first + own.n_frames]
+        factors = solution.factors[first : first + own.n_frames]
+        part, weighing = _on_its_own(clip_of(problem, own, first), factors)
         first += own.n_frames
         track = track_of(part, work.request, factors, _header(clip, own, [own]))
-        results = _Results(track, summarize(part, work.request, answer, track, effort))
-        _write_clip(clip, folder / f"{number:02d}-{Path(own.video).stem}", part, results, held)
+        # How much worse than the best one clip is, the bound of all of them does not tell.
+        alone = summarize(part, work.request, replace(answer, lower_bound=0.0), track, effort)
+        path = folder / clip_folder(number, own.video)
+        _write_clip(clip, path, part, _Results(track, alone, weighing), held)
+        write_json_record(path / "summary.json", alone)
     return summary
 
 
-def _solver(work: Work, curves: LossCurves) -> Solver:
-    """Return the solver, with the factors of an earlier track at each frame's time if there is one."""
-    start = None
-    if work.start is not None:
-        earlier = read_track(_track_file(work.start))
-        start = np.interp(curves.times, earlier.times, earlier.factors)
+def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, Weighing]:
+    """Return a clip's part of a shared problem beside constant dimming of the clip's own power.
+
+    A clip of which no frame counts in the shared objective has an unweighted one of its own.
+    """
+    part = replace(part, baseline_factor=float(part.budget_weights @ factors))
+    if part.importance is None or not np.ptp(part.importance) > 0:
+        counts = part.importance is None or bool(part.importance.any())
+        return replace(part, importance=None), Weighing.ALIKE if counts else Weighing.LEFT_OUT
+    return part, Weighing.WEIGHTED
+
+
+def _solver(work: Work, clips: Sequence[LossCurves]) -> Solver:
+    """Return the solver, with the factors of an earlier result at each frame's time if there is one."""
+    start = None if work.start is None else start_factors(work.start, clips)
     return make_solver(work.solver, np.random.default_rng(work.seed), start)
-
-
-def _track_file(path: Path) -> Path:
-    """Return the table of a track, given itself or its folder."""
-    return path / "track.csv" if path.is_dir() else path
 
 
 def _header(work: Work, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:
@@ -284,9 +295,10 @@ def _provenance(work: Work, clips: Sequence[LossCurves] = ()) -> Provenance:
     inputs["power_model"] = sha256_of_record(work.request.power_model)
     inputs["rate_limit"] = sha256_of_record(work.request.rate_limit)
     files = {"weights": work.weights, "allowances": work.allowances}
-    if work.start is not None:
-        files["start"] = _track_file(work.start)
     inputs |= {name: sha256_of_bytes(path.read_bytes()) for name, path in files.items() if path is not None}
+    if work.start is not None:
+        earlier = [path.read_bytes() for path in track_files(work.start)]
+        inputs["start"] = sha256_of_bytes(b"".join(earlier))
     return provenance_now(work.seed if work.solver is SolverName.SLSQP else None, inputs)
 
 
@@ -300,6 +312,11 @@ def _draw(work: Work, folder: Path, problem: Problem, results: _Results, samples
         objective_baseline=results.summary.objective_baseline,
         thumbnails=thumbnails_of(samples.held),
         lowest_factor=problem.lowest_factor,
+        achieved=results.summary.achieved,
+        clips=results.summary.clips,
+        same_power=uses_same_power(results.summary),
+        weighing=results.weighing,
+        fitted_limit=limit_without_allowances(problem, results.track.factors),
     )
     write_png(folder / "track.png", track_figure(story))
     gain = np.abs(story.baseline_loss - results.track.contrast_loss)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from analysis.figure_style import (
     BASELINE,
     FAINT,
-    LIMIT,
     MUTED,
     OURS,
     PAGE,
@@ -32,15 +31,15 @@ from analysis.figure_style import (
     text_at,
     text_lines,
 )
+from analysis.tracks.rate_panel import draw_rate
+from analysis.tracks.step_lines import step_line
 from analysis.tracks.thumbnails import Image, dimmed_picture
-from analysis.tracks.track_story import TrackStory, budget_in_words, frame_edges, outcome_in_words
-from data_schema.brightness_track import BrightnessTrack
+from analysis.tracks.track_story import SAME, TrackStory, budget_in_words, frame_edges, outcome_in_words
+from method.modulation import largest_rate_ratio
 
 Array = NDArray[np.float64]
 
-FEW_FRAMES = 40  # up to so many, each frame gets a dot
 MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
-WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room for its lowest
 
 
 def track_figure(story: TrackStory, medium: Medium = PAGE) -> Figure:
@@ -63,7 +62,7 @@ def track_figure(story: TrackStory, medium: Medium = PAGE) -> Figure:
         ]
         _draw_factors(panels[0], story)
         _draw_loss(panels[1], story)
-        _draw_rate(panels[2], story.track)
+        draw_rate(panels[2], story)
         for panel in panels:
             _finish_panel(panel, story, layout, is_last=panel is panels[-1])
         _draw_letters(panels[0], story, layout)
@@ -126,7 +125,7 @@ def _picture_size(
 def _heading(story: TrackStory, width: float, em: float) -> tuple[list[Line], float]:
     """Return what video, display and budget it is about and what came out, and the height that it takes."""
     header = story.track.header
-    title = f"{_clipped(header.video, 32)} on {_clipped(header.display_name, 24)}, {budget_in_words(header)}"
+    title = f"{_clipped(header.video, 32)} on {_clipped(header.display_name, 24)}, {budget_in_words(story)}"
     return heading_lines(title, outcome_in_words(story), width, em)
 
 
@@ -137,9 +136,22 @@ def _footer(story: TrackStory, width: float, em: float) -> tuple[list[Line], flo
     frames = "1 frame" if len(track.times) == 1 else f"{len(track.times)} frames"
     words = (
         f"{frames}  ·  solver {header.solver}  ·  mean power {power:.3g} W (model {header.power_model})  ·  "
-        f"rate limit {header.rate_limit}"
+        f"rate limit {header.rate_limit}{_allowances(story)}"
     )
     return text_lines(words, 0.8 * em, width, {"color": MUTED, "fontsize": 0.85 * 72 * em})
+
+
+def _allowances(story: TrackStory) -> str:
+    """Return how fast brightness changes where sections allow another limit than the fitted one."""
+    marked = story.with_allowance()
+    if not marked.any():
+        return ""
+    ratio = largest_rate_ratio(story.track.rate[marked], story.limit_alone()[marked])
+    return (
+        f", in marked sections up to {short(ratio)} times it"
+        if ratio > 1 + SAME
+        else " but for marked sections"
+    )
 
 
 def _clipped(words: str, room: int) -> str:
@@ -150,17 +162,6 @@ def _clipped(words: str, room: int) -> str:
     """
     half = (room - 1) // 2
     return words if len(words) <= room else f"{words[:half]}…{words[-half:]}"
-
-
-def _step_line(axes: Axes, edges: Array, values: Array, **style: Any) -> None:
-    """Draw values that hold from each edge to the next; where they are few, with a dot at their beginning."""
-    dots: dict[str, Any] = {"marker": "o", "markevery": slice(0, len(values))}
-    axes.plot(
-        edges,
-        np.append(values, values[-1]),
-        drawstyle="steps-post",
-        **{**(dots if len(values) <= FEW_FRAMES else {}), **style},
-    )
 
 
 def _draw_factors(axes: Axes, story: TrackStory) -> None:
@@ -174,11 +175,12 @@ def _draw_factors(axes: Axes, story: TrackStory) -> None:
     if top > 1:
         axes.axhline(1.0, color=FAINT, linewidth=0.4 * rcParams["lines.linewidth"], zorder=0)
     axes.axhline(story.baseline_factor, color=BASELINE, linestyle="--", zorder=3)
-    _step_line(axes, edges, story.track.factors, color=OURS, zorder=2)
+    step_line(axes, edges, story.track.factors, color=OURS, zorder=2)
     ticks = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(bottom, top)
     axes.set(ylim=(bottom, top), ylabel="factor b")
     axes.set_yticks([tick for tick in ticks if bottom <= tick <= min(top, 1)])
-    constant = f"constant, same power: {short(story.baseline_factor)}"
+    same = "same power" if story.same_power else "same mean"
+    constant = f"constant, {same}: {short(story.baseline_factor)}"
     handles = [
         Line2D([], [], color=OURS, label="ours"),
         Line2D([], [], color=BASELINE, linestyle="--", label=constant),
@@ -203,45 +205,11 @@ def _draw_loss(axes: Axes, story: TrackStory) -> None:
     """Draw the contrast loss of the track and of constant dimming."""
     edges = frame_edges(story.track.times)
     loss, constant = story.track.contrast_loss, story.baseline_loss
-    _step_line(axes, edges, loss, color=OURS, label="ours", zorder=2)
-    _step_line(axes, edges, constant, color=BASELINE, linestyle="--", label="constant", zorder=3)
+    step_line(axes, edges, loss, color=OURS, label="ours", zorder=2)
+    step_line(axes, edges, constant, color=BASELINE, linestyle="--", label="constant", zorder=3)
     top = max(float(constant.max()), float(loss.max()), 0.01)
     axes.set(ylim=(0, 1.1 * top), ylabel="contrast loss")
     legend_above(axes)
-
-
-def _draw_rate(axes: Axes, track: BrightnessTrack) -> None:
-    """Draw how fast the modulation changes luminance, up or down, and the areas that it must not enter."""
-    edges = frame_edges(track.times)
-    rate, limit, unit = drawn_rates(track)
-    top = 1.25 * max(float(limit.max()), float(np.abs(rate[np.isfinite(rate)]).max(initial=0.0))) or 1.0
-    thin = {"linewidth": 0.6 * rcParams["lines.linewidth"]}
-    beyond: dict[str, Any] = {"facecolor": LIMIT, "alpha": 0.16, "linewidth": 0, "step": "post"}
-    held = np.append(limit, limit[-1])
-    for sign, label in ((1, "faster than ΔL"), (-1, None)):
-        axes.fill_between(edges, sign * held, sign * top, label=label, **beyond)
-        axes.plot(edges, sign * held, drawstyle="steps-post", color=LIMIT, zorder=2, **thin)
-    axes.axhline(0.0, color=FAINT, zorder=0, **thin)
-    label = "change by the modulation"
-    _step_line(axes, edges[: len(rate) + 1], rate, color=OURS, label=label, zorder=3, **thin)
-    axes.set(ylim=(-top, top), ylabel=unit)
-    legend_above(axes, reverse=True)
-
-
-def drawn_rates(track: BrightnessTrack) -> tuple[Array, Array, str]:
-    """Return the rates up to the last step, each frame's limit, and the name of their axis.
-
-    Limits that vary by more than a factor of `WIDE_RANGE` leave no room for the lowest: then rates are
-    shares of their limit [%]. A limit of 0 has no share but that of no change, 0.
-    """
-    rate = track.rate[:-1] if len(track.rate) > 1 else track.rate  # after the last frame nothing changes
-    positive = track.rate_limit[track.rate_limit > 0]
-    if not positive.size or positive.max() / positive.min() <= WIDE_RANGE:
-        return rate, track.rate_limit, "rate [cd/m²/s]"
-    limit = track.rate_limit[: len(rate)]
-    beyond = np.where(rate == 0, 0.0, np.copysign(np.inf, rate))
-    share = 100 * np.divide(rate, limit, out=beyond, where=limit > 0)
-    return share, np.full(len(track.rate), 100.0), "rate / ΔL [%]"
 
 
 def _finish_panel(axes: Axes, story: TrackStory, layout: _Layout, is_last: bool) -> None:

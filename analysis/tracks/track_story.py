@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,10 +10,20 @@ from numpy.typing import NDArray
 
 from analysis.figure_style import short
 from analysis.tracks.thumbnails import Image
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
 from data_schema.quantities import read_only
 
 Array = NDArray[np.float64]
+
+SAME = 1e-4  # relative: powers, or a budget and what was reached, that print alike
+
+
+class Weighing(enum.Enum):
+    """How the frames of a track count in the objective."""
+
+    ALIKE = "all alike"
+    WEIGHTED = "some more than others"
+    LEFT_OUT = "not at all: only other clips count that share the budget"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +35,7 @@ class TrackStory:
     track : BrightnessTrack
         The track.
     baseline_factor : float
-        b of constant dimming at the same power.
+        b of constant dimming.
     baseline_loss : array, (N,)
         𝓛_c of each frame under constant dimming.
     objective, objective_baseline : float
@@ -33,6 +44,16 @@ class TrackStory:
         Some frames at full brightness, small, with their index (see `thumbnails_of`).
     lowest_factor : float
         The lowest factor that was allowed.
+    achieved : float or None
+        What the track has, in the budget's unit; None where that is the budget.
+    clips : int
+        How many clips share the budget.
+    same_power : bool
+        Whether constant dimming uses the same power; if not, it has the same mean factor.
+    weighing : Weighing
+        How the frames count in the objective.
+    fitted_limit : array, (N,), or None
+        The rate limit without allowances [cd/m^2/s]; None where the track has that one.
     """
 
     track: BrightnessTrack
@@ -42,6 +63,11 @@ class TrackStory:
     objective_baseline: float
     thumbnails: tuple[tuple[int, Image], ...] = field(default=())
     lowest_factor: float = 0.2
+    achieved: float | None = None
+    clips: int = 1
+    same_power: bool = True
+    weighing: Weighing = Weighing.ALIKE
+    fitted_limit: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "baseline_loss", read_only(self.baseline_loss))
@@ -50,7 +76,23 @@ class TrackStory:
                 f"baseline_loss must have one value for each of the {len(self.track.times)} frames, "
                 f"got {len(self.baseline_loss)}"
             )
+        if self.fitted_limit is not None:
+            object.__setattr__(self, "fitted_limit", read_only(self.fitted_limit))
         object.__setattr__(self, "thumbnails", tuple(sorted(self.thumbnails, key=lambda t: t[0])))
+
+    def limit_alone(self) -> Array:
+        """Return the rate limit of each step without allowances [cd/m^2/s], (N,)."""
+        return self.track.rate_limit if self.fitted_limit is None else self.fitted_limit
+
+    def with_allowance(self) -> NDArray[np.bool_]:
+        """Return which steps have another rate limit than the fitted one, (N,)."""
+        limit = self.limit_alone()
+        return np.asarray(np.abs(self.track.rate_limit - limit) > 1e-9 * np.abs(limit))
+
+
+def uses_same_power(summary: OptimizationSummary) -> bool:
+    """Return whether a track and its constant baseline use the same power."""
+    return abs(summary.mean_power - summary.baseline_power) <= SAME * summary.baseline_power
 
 
 def frame_edges(times: Array) -> Array:
@@ -59,25 +101,61 @@ def frame_edges(times: Array) -> Array:
     return np.append(times, times[-1] + (step if step > 0 else 1.0))
 
 
-def budget_in_words(header: TrackHeader) -> str:
-    """Return a budget with what it counts."""
-    if header.budget_unit is BudgetUnit.FACTOR:
-        return f"mean brightness factor {header.budget:.3g}"
-    if header.budget_unit is BudgetUnit.POWER:
-        return f"{100 * header.budget:.3g} % of full power"
-    return f"mean power {header.budget:.3g} W"
+def budget_in_words(story: TrackStory) -> str:
+    """Return what the track uses, and the budget where that is another, or not the track's alone."""
+    budget = story.track.header.budget
+    achieved = budget if story.achieved is None else story.achieved
+    words = _amount(story, achieved)
+    if story.clips > 1:
+        return f"{words} ({_bare(story, budget)} shared by {story.clips} clips)"
+    if abs(achieved - budget) > SAME * budget:
+        return f"{words} (budget {_bare(story, budget)})"
+    return words
+
+
+def _amount(story: TrackStory, value: float) -> str:
+    """Return an amount in the budget's unit with what it counts."""
+    what = {BudgetUnit.FACTOR: "mean brightness factor {}", BudgetUnit.POWER: "{} of full power"}
+    unit = story.track.header.budget_unit
+    return what.get(unit, "mean power {}").format(_bare(story, value))
+
+
+def _bare(story: TrackStory, value: float) -> str:
+    """Return an amount in the budget's unit."""
+    unit = story.track.header.budget_unit
+    if unit is BudgetUnit.POWER:
+        return f"{100 * value:.3g} %"
+    return f"{value:.3g}" if unit is BudgetUnit.FACTOR else f"{value:.3g} W"
 
 
 def outcome_in_words(story: TrackStory) -> str:
-    """Return in one sentence how evenly contrast is lost."""
+    """Return in a sentence or two how evenly contrast is lost, and what counts."""
     ours, constant = story.objective, story.objective_baseline
     if not (story.track.contrast_loss.any() or story.baseline_loss.any()):
         return "No visible contrast is lost in any frame, nor is it under constant dimming."
-    if not constant > 0:
-        return "Constant dimming already loses the same share of contrast in every frame."
-    less = 100 * (1 - ours / constant)
-    compared = f"{less:.0f} % less than" if less >= 0.5 else "about as much as with"
+    weighted = story.weighing is Weighing.WEIGHTED
+    lead = "Does not count (weight 0). " if story.weighing is Weighing.LEFT_OUT else ""
+    if not (ours > 0 or constant > 0):
+        which = "every frame that counts" if weighted else "every frame"
+        return f"{lead}Constant dimming already loses the same share of contrast in {which}."
+    how = "on weighted average" if weighted else "on average"
     return (
-        f"Contrast loss differs between two frames by {short(ours)} on average, "
-        f"{compared} constant dimming ({short(constant)})."
+        f"{lead}Contrast loss differs between two frames by {short(ours)} {how}, "
+        f"{compared_in_words(ours, constant)} constant dimming ({short(constant)})."
     )
+
+
+def compared_in_words(ours: float, constant: float) -> str:
+    """Return how one difference of contrast loss compares to that of constant dimming.
+
+    >>> [compared_in_words(ours, 0.1) for ours in (0.05, 0.1, 0.12, 1.0)]
+    ['50 % less than', 'about as much as with', '20 % more than', '10 times as much as']
+    """
+    if not constant > 0:
+        return "in contrast to" if ours > 0 else "as with"
+    ratio = ours / constant
+    if abs(ratio - 1) < 0.005:
+        return "about as much as with"
+    if ratio < 2:
+        return f"{100 * abs(ratio - 1):.0f} % {'less' if ratio < 1 else 'more'} than"
+    return f"{ratio:.3g} times as much as" if ratio < 1000 else "over 1000 times as much as"

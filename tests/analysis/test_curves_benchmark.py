@@ -1,17 +1,21 @@
 """What the benchmark of loss curves says: its videos, its peers, its memory, its verdicts."""
 
+import threading
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.benchmarks import curves_subject, frame_points, video_points
+from analysis.benchmarks import curves_subject, frame_points, memory_claims, video_definition, video_points
 from analysis.benchmarks.curves_memory import DISPLAY, analyze_minutes, curves_size
 from analysis.benchmarks.measured import Approach, Pains, point
 from analysis.benchmarks.stopwatch import Times
 from data_schema.benchmark import BenchmarkPoint, Role
+from data_schema.contrast_model import PixelToLuminance
 from data_schema.loss_curves import ARRAY_SHAPES
-from method.loss_curves import analyze_frames
+from method.loss_curves import analyze_frames, loss_curves_by_definition
+from method.luminance import emitted_luminance
+from method.thrift import Thrift
 
 
 def a_point(task: str, name: str, role: Role, time: float, error: float) -> BenchmarkPoint:
@@ -35,6 +39,41 @@ def test_one_frame_in_ten_is_right_where_it_is_sampled_and_linear_in_between() -
     for k in (0, 10, 20, 23):
         np.testing.assert_array_equal(found[k], whole[k])
     np.testing.assert_allclose(found[5], (whole[0] + whole[10]) / 2, atol=1e-12)
+
+
+def test_the_default_is_compared_at_knots_and_between_where_the_tolerance_costs_most() -> None:
+    frames = list(video_points.film(32, 18, 9, 1))
+    found = analyze_frames(frames, "film", DISPLAY, thrift=Thrift(1e-3))
+    changed = found.loss.copy()
+    changed[2] += 0.25  # more than any loss of this frame differs from the definition
+    errors = video_definition.default_errors(frames, replace(found, loss=changed), found.loss, 1)
+    assert errors.video == "film at 32 x 18"
+    np.testing.assert_allclose(errors.at_knots[0], 0.25, atol=1e-3)  # frame 2; the other is the middle one
+    assert errors.at_knots[1].max() < 1e-3
+    middle = np.sqrt(found.factors[0] * found.factors[1])
+    emitted = emitted_luminance(frames[4].pixel_values, DISPLAY)
+    by_hand = np.interp(middle, found.factors, found.loss[4])
+    expected = abs(by_hand - loss_curves_by_definition(emitted, [middle], DISPLAY)[0])
+    assert errors.between[1, 0] == pytest.approx(expected, abs=1e-12)
+    np.testing.assert_array_equal(errors.between[1], errors.whole_between[1])
+    np.testing.assert_allclose(errors.between[0] - errors.whole_between[0], 0.25, atol=0.02)
+    assert len(video_definition.default_errors(frames, found, changed, 0).at_knots) == 1
+
+
+@pytest.mark.parametrize(("at", "apart", "met"), [(2e-4, 9e-4, (True, True)), (2e-3, 3e-3, (False, False))])
+def test_what_a_user_gets_is_held_to_the_worst_of_all_videos(
+    at: float, apart: float, met: tuple[bool, bool]
+) -> None:
+    good = video_definition.DefaultErrors("a", np.full((2, 3), 1e-5), np.full((2, 4), 1e-5), np.zeros((2, 4)))
+    between = np.array([[apart, 0.0, 0.0, 0.0]])
+    bad = video_definition.DefaultErrors("b", np.array([[0.0, at]]), between, between / 2)
+    verdicts = video_definition.default_claims([good, bad])
+    assert tuple(verdict.met for verdict in verdicts) == met
+    assert tuple(verdict.measured for verdict in verdicts) == (at, apart)
+    assert "2 of a, 1 of b" in verdicts[0].note
+    share = "0.0%" if apart < 1e-3 else "8.3%"  # one of twelve
+    assert f"median 1e-05, {share} above 0.001; {apart / 2:.2g} with every frame" in verdicts[1].note
+    assert all(verdict.met is None for verdict in video_definition.default_claims([]))
 
 
 def test_half_the_resolution_is_the_mean_of_four_pixels() -> None:
@@ -79,16 +118,42 @@ def test_the_tolerance_is_held_to_the_worst_video() -> None:
     assert (verdict.measured, verdict.met) == (2e-3, False)
 
 
-@pytest.mark.parametrize(("long", "met"), [(100.0, True), (150.0, False)])
-def test_memory_is_compared_apart_from_the_curves(
-    long: float, met: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("more", "met"), [(1.0, True), (1.5, False)])
+def test_memory_is_compared_apart_from_the_curves_in_every_way(
+    more: float, met: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    used = {"1.0": 100.0, "10.0": long + 2 * (curves_size(10) - curves_size(1))}
-    monkeypatch.setattr(curves_subject, "peak_memory", lambda task, minutes, tolerance: used[minutes])
-    verdict = curves_subject._memory_claim(Pains())
-    assert verdict.met is met
-    monkeypatch.setattr(curves_subject, "peak_memory", lambda *_: None)
-    assert curves_subject._memory_claim(Pains()).met is None
+    asked = []
+
+    def used(task: str, minutes: str, tolerance: str, jobs: str, order: str) -> float:
+        asked.append((float(minutes), float(tolerance), int(jobs), PixelToLuminance(order)))
+        frames = 100.0 if len(asked) % 2 else 100.0 * more  # of the shorter and of the longer video
+        return frames + 2 * curves_size(float(minutes))
+
+    monkeypatch.setattr(memory_claims, "peak_memory", used)
+    verdicts = memory_claims.memory_claims(Pains())
+    assert [verdict.met for verdict in verdicts] == [met] * 3
+    assert [verdict.measured for verdict in verdicts] == pytest.approx([more] * 3)
+    assert asked[:2] == [(1.0, 1e-3, 1, PixelToLuminance.LINEAR_FIRST), (10.0, *asked[0][1:])]
+    assert {jobs for _, _, jobs, _ in asked} == {1, 2}
+    assert {order for *_, order in asked} == set(PixelToLuminance)
+    assert all("2 copies of the curves; 5% are allowed" in verdict.claim for verdict in verdicts)
+
+
+def test_memory_that_the_system_does_not_tell_is_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory_claims, "peak_memory", lambda *_: None)
+    assert all(verdict.met is None for verdict in memory_claims.memory_claims(Pains()))
+
+
+def test_a_quick_run_says_which_memory_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory_claims, "peak_memory", lambda *_: 100.0)
+    verdicts = memory_claims.memory_claims(Pains(quick=True))
+    assert [verdict.met is None for verdict in verdicts] == [False, False, True]
+
+
+def test_a_long_run_is_timed_in_processor_time_too() -> None:
+    """A run that sleeps uses none: wall time passes, processor time does not."""
+    _, times = frame_points._timed_once(lambda: np.asarray(threading.Event().wait(0.05), dtype=np.float64))
+    assert times.wall[0] >= 0.05 > times.processor[0]
 
 
 def test_the_lead_is_reckoned_from_the_points() -> None:

@@ -11,6 +11,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
@@ -26,9 +28,16 @@ from analysis.figure_style import (
     png_bytes,
     write_png,
 )
+from analysis.tracks.rate_panel import drawn_rates
 from analysis.tracks.thumbnails import dimmed_picture
-from analysis.tracks.track_figure import drawn_rates, track_figure
-from analysis.tracks.track_story import TrackStory, outcome_in_words
+from analysis.tracks.track_figure import track_figure
+from analysis.tracks.track_story import (
+    TrackStory,
+    Weighing,
+    budget_in_words,
+    compared_in_words,
+    outcome_in_words,
+)
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from data_schema.provenance import Provenance
 
@@ -109,6 +118,77 @@ def test_a_clip_that_loses_nothing_is_not_said_to_lose_a_share() -> None:
     assert outcome_in_words(black).startswith("No visible contrast is lost in any frame")
 
 
+def test_a_track_less_even_than_constant_dimming_is_said_to_be() -> None:
+    worse = dataclasses.replace(story(), objective=0.0232, objective_baseline=0.00225)
+    assert "10.3 times as much as constant dimming (0.00225)" in outcome_in_words(worse)
+    only_ours = dataclasses.replace(worse, objective_baseline=0.0)
+    assert "by 0.0232 on average, in contrast to constant dimming (0)" in outcome_in_words(only_ours)
+
+
+@given(st.floats(1e-9, 1.0), st.floats(1e-9, 1.0))
+def test_words_of_a_comparison_are_true(ours: float, constant: float) -> None:
+    words, ratio = compared_in_words(ours, constant), ours / constant
+    number = float(words.split()[0]) if words[0].isdigit() else None
+    if words.startswith("about as much"):
+        assert ratio == pytest.approx(1, abs=0.005)
+    elif "%" in words:
+        assert number is not None
+        said = 1 - number / 100 if "less" in words else 1 + number / 100
+        assert said == pytest.approx(ratio, abs=0.00501)
+    else:
+        assert ratio >= (2 if number else 1000)
+        assert number is None or number == pytest.approx(ratio, rel=0.006)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, "mean brightness factor 0.5"),
+        ({"achieved": 0.500001}, "mean brightness factor 0.5"),
+        ({"achieved": 0.898}, "mean brightness factor 0.898 (budget 0.5)"),
+        ({"achieved": 0.37, "clips": 2}, "mean brightness factor 0.37 (0.5 shared by 2 clips)"),
+    ],
+)
+def test_a_title_has_what_was_reached_not_what_was_asked(changes: dict[str, Any], words: str) -> None:
+    assert budget_in_words(dataclasses.replace(story(), **changes)) == words
+
+
+def test_constant_dimming_has_the_same_power_only_where_it_has() -> None:
+    for same, words in ((True, "constant, same power: 0.5"), (False, "constant, same mean: 0.5")):
+        legend = track_figure(dataclasses.replace(story(), same_power=same)).axes[0].get_legend()
+        assert legend is not None
+        assert words in [text.get_text() for text in legend.get_texts()]
+
+
+def test_weights_are_told_where_frames_count_differently() -> None:
+    assert "weight" not in outcome_in_words(story())
+    weighted = dataclasses.replace(story(), weighing=Weighing.WEIGHTED)
+    assert "by 0.01 on weighted average" in outcome_in_words(weighted)
+    left_out = dataclasses.replace(story(), weighing=Weighing.LEFT_OUT)
+    assert outcome_in_words(left_out).startswith("Does not count (weight 0). Contrast loss")
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e3], ids=["rates", "shares"])
+def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(spread: float) -> None:
+    fitted = np.geomspace(1.0, spread, 30)
+    allowed, rate = fitted.copy(), 0.5 * fitted
+    allowed[[10, 11, 12, 20]] *= [10, 10, 10, 0]
+    rate[[11, 20, 29]] = 8.7 * fitted[11], 0.0, 0.0
+    told = dataclasses.replace(story(rate=rate, rate_limit=allowed), fitted_limit=fitted)
+    figure = track_figure(told)
+    panel = figure.axes[2]
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
+    np.testing.assert_allclose(spans, np.array([(10, 13), (20, 21)]) / 25)
+    (line,) = lines_of(figure, 2, OURS)
+    scale = 1.0 if spread == 1 else 100 / fitted[11]
+    assert line.get_ydata()[11] == pytest.approx(8.7 * fitted[11] * scale)
+    assert panel.get_ylim()[1] > line.get_ydata().max()
+    words = " ".join(" ".join(text.get_text() for text in figure.texts).split())
+    assert "in marked sections up to 8.7 times it" in words
+    plain = track_figure(story(rate=rate, rate_limit=allowed)).axes[2]
+    assert not plain.patches
+
+
 def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
     told = story()
     (line,) = lines_of(track_figure(told), 2, OURS)
@@ -148,7 +228,7 @@ def test_limits_that_vary_widely_make_rates_shares_of_them() -> None:
 
 def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
     told = story(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
-    np.testing.assert_array_equal(drawn_rates(told.track)[0], [50.0, -np.inf])
+    np.testing.assert_array_equal(drawn_rates(told).rate, [50.0, -np.inf])
 
 
 def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
@@ -191,9 +271,12 @@ def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
 def test_a_track_is_legible_in_every_medium(
     medium: Medium, require_legible: Callable[[Figure, Medium], None]
 ) -> None:
-    require_legible(
-        track_figure(story(video="a_rather_long_name_of_a_video.mp4", pictures=8), medium), medium
+    told = story(video="a_rather_long_name_of_a_video.mp4", pictures=8)
+    limit = np.where(np.arange(30) == 9, 0.1, 1.0) * told.track.rate_limit
+    wordy = dataclasses.replace(
+        told, achieved=0.37, clips=2, same_power=False, weighing=Weighing.LEFT_OUT, fitted_limit=limit
     )
+    require_legible(track_figure(wordy, medium), medium)
 
 
 def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> None:

@@ -65,6 +65,10 @@ def results(folder: Path, **changes: Any) -> Path:
         "provenance": origin,
         "rate_limit_procedure": None,
         "curves_computed_on": "cpu",
+        "clips": 1,
+        "weighted": False,
+        "largest_allowance": 1.0,
+        "max_rate_ratio_fitted": 0.0,
     }
     write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
     curves = LossCurves(

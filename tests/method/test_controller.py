@@ -1,6 +1,5 @@
 """The online controller: steps, limits, and what it does with content that changes."""
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -241,16 +240,6 @@ def test_a_video_of_one_frame_has_one_factor(make_curves: Callable[..., LossCurv
     track = run(make_curves([0.2]))
     assert len(track.factors) == 1
     assert track.rate.tolist() == [0.0]
-
-
-def test_three_thousand_frames_take_less_than_50_ms(make_curves: Callable[..., LossCurves]) -> None:
-    curves = make_curves(0.3 + 0.2 * np.sin(np.arange(3000) / 40))
-    taken = []
-    for _ in range(5):
-        begin = time.process_time()
-        run(curves)
-        taken.append(time.process_time() - begin)
-    assert min(taken) < 0.05
 
 
 DARK_TO_WHITE = st.sampled_from([0.0, 5e-324, 1e-4, 0.1, 60.0, 104.4])

@@ -3,6 +3,7 @@
 import itertools
 import threading
 import weakref
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -66,24 +67,40 @@ def test_frames_like_the_one_before_cost_nothing(tolerance):
     assert found.loss[0].tobytes() == found.loss[2].tobytes() == found.loss[5].tobytes()
 
 
+@pytest.fixture
+def slow_analysis(monkeypatch):
+    """The slowest analysis there is: of no frame before nothing more is decoded, so that all wait for it."""
+    decoding, waited_for, result = threading.current_thread(), threading.Event(), Future.result
+
+    def watched(task, *arguments):
+        if threading.current_thread() is not decoding:
+            return result(task, *arguments)
+        waited_for.set()
+        try:
+            return result(task, *arguments)
+        finally:
+            waited_for.clear()
+
+    monkeypatch.setattr(Future, "result", watched)
+    for name in ("of", "begin"):
+        analyse = getattr(FrameAnalysis, name)
+        monkeypatch.setattr(
+            FrameAnalysis, name, lambda self, pixels, run=analyse: (waited_for.wait(), run(self, pixels))[1]
+        )
+
+
 @BOTH
 @pytest.mark.parametrize("jobs", [1, 3])
+@pytest.mark.usefixtures("slow_analysis")
 def test_few_frames_are_in_memory_however_long_the_video(tolerance, jobs, monkeypatch):
-    """The first frames are held up until nothing more is decoded."""
     alive: list[weakref.ref] = []
-    most, stalled = [0], threading.Event()
-    for name in ("of", "begin"):
-        slow = getattr(FrameAnalysis, name)
-        monkeypatch.setattr(
-            FrameAnalysis, name, lambda self, pixels, slow=slow: (stalled.wait(0.2), slow(self, pixels))[1]
-        )
+    most = [0]
 
     def counted_alive(contents):
         for pixels in contents:
             alive.append(weakref.ref(pixels))
             most[0] = max(most[0], len({id(one()) for one in alive if one() is not None}))
             yield pixels
-        stalled.set()
 
     crew = frame_crew.frame_losses
     monkeypatch.setattr(
@@ -91,24 +108,21 @@ def test_few_frames_are_in_memory_however_long_the_video(tolerance, jobs, monkey
         lambda analysis, frames, thrift, spare: crew(analysis, counted_alive(frames), thrift, spare),
     )
     n = 100
-    timer = threading.Timer(0.3, stalled.set)
-    timer.start()
     curves(noise(n), tolerance, jobs)
-    timer.cancel()
     held = jobs + 3 if tolerance == 0 else (jobs + 1) * frame_crew.LONGEST_STRETCH
     assert 1 < most[0] <= held + 2 < n
 
 
 @BOTH
-def test_nobody_writes_to_a_frame_while_it_is_analysed(tolerance, monkeypatch):
-    """Arrays are filled again: each is held up for a moment before it is analysed, so that others may try."""
+@pytest.mark.usefixtures("slow_analysis")
+def test_nobody_writes_to_a_frame_before_it_is_analysed(tolerance, monkeypatch):
+    """Arrays are filled again."""
     kept = [frame.pixel_values.tobytes() for frame in noise(12)]
     analysed = []
     for name in ("of", "begin"):
         whole = getattr(FrameAnalysis, name)
 
         def watched(self, pixels, whole=whole):
-            threading.Event().wait(0.01)
             found = whole(self, pixels)
             analysed.append(pixels.tobytes())
             return found

@@ -12,9 +12,17 @@ from data_schema.brightness_track import BudgetUnit
 from data_schema.loss_curves import LossCurves
 from data_schema.power_model import PanelKind, PowerModel
 from method.control_curves import ControlledTrack, Governed, control_curves
-from method.controller import Controller, ControllerSettings
+from method.controller import Controller, ControllerSettings, ControllerState
 from method.curve_lookup import loss_and_slope
-from method.governor import FrameCosts, GovernorSettings, frame_costs, governor_of
+from method.governor import (
+    Excess,
+    FrameCosts,
+    Governor,
+    GovernorSettings,
+    frame_costs,
+    governor_of,
+    horizon_warning,
+)
 from method.modulation import largest_rate_ratio
 from method.power import power
 from method.preset_files import load_power_model, load_rate_limit
@@ -110,19 +118,117 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
         controller,
         0.5,
         None,
-        Governed(governor, FrameCosts(np.ones(2400), allowance, allowance)),
+        Governed(governor, FrameCosts(np.ones(2400), allowance, allowance, np.ones(2400))),
     )
     assert held.factors[600:1200] == pytest.approx(0.2)
     assert held.budget_held[600:1199].all()
     assert held.targets[:1200].max() < 0.2  # of 0.16, which the lowest factor loses: not on to 1
     always = np.full(2400, 0.5)
     fresh = control_curves(
-        curves, controller, 0.2, None, Governed(governor, FrameCosts(np.ones(2400), always, always))
+        curves,
+        controller,
+        0.2,
+        None,
+        Governed(governor, FrameCosts(np.ones(2400), always, always, np.ones(2400))),
     )
     back, as_new = (int(np.argmax(track.factors > 0.45)) for track in (held, fresh))
     assert back - 1200 < as_new + 100  # at most 10 s later
     assert held.factors[1200:].max() < 0.7
     assert abs(held.factors[-600:].mean() - 0.5) < 0.01
+
+
+@pytest.mark.parametrize("budget", [0.3, 0.8, 0.95])
+@pytest.mark.parametrize(("horizon", "rate"), [(20.0, 20.0), (40.0, 5.0), (60.0, 10.0)])
+def test_a_bound_on_the_way_is_left_again(
+    make_curves: Callable[..., LossCurves], budget: float, horizon: float, rate: float
+) -> None:
+    """From the other end, at 0.02 per s: a debt or credit of that length drives the factor to the bound.
+
+    It is paid back there. A mean over H remembers nothing older than H, so that after two such at most the
+    mean over each further horizon is the budget.
+    """
+    start = 1.0 if budget < 0.5 else 0.2
+    n = round((6 * horizon + 60) * rate)
+    curves = make_curves(np.full(n, 0.3), 1.5, luminance=np.full(n, 50.0), frames_per_second=rate)
+    slow = Controller(ControllerSettings(0.03), lambda _: 0.02 * 50.0)
+    track = governed(curves, GovernorSettings(budget, horizon=horizon), slow, start)
+    assert np.ptp(track.factors[: round(60 * rate)]) > 0.7  # on to the other end, or nearly
+    assert (
+        largest_window_error(track.factors[-round(3 * horizon * rate) :], budget, round(horizon * rate))
+        < 0.02
+    )
+    assert not track.budget_held[-round(3 * horizon * rate) :].any()
+
+
+@pytest.mark.parametrize("bound", [0.2, 1.0])
+def test_a_debt_is_paid_at_the_bound_and_no_longer(bound: float) -> None:
+    """By hand: at the bound m runs to its rest -(u + m H / 4T) = 0, where the governor lets go."""
+    governor, way = Governor(horizon=60.0), -1.0 if bound == 1.0 else 1.0
+    shown = ControllerState(bound, bound, 0.0, 50.0, 0.1)
+    paid, reached = Excess(-0.05 * way, -0.05 * way), 0.02 * way  # 0.05 / 2.5: where both terms are as large
+    state, frames = replace(governor.start(0.1, bound, 0.1), excess=0.3 * way), 0
+    while frames < 10_000:
+        state, _ = governor.step(state, shown, 0.1, paid)
+        if not state.held:
+            break
+        frames += 1
+    # m = -0.05 + 0.35 exp(-2t / H) is 0.02 at t = H / 2 · ln 5.
+    assert frames * 0.1 == pytest.approx(30 * np.log(5), rel=0.01)
+    assert state.excess * way == pytest.approx(reached * way, rel=0.05)
+
+
+def test_what_stays_out_of_reach_is_forgotten_and_never_grows() -> None:
+    """A budget below the lowest factor: what came before it ages over H / 2, what comes adds nothing."""
+    governor = Governor(horizon=20.0)
+    shown = ControllerState(0.2, 0.2, 0.0, 50.0, 0.1)
+    state = replace(governor.start(0.1, 0.2, 0.1), excess=0.3)
+    for _ in range(200):
+        state, _ = governor.step(state, shown, 0.1, Excess(0.1, 0.1))
+    assert state.held
+    assert state.excess == pytest.approx(0.3 * np.exp(-2), rel=0.02)
+
+
+@pytest.mark.parametrize("horizon", [20.0, 40.0])
+@pytest.mark.parametrize("light", [0.0, 0.5], ids=["black", "dark"])
+def test_a_dark_beginning_leaves_an_oled_no_credit_that_cannot_be_used(
+    make_curves: Callable[..., LossCurves], light: float, horizon: float
+) -> None:
+    """A horizon of night, of which full brightness takes next to nothing; then day at 50 cd/m^2.
+
+    From three horizons into the day on, those of each are the budget. Before, full brightness for the H / 2
+    until the mean of the content tells, at twice the budget, would be a quarter of the room too much.
+    """
+    night, frames = round(horizon * 10), round(6 * horizon * 10)
+    light_of = np.where(np.arange(frames) < night, light, 50.0)
+    curves = make_curves(np.full(frames, 0.2), luminance=light_of, frames_per_second=10.0)
+    day = float(power(OLED, np.ones(1), curves.channel_means[-1:])[0])
+    budget = 0.5 * (day + OLED.base_power)  # what half the brightness takes by day
+    asked = GovernorSettings(budget, BudgetUnit.WATT, horizon)
+    track = governed(curves, asked, Controller(ControllerSettings(0.03), free), 0.5, OLED)
+    used = power(OLED, track.factors, curves.channel_means)
+    room = day - OLED.base_power
+    assert largest_window_error(used[4 * night :], budget, night) < 0.03 * room
+    windows = np.convolve(used, np.ones(night) / night, "valid")
+    assert windows.max() < budget + 0.25 * room
+
+
+def test_memory_is_kept_in_watts() -> None:
+    """The same watts too much weigh the same whatever the factor costs when they are read."""
+    governor = Governor(horizon=20.0)
+    shown = ControllerState(0.5, 0.5, 0.0, 50.0, 0.1)
+    falls, states = [], []
+    for scale in (0.1, 1.0):
+        state, aim = governor.step(governor.start(0.1, 0.5, 0.1), shown, 0.1, Excess(0.02, 0.02, scale))
+        states.append(state.excess)
+        falls.append(aim.shift)
+    assert states[0] == states[1] == pytest.approx(0.02 * 0.1 / 20)
+    assert falls[0] == pytest.approx(10 * falls[1], rel=1e-12)
+
+
+def test_a_horizon_of_too_few_frames_is_told() -> None:
+    """T is a tenth of the horizon from 200 frames on; below that it is 20 frames long."""
+    assert horizon_warning(GovernorSettings(0.5, horizon=20.0), 0.1) is None
+    assert "holds 199 frames" in (horizon_warning(GovernorSettings(0.5, horizon=19.9), 0.1) or "")
 
 
 def test_content_that_loses_nothing_does_not_lock_it(make_curves: Callable[..., LossCurves]) -> None:

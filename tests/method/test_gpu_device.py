@@ -83,6 +83,26 @@ def test_a_driver_that_is_too_old_is_named():
         GpuLoss(Old(), (16, 24), LAB)
 
 
+def test_a_context_without_compute_shaders_is_released_before_the_next_is_tried(monkeypatch):
+    class Old:
+        version_code, info = 330, {"GL_RENDERER": "Old Card"}
+
+        def release(self):
+            released.append(self)
+
+    made, released = [], []
+
+    def create(**_):
+        assert released == made
+        made.append(Old())
+        return made[-1]
+
+    monkeypatch.setattr(moderngl, "create_context", create)
+    with pytest.raises(InputError, match=r"Old Card offers OpenGL 3\.3"):
+        compute_context()
+    assert len(released) == len(made) == 2
+
+
 @pytest.mark.parametrize("software", [True, False])
 def test_automatic_takes_the_graphics_processor_only_where_it_is_one(software, monkeypatch):
     own_context()

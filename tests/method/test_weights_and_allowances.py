@@ -15,11 +15,12 @@ from data_schema.section import AllowanceSection, WeightSection
 from method.lower_bound import lower_bound
 from method.objective import order_weights, pairwise_spread, proximal_spread
 from method.optimize import Request, is_feasible, optimize, pose
-from method.preset_files import load_power_model
+from method.preset_files import load_power_model, load_rate_limit
 from method.sections import frame_weights, step_allowances
 from method.shared_budget import clip_of, joined_curves, joints
 from method.splitting import FAR_TO_NEAR, SplittingSolver
 
+LIMIT = load_rate_limit("surace2025")
 ONE_SEARCH = SplittingSolver(looks=FAR_TO_NEAR)
 
 
@@ -160,6 +161,17 @@ def test_clips_share_the_budget_and_no_step_is_limited_between_them(make_curves,
     assert second.rate_ratio(factors[20:]) <= 1 + 1e-9
     assert second.allowances is not None
     assert np.isfinite(second.allowances).all()
+
+
+def test_a_black_clip_of_a_shared_budget_has_a_mean_though_no_share_in_the_power(make_curves) -> None:
+    clips = [make_curves([0.1] * 4), make_curves([0.6] * 6)]
+    problem = pose(
+        joined_curves(clips), Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), LIMIT)
+    )
+    problem = dataclasses.replace(problem, budget_weights=np.repeat([0.25, 0.0], [4, 6]))
+    second = clip_of(problem, clips[1], 4)
+    np.testing.assert_allclose(second.budget_weights, np.full(6, 1 / 6))
+    assert second.budget_weights @ np.full(6, 0.4) == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("unit", [BudgetUnit.POWER, BudgetUnit.WATT])

@@ -51,7 +51,9 @@ def test_the_track_is_better_than_constant_dimming_at_equal_power(folder) -> Non
     _, summary = limit_and_summary(folder)
     assert summary.achieved == pytest.approx(summary.budget, abs=1e-6)
     assert summary.mean_power == pytest.approx(summary.baseline_power, rel=1e-6)
-    assert summary.lower_bound <= summary.objective < summary.objective_baseline
+    assert summary.objective < summary.objective_baseline
+    # A bound above the objective ends the command; what a good one adds is that it is not far below.
+    assert summary.lower_bound > 0.5 * summary.objective
 
 
 def test_the_sun_gets_less_light_than_the_night(folder) -> None:

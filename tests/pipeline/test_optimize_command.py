@@ -46,7 +46,6 @@ def optimized(command, tmp_path, source, budget=0.5, *more):
     assert summary["max_rate_ratio"] <= 1 + 1e-6
     assert (np.abs(track.rate) <= track.rate_limit * (1 + 1e-6)).all()
     assert summary["objective"] <= summary["objective_baseline"]
-    assert summary["lower_bound"] <= summary["objective"] + 1e-12
     assert summary["mean_power_w"] == pytest.approx(summary["baseline_power_w"], rel=1e-6)
     assert len(track.times) == summary["frames"]
     return track, summary

@@ -1,10 +1,14 @@
 """`evenlight optimize` with sections of weights and allowances, several clips, and an earlier track."""
 
 import json
+from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from analysis.optimize_command import beyond_the_fitted
+from analysis.tracks.track_story import Weighing
 from data_schema.brightness_track import read_track
 from data_schema.provenance import sha256_of_bytes
 
@@ -34,11 +38,17 @@ def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_p
     assert np.ptp(track.factors[1:5]) == 0  # the steps to the frames at 1, 1.5 and 2 s
     assert (track.rate_limit[1:4] == 0).all()
     assert summary["max_rate_ratio"] <= 1 + 1e-6
+    assert summary["weighted"] is True
+    assert summary["largest_allowance"] == 20
+    moving = track.rate_limit[:-1] > 0
+    fitted = np.where(track.times[1:] == 3.0, track.rate_limit[:-1] / 20, track.rate_limit[:-1])
+    ratio = (np.abs(track.rate[:-1])[moving] / fitted[moving]).max()
+    assert summary["max_rate_ratio_fitted"] == pytest.approx(ratio, rel=1e-12)
     checked = command("validate", tmp_path)
     assert checked.code == 0, checked.out
 
 
-def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos) -> None:
+def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos, monkeypatch) -> None:
     out = tmp_path / "out"
     done = command("optimize", videos[0], "--with", videos[1], "--budget", 0.5, "--out", out, "--quiet")
     assert done.code == 0, done.err
@@ -47,8 +57,58 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
     factors = np.concatenate([track.factors for track in tracks])
     assert np.mean(factors) == pytest.approx(0.5, abs=1e-6)
     assert all((np.abs(t.rate) <= t.rate_limit * (1 + 1e-6)).all() for t in tracks)
-    assert json.loads((out / "summary.json").read_text())["frames"] == 18
+    whole = json.loads((out / "summary.json").read_text())
+    assert whole["frames"] == 18
+    for name, track in zip(("01-a", "02-b"), tracks, strict=True):
+        own = json.loads((out / name / "summary.json").read_text())
+        assert (own["frames"], own["clips"], own["budget"]) == (len(track.factors), 2, 0.5)
+        assert own["achieved"] == pytest.approx(track.factors.mean(), rel=1e-12)
+        assert own["baseline_factor"] == pytest.approx(own["mean_factor"], rel=1e-12)
+        assert own["baseline_power_w"] == pytest.approx(own["mean_power_w"], rel=1e-9)
+        assert own["lower_bound"] == 0  # that of all clips is none of one
     assert command("validate", out).code == 0
+    monkeypatch.setattr("analysis.tracks.optimization._draw", lambda *_: None)
+    again = ("--start", out, "--budget", 0.5, "--quiet", "--out", tmp_path / "again")
+    assert command("optimize", videos[0], "--with", videos[1], *again).code == 0
+    repeated = json.loads((tmp_path / "again" / "summary.json").read_text())
+    assert repeated["objective"] <= whole["objective"] + 1e-6
+    both = b"".join((out / name / "track.csv").read_bytes() for name in ("01-a", "02-b"))
+    assert repeated["provenance"]["inputs"]["start"] == sha256_of_bytes(both)
+    failed = command("optimize", videos[0], *again)
+    assert failed.code == 2
+    assert "holds 2 tracks, asked is an optimization of 1 video" in failed.err
+
+
+def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, monkeypatch) -> None:
+    drawn: list[Weighing] = []
+    monkeypatch.setattr("analysis.tracks.optimization._draw", lambda *given: drawn.append(given[3].weighing))
+    weights, out = tmp_path / "v.weights.csv", tmp_path / "out"
+    weights.write_text("start_s,end_s,weight\n5,9,0\n")  # all of the second clip
+    options = ("--with", videos[1], "--weights", weights, "--budget", 0.6, "--out", out)
+    done = command("optimize", videos[0], *options)
+    assert done.code == 0, done.err
+    assert "weighted by --weights" in done.out
+    own = json.loads((out / "02-b" / "summary.json").read_text())
+    loss = read_track(out / "02-b" / "track.csv").contrast_loss
+    pairs = [abs(a - b) for a, b in combinations(loss, 2)]
+    assert own["objective"] == pytest.approx(np.mean(pairs), rel=1e-9)
+    assert own["objective"] > 0
+    assert own["weighted"] is False
+    assert drawn == [Weighing.ALIKE, Weighing.LEFT_OUT]
+
+
+@pytest.mark.parametrize(
+    ("allowance", "ratio", "words"),
+    [
+        (1.0, 1.0, ""),
+        (10.0, 8.7, "where allowances say so, up to 8.7 times the fitted limit"),
+        (10.0, 0.9, "nowhere beyond the fitted limit, though allowances go up to 10 times it"),
+    ],
+)
+def test_a_step_beyond_the_fitted_limit_is_told(allowance, ratio, words) -> None:
+    summary = SimpleNamespace(largest_allowance=allowance, max_rate_ratio_fitted=ratio)
+    assert beyond_the_fitted(summary).endswith(words)
+    assert bool(beyond_the_fitted(summary)) == bool(words)
 
 
 def test_an_earlier_track_may_be_the_start(command, tmp_path, videos) -> None:

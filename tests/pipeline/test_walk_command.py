@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from data_schema.live_control import LiveRefresh
-from data_schema.text_files import read_rows
+from data_schema.live_control import LiveControl, LiveRefresh
+from data_schema.text_files import read_json_record, read_rows
 from stimuli.scenes.camera_path import path_named
 from stimuli.video_source import open_video
 
@@ -39,6 +39,10 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     said = evenlight_does("play", "house", *simulated, "--record", way, *controlled)
     assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; contrast loss .*; the way is in", said)
     rows = read_rows(LiveRefresh, log / "live_control.csv")
+    kept = read_json_record(LiveControl, log / "live_control.json")
+    assert (kept.scene, kept.simulated, kept.target_loss) == ("house", True, 0.5)
+    assert (kept.proportional, kept.limit_curve) == (0.2, "fitted")
+    assert kept.mean_factor == pytest.approx(np.mean([row.factor for row in rows]))
     assert len(rows) in (61, 62)
     assert [row.measured_refresh for row in rows[1:]] == list(range(len(rows) - 1))
     moving = [row for row in rows if row.rate]
