@@ -45,6 +45,7 @@ from method.optimize import optimize as optimize_problem
 from method.shared_budget import clip_of, joined_curves, joints
 from method.solvers import make_solver
 from method.thrift import EVERYTHING, Thrift
+from stimuli.coarser_frames import coarser
 from stimuli.video_source import VideoSource
 
 
@@ -207,7 +208,8 @@ def curves_of(work: Work, samples: FrameSamples) -> LossCurves:
 def _loss_curves(work: Work, samples: FrameSamples) -> LossCurves:
     """Return the loss curves: of an earlier run if one is given and fits, else of the frames."""
     with _progress(work) as frames:
-        watched, display = _with_field_of_view(samples.watch(work.watch(frames)), work)
+        shown, display = _with_field_of_view(frames, work)
+        watched = samples.watch(work.watch(shown))
         if work.curves is None:
             return analyze_frames(
                 watched,
@@ -253,21 +255,35 @@ def _require_same_source(work: Work, curves: LossCurves, display: Display) -> No
 
 
 def _with_field_of_view(frames: Iterator[Frame], work: Work) -> tuple[Iterable[Frame], Display]:
-    """Return the frames, and the display at the pixels per degree that the video has in its middle."""
+    """Return the frames as the display can show them, and the display at their pixels per degree.
+
+    That is the density in the middle of the video. Where the video has more pixels than the display shows in
+    its field of view, it is averaged to as many as the display has.
+    """
     display = work.display
     if work.field_of_view is None:
         return frames, display
     if not 0 < work.field_of_view < 180:
         raise InputError(f"--field-of-view must lie between 0 and 180 degrees, got {work.field_of_view:g}")
     first = next(frames)
-    distance = first.pixel_values.shape[1] / (2 * math.tan(math.radians(work.field_of_view) / 2))
+    frames = itertools.chain([first], frames)
+    height, width = first.pixel_values.shape[:2]
+    distance = width / (2 * math.tan(math.radians(work.field_of_view) / 2))
     density = distance * math.radians(1)
-    if density > display.pixels_per_degree * (1 + 1e-9):
-        raise InputError(
-            f"--field-of-view {work.field_of_view:g} would put {density:.4g} pixels into a degree, "
-            f"{display.name!r} shows {display.pixels_per_degree:g}; widen it, or scale the video down"
+    if density <= display.pixels_per_degree * (1 + 1e-9):
+        return frames, replace(display, pixels_per_degree=density)
+    narrower = math.floor(width * display.pixels_per_degree / density * (1 + 1e-9))
+    share = narrower / width
+    shape = max(round(height * share), 1), max(narrower, 1)
+    if not work.quiet:
+        Console(stderr=True).print(
+            f"{work.source.name}: {width} x {height} pixels are more than {display.name!r} shows in "
+            f"{work.field_of_view:g} degrees; averaged to {shape[1]} x {shape[0]}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
         )
-    return itertools.chain([first], frames), replace(display, pixels_per_degree=density)
+    return coarser(frames, shape, display.gamma), replace(display, pixels_per_degree=density * share)
 
 
 @contextmanager

@@ -10,7 +10,10 @@ from data_schema.brightness_track import read_track
 from data_schema.loss_curves import read_loss_curves
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from data_schema.text_files import write_json_record
+from method.loss_curves import analyze_frames
 from method.preset_files import load_display
+from stimuli.coarser_frames import coarser
+from stimuli.video_source import open_video
 from stimuli.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -201,6 +204,20 @@ def test_a_wider_field_of_view_makes_the_detail_coarser(command, tmp_path) -> No
     curves = read_loss_curves(tmp_path / "out" / "loss_curves.npz")
     # 48 pixels over 2 degrees: 24 to the degree, in the middle of a flat picture slightly fewer.
     assert curves.display.pixels_per_degree == pytest.approx(24, rel=1e-3)
+
+
+def test_more_pixels_than_the_display_shows_in_its_field_are_averaged_to_as_many(command, tmp_path) -> None:
+    clip = video(tmp_path / "v.mkv", [texture(1) * s for s in np.linspace(0.2, 1, 4)])
+    out = tmp_path / "out"
+    told = command("optimize", clip, "--budget", 0.5, "--field-of-view", 0.32, "--out", out)
+    # 48 pixels in 0.32 degrees are 150 to the degree, where the headset shows 72.28: room for 23.
+    assert told.code == 0
+    assert "48 x 36 pixels are more than 'varjo-xr3' shows in 0.32 degrees; averaged to 23 x 17" in told.err
+    curves, display = read_loss_curves(out / "loss_curves.npz"), load_display("varjo-xr3")
+    assert curves.display.pixels_per_degree == pytest.approx(150 * 23 / 48, rel=1e-4)
+    frames = coarser(open_video(str(clip)).frames(), (17, 23), display.gamma)
+    same = analyze_frames(frames, "v", curves.display, factors=curves.factors)
+    np.testing.assert_allclose(curves.loss, same.loss, atol=1e-12)
 
 
 def test_the_results_validate(command, tmp_path) -> None:
