@@ -115,6 +115,7 @@ def test_a_budget_is_met_over_its_horizon(command, tmp_path: Path, walk: Path) -
     windows = np.convolve(shares, np.ones(100) / 100, "valid")
     assert control["horizon_error"] == pytest.approx(np.abs(windows - 0.7).max(), rel=1e-6)
     assert "over any 20 s off by" in said
+    assert "the horizon of 20 s holds 100 frames, too few to steer by" in said
     checked = command("validate", tmp_path / "out")  # the budget is no promise
     assert checked.code == 0, checked.out
 
@@ -136,6 +137,25 @@ def test_gains_are_tuned_and_targets_swept(command, tmp_path: Path, walk: Path) 
     alone = control_curves(curves, Controller(gains, scalar_rate_limit(load_rate_limit("surace2025"))))
     assert rows[1].mean_factor == pytest.approx(alone.factors.mean(), rel=1e-9)
     assert rows[1].sd_loss == pytest.approx(alone.contrast_loss.std(), rel=1e-9)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_budget_leaves_the_tuning_as_it_is(command, tmp_path: Path, walk: Path) -> None:
+    """A target that moves is another one before and after: errors from it cannot be compared."""
+    found = []
+    for name, more in (("alone", ()), ("budget", ("--budget", 0.5, "--horizon", 40))):
+        controlled(command, tmp_path / name, walk, "--target-loss", 0.05, "--tune", *more)
+        found.append(json.loads((tmp_path / name / "tuning.json").read_text()))
+    alone, beside = found
+    assert beside["after"]["proportional"] == alone["after"]["proportional"]
+    curves = read_loss_curves(tmp_path / "budget" / "loss_curves.npz")
+    gains = ControllerSettings(
+        0.05, *(beside["after"][k] for k in ("proportional", "integral", "derivative"))
+    )
+    control = Controller(gains, scalar_rate_limit(load_rate_limit("surace2025")))
+    at_fixed_target = control_curves(curves, control).contrast_loss - 0.05
+    assert alone["after"]["rms_error"] == pytest.approx(np.sqrt(np.mean(at_fixed_target**2)), rel=1e-9)
+    assert beside["after"]["rms_error"] == alone["after"]["rms_error"]
 
 
 @pytest.mark.parametrize(
