@@ -16,7 +16,7 @@ def machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(_cores()),
         "memory": _memory(),
-        "system": f"{platform.system()} {platform.release()}",
+        "system": f"{platform.system()} {platform.release().partition('-')[0]}",
         "python": platform.python_version(),
         "graphics": _graphics(),
     }

@@ -61,7 +61,7 @@ def _subject(subject: Measured, pictures: str) -> list[str]:
 def _claims(claims: Iterable[BenchmarkClaim]) -> list[str]:
     """Return the table of targets."""
     rows = (
-        (c.claim, f"{c.target:.4g} {c.unit}", _number(c.measured, c.unit), VERDICT[c.met], c.note)
+        (c.claim, _number(c.target, c.unit), _number(c.measured, c.unit), VERDICT[c.met], c.note)
         for c in claims
     )
     return _table(("what", "at most", "measured", "", "how"), rows)
@@ -117,7 +117,9 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 def _number(value: float | None, unit: str) -> str:
     """Return a measured figure with its unit."""
-    return "–" if value is None else f"{value:.3g} {unit}"
+    if value is None:
+        return "–"
+    return f"{value:.3g} {unit}".rstrip() if unit != "1" else f"{value:.3g}"
 
 
 def _capital(words: str) -> str:
