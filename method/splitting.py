@@ -39,8 +39,9 @@ SHORT = 500  # frames up to which the best answer is left and sought again
 DENSE = 150  # frames up to which a dense solver is affordable
 SHORTEST = 60  # and up to which it is from many starts
 HOPS = 4
+SMALL_HOPS = 6  # more, of a tenth the size, where searches do not agree and no dense solver is affordable
 AGREED = 1e-5  # share of the baseline's objective: searches no further apart have found one optimum
-DENSE_CUBES = 2e6  # above that: fruitless starts times frames cubed, where searches do not agree
+DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
@@ -108,8 +109,10 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
     alike = True
     if search_more:
         best, alike = _searched_elsewhere(problem, best)
-    for turn in range(HOPS if n <= SHORT else 0):
-        factors = nearest_feasible(problem, best.factors, best.factors + _wave(n, turn), 0.5)
+    hops = 0 if n > SHORT else HOPS if alike or n <= DENSE else HOPS + SMALL_HOPS
+    for turn in range(hops):
+        push = _wave(n, turn) if turn < HOPS else 0.1 * _wave(n, turn - HOPS)
+        factors = nearest_feasible(problem, best.factors, best.factors + push, 0.5)
         best = _better(problem, best, search(problem, state_at(problem, factors, best), HOP))
     if n > DENSE:
         return best
