@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from analysis.benchmarks.subjects import SubjectName, subjects
-from data_schema.errors import InputError
+from data_schema.seeds import require_seed
 
 
 def bench(
@@ -27,8 +27,7 @@ def bench(
     from analysis.benchmarks.results import measure_all
     from data_schema.files import results_folder
 
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
+    require_seed(seed)
     console = Console(stderr=True)
     console.quiet = quiet or not console.is_terminal
     with results_folder(out) as folder, console.status("measuring") as status:

@@ -98,13 +98,7 @@ def control(
     from method.controller import ControllerSettings
     from method.governor import GovernorSettings
     from method.optimize import Request, require_possible
-    from method.preset_files import (
-        load_contrast_model,
-        load_display,
-        load_power_model,
-        load_rate_limit,
-    )
-    from method.rate_limit import require_same_display
+    from method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit_for
     from method.thrift import Thrift
     from stimuli.video_source import open_video
 
@@ -123,9 +117,8 @@ def control(
         raise InputError("--horizon and --budget-unit are for --budget, which is not given")
     unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
     require_between("--horizon", seconds, (0.1, 1e6))
-    panel, limit = load_display(display), load_rate_limit(rate_limit)
-    if not other_display_ok:
-        require_same_display(limit, panel)
+    panel = load_display(display)
+    limit = load_rate_limit_for(panel, rate_limit, other_display_ok)
     power = load_power_model(power_model)
     request = Request(1.0 if budget is None else budget, unit, power, limit, limit_curve, modulated)
     if budget is not None:
@@ -241,6 +234,7 @@ def _budget_words(done: Controlled) -> str:
         words += f"; shorter than the horizon of {control.horizon:g} s"
     else:
         words += f"; over any {control.horizon:g} s off by {control.horizon_error:.2g} at most"
+        words += f", above it by {control.horizon_excess or 0.0:.2g}"
     if control.share_budget_held:
         words += f"; out of reach at a bound for {control.share_budget_held:.1%} of the time"
     return words

@@ -13,6 +13,7 @@ from data_schema.dataset_layout import DESCRIPTION
 from data_schema.errors import InputError
 from data_schema.rate_limit import RateLimit
 from data_schema.search import SearchTrial
+from data_schema.seeds import require_seed
 from data_schema.viewing import ComparisonTrial, RatingTrial
 
 
@@ -41,8 +42,7 @@ class AnalysisOptions:
     compared: RateLimit | None = None
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+        require_seed(self.seed)
         if not 0 < self.slowing <= 9:
             raise InputError(f"--slowing must lie above 0 and not above 9, got {self.slowing:g}")
         if not 0 < self.margin < 0.5:

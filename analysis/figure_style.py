@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import textwrap
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -168,6 +169,12 @@ def text_lines(words: str, top: float, width: float, style: dict[str, Any]) -> t
     return [(part, top + k * 1.45 * size, style) for k, part in enumerate(lines)], top + len(
         lines
     ) * 1.45 * size
+
+
+def lines_at(figure: Figure, left: float, lines: Sequence[Line]) -> None:
+    """Write lines one below the other, their left ends at so many inches from that of the figure."""
+    for words, top, style in lines:
+        text_at(figure, left, top, words, **style)
 
 
 def text_size() -> float:

@@ -29,6 +29,7 @@ from analysis.track_options import (
 )
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
+from data_schema.seeds import require_seed
 from method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 
 if TYPE_CHECKING:
@@ -87,13 +88,7 @@ def optimize(
     from data_schema.section import AllowanceSection, WeightSection
     from data_schema.text_files import read_rows
     from method.optimize import Request, require_possible
-    from method.preset_files import (
-        load_contrast_model,
-        load_display,
-        load_power_model,
-        load_rate_limit,
-    )
-    from method.rate_limit import require_same_display
+    from method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit_for
     from method.thrift import Thrift
     from stimuli.video_source import open_videos
 
@@ -104,16 +99,14 @@ def optimize(
         raise InputError(
             f"--tolerance must lie in 0 (count all of every frame) to below 1, got {tolerance:g}"
         )
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
+    require_seed(seed)
     require_there("--start", start, "a track.csv, or the folder of an earlier result")
     require_there("--weights", weights, "a csv table start_s,end_s,weight")
     require_there("--allowances", allowances, "a csv table start_s,end_s,allowance")
     if start is not None and solver is not SolverName.SPLITTING:
         raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
-    panel, limit = load_display(display), load_rate_limit(rate_limit)
-    if not other_display_ok:
-        require_same_display(limit, panel)
+    panel = load_display(display)
+    limit = load_rate_limit_for(panel, rate_limit, other_display_ok)
     request = Request(
         budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
         weights=() if weights is None else tuple(read_rows(WeightSection, weights)),

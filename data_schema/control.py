@@ -146,11 +146,14 @@ class ControlSummary:
         Share of the time in which the rate limit or a bound held the factor back.
     budget, budget_unit, horizon : float, BudgetUnit, float
         Of the governor; None without one. The horizon is in [s].
-    horizon_error : float or None
-        Largest difference of the mean over a whole horizon from the budget, in its unit; None without a
-        governor, and for a video that is shorter.
+    horizon_error, horizon_excess : float or None
+        Largest difference of the mean over a whole horizon from the budget, in its unit; the largest of those
+        that are above it, 0 if none is. None without a governor, and for a video that is shorter.
     share_budget_held : float or None
         Share of the time in which a bound kept the governor from its budget.
+    steered_horizon : float or None
+        Over which the governor looks for its budget [s]: longer than the horizon where that holds too few
+        frames.
     """
 
     video: str = described("name of the video")
@@ -177,6 +180,13 @@ class ControlSummary:
     share_budget_held: float | None = quantity(
         "1", "share of the time a bound kept from the budget", minimum=0.0, maximum=1.0, default=None
     )
+    horizon_excess: float | None = quantity(
+        "1", "largest mean over a horizon above the budget, less it", minimum=0.0, default=None
+    )
+    steered_horizon: float | None = quantity(
+        "s", "horizon that the governor steers by: longer where that holds too few frames", above=0.0,
+        default=None,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
-from data_schema.record_kinds import KINDS, LOSS_CURVES, FileFormat, RecordKind
+from data_schema.record_kind import FileFormat, RecordKind
+from data_schema.record_kinds import KINDS, LOSS_CURVES
 
 Schema = dict[str, Any]
 

@@ -21,7 +21,8 @@ from data_schema.file_checks import CheckedFile, check_file
 from data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
 from data_schema.provenance import Provenance
 from data_schema.ramp import TrialFlag
-from data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK, RecordKind
+from data_schema.record_kind import RecordKind
+from data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK
 from data_schema.session import SessionManifest, SessionStatus
 from data_schema.sweep_checks import check_sweep
 from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text

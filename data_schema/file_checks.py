@@ -15,7 +15,8 @@ from data_schema.line_numbers import Place, json_line_numbers, line_of, toml_lin
 from data_schema.loss_curves import read_loss_curves
 from data_schema.mapping import record_from_mapping, refuse_newer_schema, type_hints
 from data_schema.quantities import file_key
-from data_schema.record_kinds import BRIGHTNESS_TRACK, FileFormat, RecordKind
+from data_schema.record_kind import FileFormat, RecordKind
+from data_schema.record_kinds import BRIGHTNESS_TRACK
 from data_schema.schema_problems import schema_problems
 from data_schema.text_files import (
     columns_of,

@@ -21,7 +21,8 @@ from data_schema.loss_curves import LossCurves
 from data_schema.mapping import plain_value, type_hints
 from data_schema.provenance import SCHEMA_VERSION
 from data_schema.quantities import Array, file_key
-from data_schema.record_kinds import KINDS, RecordKind
+from data_schema.record_kind import RecordKind
+from data_schema.record_kinds import KINDS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 FOLDER = Path(__file__).parent / "schemas"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from data_schema.brightness_track import BudgetUnit
 from data_schema.display import Display
 from data_schema.provenance import Provenance
 from data_schema.quantities import check_limits, described, quantity
@@ -34,6 +35,10 @@ class LiveRefresh:
         pictures' luminance; signed [cd/m^2/s]. None at the first refresh.
     rate_limit : float or None
         What it might be, at either picture [cd/m^2/s].
+    target_loss : float or None
+        c_r, the contrast loss that was to be held; a budget moves it. None where the first loss is to set it.
+    power, full_power : float or None
+        Of the panel with this picture, at its factor and at 1 [W]; None without a budget in power or watt.
     """
 
     refresh: int = quantity("1", "number of the refresh, from 0 on", minimum=0)
@@ -53,6 +58,11 @@ class LiveRefresh:
         "cd/m^2/s", "change by the modulation, from the refresh before", default=None
     )
     rate_limit: float | None = quantity("cd/m^2/s", "largest such change allowed", minimum=0.0, default=None)
+    target_loss: float | None = quantity(
+        "1", "contrast loss that was to be held", minimum=0.0, maximum=1.0, default=None
+    )
+    power: float | None = quantity("W", "power by the model", minimum=0.0, default=None)
+    full_power: float | None = quantity("W", "the same at factor 1", minimum=0.0, default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -70,8 +80,8 @@ class LiveControl:
         That it was shown on.
     simulated : bool
         Whether nobody sat at the keys.
-    target_loss : float
-        c_r.
+    target_loss : float or None
+        c_r, with a budget where it began; None if nothing was to set it but a loss, and none was measured.
     proportional, integral, derivative, gain_rate : float
         K_p, K_i, K_d, and the frame rate that they are for [Hz].
     lowest_factor, highest_factor : float
@@ -84,12 +94,23 @@ class LiveControl:
         Over the refreshes whose loss was known; over all. None without any.
     provenance : Provenance
         Software, and the SHA-256 of display and rate limit.
+    budget, budget_unit, horizon : float, BudgetUnit, float
+        Of the governor; None without one. The horizon is in [s].
+    power_model : str or None
+        Name of the model that a budget in power or watt was counted by.
+    mean_power : float or None
+        By that model, over time [W].
+    horizon_error, horizon_excess : float or None
+        Largest difference of the mean over a whole horizon from the budget, in its unit; the largest of those
+        that are above it, 0 if none is. None for a walk that is shorter.
+    final_target_loss : float or None
+        Where the target ended.
     """
 
     scene: str = described("scene that was walked in")
     display: Display = described("display that it was shown on")
     simulated: bool = described("true if nobody sat at the keys")
-    target_loss: float = quantity("1", "contrast loss to hold", minimum=0.0, maximum=1.0)
+    target_loss: float | None = quantity("1", "contrast loss to hold", minimum=0.0, maximum=1.0)
     proportional: float = quantity("1", "K_p", minimum=0.0)
     integral: float = quantity("1", "K_i", minimum=0.0)
     derivative: float = quantity("1", "K_d", minimum=0.0)
@@ -104,6 +125,20 @@ class LiveControl:
     mean_loss: float | None = quantity("1", "mean of the losses known", minimum=0.0, maximum=1.0)
     mean_factor: float | None = quantity("1", "mean of the factor", minimum=0.0, maximum=1.0)
     provenance: Provenance = described("how the files were made")
+    budget: float | None = quantity("1", "the governor's budget, in its unit", above=0.0, default=None)
+    budget_unit: BudgetUnit | None = described("unit of the budget", default=None)
+    horizon: float | None = quantity("s", "horizon of the governor", above=0.0, default=None)
+    power_model: str | None = described("power model of a budget in power or watt", default=None)
+    mean_power: float | None = quantity("W", "mean power by it", minimum=0.0, default=None)
+    horizon_error: float | None = quantity(
+        "1", "largest difference of the mean over a horizon from the budget", minimum=0.0, default=None
+    )
+    horizon_excess: float | None = quantity(
+        "1", "largest mean over a horizon above the budget, less it", minimum=0.0, default=None
+    )
+    final_target_loss: float | None = quantity(
+        "1", "contrast loss to hold, at the end", minimum=0.0, maximum=1.0, default=None
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -1,17 +1,10 @@
-"""Which file holds which record: by its name, or by the keys that are in it."""
+"""The list of all kinds of file: the record that each holds, the names it goes by, and who writes it."""
 
 from __future__ import annotations
 
-import enum
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from pathlib import Path
-from typing import Any
-
 from data_schema.analysis_summary import AnalysisSummary
 from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
-from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack, OptimizationSummary, TrackHeader
+from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader
 from data_schema.contrast_model import ContrastModel
 from data_schema.control import ControlSummary, TargetRow, TuningReport
 from data_schema.display import Display
@@ -19,7 +12,6 @@ from data_schema.frame_energy import FrameEnergy
 from data_schema.frame_log import FrameLog
 from data_schema.live_control import LiveControl, LiveRefresh
 from data_schema.loss_curves import LossCurves
-from data_schema.mapping import keys_of
 from data_schema.meter_reading import MeterReading
 from data_schema.plan import RampPlanRow, ViewingPlanRow
 from data_schema.played_power import PlayedPower, VersionPower
@@ -28,6 +20,7 @@ from data_schema.power_model import PowerModel
 from data_schema.published_value import PublishedValue
 from data_schema.ramp import RampDesign, RampTrial
 from data_schema.rate_limit import RateLimit
+from data_schema.record_kind import FileFormat, RecordKind
 from data_schema.rig import Rig
 from data_schema.search import SearchDesign, SearchTrial, ViewLog
 from data_schema.section import AllowanceSection, WeightSection
@@ -43,49 +36,6 @@ from data_schema.sweep import (
 from data_schema.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
 from data_schema.threshold import Threshold
 from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign, RatingTrial
-
-LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
-
-
-class FileFormat(enum.Enum):
-    """How a record lies in a file."""
-
-    TOML = "toml"
-    JSON = "json"
-    JSON_LINES = "jsonl"  # one record per line
-    CSV = "csv"  # one record per row
-    NPZ = "npz"  # arrays
-
-
-@dataclass(frozen=True, slots=True)
-class RecordKind:
-    """A record that is a file, or a line or row of one.
-
-    Attributes
-    ----------
-    name : str
-        Its name; `schemas/<name>.json` is its JSON Schema.
-    record : type
-        Its class.
-    file_format : FileFormat
-        How it lies in a file.
-    file_names : tuple of str
-        Patterns of the names that such a file has.
-    origin : str
-        What writes the file.
-    """
-
-    name: str
-    record: type[Any]
-    file_format: FileFormat
-    file_names: tuple[str, ...]
-    origin: str
-
-    @property
-    def words(self) -> str:
-        """Its name in words."""
-        return self.name.replace("_", " ")
-
 
 DISPLAY = RecordKind(
     "display", Display, FileFormat.TOML, ("display.toml", "*.display.toml"), "a luminance sweep, or by hand"
@@ -317,14 +267,14 @@ LIVE_REFRESH = RecordKind(
     LiveRefresh,
     FileFormat.CSV,
     ("live_control.csv",),
-    "`evenlight play --walk --target-loss`",
+    "`evenlight play --walk` with `--target-loss` or `--budget`",
 )
 LIVE_CONTROL = RecordKind(
     "live_control",
     LiveControl,
     FileFormat.JSON,
     ("live_control.json",),
-    "`evenlight play --walk --target-loss`",
+    "`evenlight play --walk` with `--target-loss` or `--budget`",
 )
 
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
@@ -398,43 +348,3 @@ TRIALS_OF_TASK = {
 }
 READINGS_OF_SWEEP = {"luminance-sweep": LUMINANCE_READING, "power-sweep": POWER_READING}
 FRAMES_OF_TASK = {"ramp": FRAME_LOG, "rating": CLIP_LOG, "comparison": CLIP_LOG, "search": VIEW_LOG}
-
-
-def kinds_by_name(path: Path) -> list[RecordKind]:
-    """Return the kinds of record that a file of this name may hold: of those with the longest pattern.
-
-    >>> [kind.name for kind in kinds_by_name(Path("lab/my.search.design.toml"))]
-    ['search_design']
-    """
-    fitting = {
-        kind.name: max((len(p) for p in kind.file_names if fnmatchcase(path.name, p)), default=0)
-        for kind in KINDS
-    }
-    longest = max(fitting.values())
-    return [kind for kind in KINDS if longest and fitting[kind.name] == longest]
-
-
-def kind_by_keys(file_format: FileFormat, keys: Collection[str]) -> RecordKind | None:
-    """Return the kind of record that has most of these keys, or None if none has enough.
-
-    A misspelt or missing key among several does not matter: the file is to be recognized, then checked.
-
-    >>> kind_by_keys(FileFormat.TOML, {"kind", "base_power_w", "name"}).name
-    'power_model'
-    """
-    best = likeliest((kind for kind in KINDS if kind.file_format is file_format), keys)
-    return best if best and _likeness(best, keys) >= LIKENESS else None
-
-
-def likeliest(kinds: Iterable[RecordKind], keys: Collection[str]) -> RecordKind | None:
-    """Return which of some kinds has most of these keys; the first of several, None if there is no kind."""
-    return max(kinds, key=lambda kind: _likeness(kind, keys), default=None)
-
-
-def _likeness(kind: RecordKind, keys: Collection[str]) -> float:
-    """Return the keys in common as a share of those found or required."""
-    if kind is BRIGHTNESS_TRACK:
-        known = required = set(TRACK_COLUMNS)
-    else:
-        known, required = map(set, keys_of(kind.record))
-    return len(known & set(keys)) / max(len(required | set(keys)), 1)

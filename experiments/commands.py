@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from data_schema.errors import InputError
+from data_schema.seeds import require_seed
 
 SIMULATED_TASKS = ("ramp", "rating", "comparison", "search")
 MAX_PARTICIPANTS = 9999
@@ -36,8 +37,7 @@ def simulate(
         )
     if not 1 <= participants <= MAX_PARTICIPANTS:
         raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
+    require_seed(seed)
     if (task == "ramp") == (stimuli is not None):
         raise InputError(
             f"--stimuli goes with rating, comparison and search, which need it; got the task {task} "

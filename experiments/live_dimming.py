@@ -4,7 +4,8 @@ A loss that is measured is the answer to a frame that has been shown. The contro
 due after as long as has passed since its last word, and the factor goes there in even steps, refresh by
 refresh. The next loss is measured at the factor that is due by then, so that each answer is to the last one
 given, as offline. Each picture's luminance is known before it is shown: no step is faster than the rate limit
-allows at either of its ends. If the next loss is late, the factor stands where it was to go.
+allows at either of its ends. If the next loss is late, the factor stands where it was to go. With a budget, a
+governor moves the target from answer to answer.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from data_schema.live_control import LiveRefresh
+from experiments.live_governor import LiveGovernor, PictureUse
 from experiments.loss_meters import LossMeter
 from method.controller import Controller, ControllerState, FrameSeen
 
@@ -46,11 +48,12 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """A picture: its factor, Ī at factor 1 [cd/m^2], and when it appeared [s]."""
+    """A picture: its factor, Ī at factor 1 [cd/m^2], when it appeared [s], and its slope of the power [W]."""
 
     factor: float
     luminance: float
     flip_time: float
+    slope: float
 
 
 class LiveDimmer:
@@ -62,16 +65,26 @@ class LiveDimmer:
         Target, gains, bounds and rate limit.
     meter : LossMeter
         Measures the pictures shown.
-    factor : float
-        To begin with.
+    factor : float or None
+        To begin with; None: that at which the first picture meets the governor's budget.
     refresh_duration : float
         How long a refresh lasts at least [s].
+    governor : LiveGovernor, optional
+        What moves the target.
     """
 
     def __init__(
-        self, controller: Controller, meter: LossMeter, factor: float, refresh_duration: float
+        self,
+        controller: Controller,
+        meter: LossMeter,
+        factor: float | None,
+        refresh_duration: float,
+        governor: LiveGovernor | None = None,
     ) -> None:
         self._controller, self._meter, self._duration = controller, meter, refresh_duration
+        self._governor, self._slope = governor, 0.0
+        self._begins_by_budget = factor is None and governor is not None
+        factor = controller.settings.highest_factor if factor is None else factor
         self._way = _Way(0.0, 0.0, factor, factor)
         self._state: ControllerState | None = None
         self._answered = self._shown_at = self._due = 0.0
@@ -93,6 +106,11 @@ class LiveDimmer:
         """
         self._shown_at, self._due = self._due, now
         self._luminance = self._meter.mean_luminance()
+        if self._governor is not None:
+            self._slope = self._governor.slope_of(self._meter.channel_means())
+            if self._shown is None and self._begins_by_budget:
+                first = self._governor.first_factor(self._slope)
+                self._way = _Way(0.0, 0.0, first, first)
         seen = self._meter.result()
         if seen is not None and self._asked is not None:
             self._known = self._asked, seen.loss
@@ -104,8 +122,13 @@ class LiveDimmer:
 
     def note(self, flip_time: float) -> None:
         """Note when the picture appeared, since the first [s]."""
-        now = _Shown(self.factor, self._luminance, flip_time)
-        row = LiveRefresh(len(self.rows), flip_time, now.factor, mean_luminance=now.luminance)
+        now = _Shown(self.factor, self._luminance, flip_time, self._slope)
+        row = LiveRefresh(
+            len(self.rows), flip_time, now.factor, mean_luminance=now.luminance,
+            target_loss=self._controller.settings.target_loss,
+        )  # fmt: skip
+        if self._governor is not None:
+            row = self._governed(row, self._governor, now)
         if self._shown is not None:
             rate, limit = self._rate(self._shown, now)
             row = replace(row, rate=rate, rate_limit=limit)
@@ -117,16 +140,29 @@ class LiveDimmer:
         self._shown = now
         self.rows.append(row)
 
+    def _governed(self, row: LiveRefresh, governor: LiveGovernor, now: _Shown) -> LiveRefresh:
+        """Return a row with what a governor says of it; the picture before it has used its power by then."""
+        if self._shown is not None:
+            passed = now.flip_time - self._shown.flip_time
+            governor.take(PictureUse(self._shown.factor, self._shown.slope, passed))
+        used, full = (governor.power_at(factor, now.slope) for factor in (now.factor, 1.0))
+        return replace(row, target_loss=governor.target, power=used, full_power=full)
+
     def _answer(self, loss: float, now: float) -> None:
         """Set out for the factor that the controller wants by the time of its next answer."""
-        frame = FrameSeen(loss, self._luminance, self._duration)
+        frame, governor = FrameSeen(loss, self._luminance, self._duration), self._governor
         if self._state is None:
+            if governor is not None:
+                target = governor.begin(self.factor, loss)
+                settings = replace(self._controller.settings, target_loss=target)
+                self._controller = replace(self._controller, settings=settings)
             self._state, self._answered = self._controller.start(self.factor, frame), now
             return
         passed = min(max(now - self._answered, self._duration), LONGEST)
         # The steps will be made at the luminance that is seen now, not at that of the last answer.
         state = replace(self._state, factor=self.factor, luminance=frame.luminance, duration=passed)
-        self._state, self._answered = self._controller.step(state, frame), now
+        aim = None if governor is None else governor.aim(self._state, self.factor, loss)
+        self._state, self._answered = self._controller.step(state, frame, aim), now
         self._way = _Way(self._shown_at, self._shown_at + passed, self.factor, self._state.factor)
 
     def _allowed(self, goal: float, now: float) -> float:

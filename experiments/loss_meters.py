@@ -5,6 +5,9 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from data_schema.display import Display
 from data_schema.errors import InputError
 from experiments.picture_luminance import PictureLuminance
@@ -38,6 +41,9 @@ class LossMeter(Protocol):
 
     def mean_luminance(self) -> float:
         """Return its Ī at factor 1 [cd/m^2], before it is shown."""
+
+    def channel_means(self) -> NDArray[np.float64]:
+        """Return the means of the linear R, G, B channels of the picture whose Ī was asked for last, (3,)."""
 
     def begin(self, factor: float) -> bool:
         """Begin to measure at a factor; return False, and do nothing, while another is under way."""
@@ -155,6 +161,10 @@ class ProcessorMeter:
         """Return Ī of the picture drawn last."""
         return self._light.mean()
 
+    def channel_means(self) -> NDArray[np.float64]:
+        """Return the means of its channels."""
+        return self._light.channel_means()
+
     def begin(self, factor: float) -> bool:
         """Read the picture back, and hand it to the thread."""
         if self._under_way is not None:
@@ -216,6 +226,10 @@ class GpuMeter:
     def mean_luminance(self) -> float:
         """Return Ī of the picture drawn last."""
         return self._light.mean()
+
+    def channel_means(self) -> NDArray[np.float64]:
+        """Return the means of its channels."""
+        return self._light.channel_means()
 
     def begin(self, factor: float) -> bool:
         """Begin with the texture of codes."""

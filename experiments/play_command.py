@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
 from method.choices import Device, LimitCurve
 
@@ -73,10 +74,22 @@ def play(
         ),
     ] = False,
     factor: Annotated[
-        float | None, typer.Option(help="Brightness factor of a walk, to begin with; else 1.")
+        float | None, typer.Option(help="Brightness factor of a walk, to begin with; else 1, or by --budget.")
     ] = None,
     target_loss: Annotated[
-        float | None, typer.Option(help="Contrast loss that a walk is dimmed to, online.")
+        float | None,
+        typer.Option(help="Contrast loss that a walk is dimmed to, online; with --budget to begin with."),
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(help="Budget that the target of a dimmed walk follows, in its unit.")
+    ] = None,
+    budget_unit: Annotated[
+        BudgetUnit | None,
+        typer.Option(help="Mean brightness factor, share of full power, or watt.", show_default="factor"),
+    ] = None,
+    horizon: Annotated[
+        float | None,
+        typer.Option(help="Seconds over which the mean is to meet the budget.", show_default="60"),
     ] = None,
     rate_limit: Annotated[
         str | None, typer.Option(help="Rate limit of a dimmed walk: a preset or a file; else the paper's.")
@@ -117,7 +130,7 @@ def play(
         ),
     ] = False,
     power_model: Annotated[
-        str | None, typer.Option(help="Power model to compare the measured power with.")
+        str | None, typer.Option(help="Power model of a --budget, or to compare the measured power with.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -138,19 +151,23 @@ def play(
     of_control: dict[str, object] = {"--rate-limit": rate_limit, "--device": device}
     of_control |= {"--limit-curve": limit_curve, "--tuning": tuning}
     of_walks: dict[str, object] = {"--factor": factor, "--record": record, "--seconds": seconds}
-    of_walks |= {"--target-loss": target_loss} | of_control
+    of_budget: dict[str, object] = {"--budget-unit": budget_unit, "--horizon": horizon}
+    of_walks |= {"--target-loss": target_loss, "--budget": budget} | of_budget | of_control
     if walk:
         del of_videos["--out"]
-        if target_loss is None:
+        if budget is None:
+            _refuse(of_budget, "{} is for --budget, which is not given")
+        else:
+            del of_videos["--power-model"]
+        if target_loss is None and budget is None:
             _refuse(of_control, "{} is for walks that are dimmed online: give it with --target-loss")
         else:
             del of_videos["--other-display-ok"]
         _refuse(
             of_videos, "--walk takes no {}, which is for videos; --record keeps the way, --factor dims it"
         )
-        from experiments.walk_request import RATE_LIMIT, LiveRequest, WalkRequest, walk_as_asked
+        from experiments.walk_request import RATE_LIMIT, LiveRequest, WalkRequest, budget_asked, walk_as_asked
 
-        dimmed = 1.0 if factor is None else factor
         measured_by = device or Device.AUTO
         live = LiveRequest(
             target_loss=target_loss,
@@ -160,8 +177,9 @@ def play(
             device=measured_by,
             out=out,
             other_display_ok=other_display_ok,
+            budget=budget_asked(budget, budget_unit, horizon, power_model),
         )
-        asked = WalkRequest(video, rig, display, size, dimmed, record, seconds, screenshots, simulate, live)
+        asked = WalkRequest(video, rig, display, size, factor, record, seconds, screenshots, simulate, live)
         said = walk_as_asked(asked)
         if not quiet:
             typer.echo(said)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from data_schema.errors import InputError
+from data_schema.seeds import require_seed
 
 if TYPE_CHECKING:
     from experiments.conduct_session import Progress as SessionProgress
@@ -89,8 +90,8 @@ def run(
             raise InputError(
                 f"{option} must be letters and digits, a digit among them, such as 01, got {value!r}"
             )
-    if seed is not None and seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
+    if seed is not None:
+        require_seed(seed)
     if simulate is not Simulation.VISUAL and real_time:
         raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
     if simulate is Simulation.DATA and screenshots is not None:

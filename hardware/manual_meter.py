@@ -64,11 +64,12 @@ class ManualMeter(AbstractContextManager["ManualMeter"]):
                         f"{DEVICE}: stopped by the person who reads it", Fault.REFUSED, "stop"
                     )
                 case _:
-                    problem = _problem(typed)
-                    if not problem:
-                        value = float(NUMBER_AND_UNIT.fullmatch(typed)[1])  # type: ignore[index]  # no problem
+                    try:
+                        value = luminance_in(typed)
+                    except ValueError as problem:
+                        question = f"{problem}\n{QUESTION}"
+                    else:
                         return Reading(value, "cd/m^2", begun, self._clock(), "typed")
-                    question = f"{problem}\n{QUESTION}"
 
     def apparatus(self) -> dict[str, str]:
         """Return what is known of the instrument."""
@@ -89,23 +90,30 @@ class ManualMeter(AbstractContextManager["ManualMeter"]):
             raise InstrumentError(f"{DEVICE}: nobody types any more", Fault.DISCONNECTED) from None
 
 
-def _problem(typed: str) -> str:
-    """Return what is wrong with what was typed, in one line; nothing if it is a luminance.
+def luminance_in(typed: str) -> float:
+    """Return the luminance that was typed [cd/m^2].
 
-    >>> _problem("12.5 cd/m2")
-    ''
-    >>> _problem("29.2 fL")
-    "'fL' is not cd/m^2: 29.2 fL are 100.039 cd/m^2."
+    Raises
+    ------
+    ValueError
+        In one line for the person who typed it, if it is none.
+
+    >>> luminance_in("12.5 cd/m2")
+    12.5
+    >>> luminance_in("29.2 fL")
+    Traceback (most recent call last):
+    ValueError: 'fL' is not cd/m^2: 29.2 fL are 100.039 cd/m^2.
     """
     match = NUMBER_AND_UNIT.fullmatch(typed)
     if match is None or match[2].startswith(","):
         point = " Write a decimal point, not a comma." if "," in typed else ""
-        return f"{typed!r} is no luminance; type a number, such as 12.5.{point}"
+        raise ValueError(f"{typed!r} is no luminance; type a number, such as 12.5.{point}")
     value, unit = float(match[1]), match[2].strip()
     if unit.lower() not in UNITS:
         factor = FACTORS.get(unit.lower())
         advice = f"{value:g} {unit} are {value * factor:g} cd/m^2" if factor else "type it in cd/m^2"
-        return f"{unit!r} is not cd/m^2: {advice}."
+        raise ValueError(f"{unit!r} is not cd/m^2: {advice}.")
     if not 0 <= value <= HIGHEST_LUMINANCE:
-        return f"{typed!r} is no luminance of a display, which is from 0 to {HIGHEST_LUMINANCE:g} cd/m^2."
-    return ""
+        highest = f"{HIGHEST_LUMINANCE:g} cd/m^2"
+        raise ValueError(f"{typed!r} is no luminance of a display, which is from 0 to {highest}.")
+    return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from method.one_pass import ToContrast, ToFactor, compiled, count_band, expanded
 # In a band of few pixels each one shows in the loss. Such a band is cheap, and is counted several times, with
 # neighbours compared at several factors (`method.critical_factor`); each count serves the factors next to it.
 FEW_PIXELS = 16384
-_REFERENCES = 8
+REFERENCES = 8
 _CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
 
 Array = NDArray[np.float64]
@@ -51,9 +52,9 @@ class BandShares:
         if not band.can_be_seen:
             return np.zeros(len(self._log_factors))
         around = expanded(coarser, *coarse.shape)
-        to_contrast, to_factor = self._tables(band, self._log_common_adaptation(fine, around))
+        to_contrast, to_factor = self._tables(band, log_common_adaptation(self._model, fine, around))
         masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
-        n = _REFERENCES if fine.size <= FEW_PIXELS else 1
+        n = REFERENCES if fine.size <= FEW_PIXELS else 1
         way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
         levels, tables = (fine, coarse, around), (to_contrast, to_factor, masks_itself)
         visible = np.empty(len(way))
@@ -81,12 +82,21 @@ class BandShares:
         )
         return to_contrast, to_factor
 
-    def _log_common_adaptation(self, fine: Any, around: Any) -> float:
-        """Return log2 of the level's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
-        if self._model.sensitivity is not SensitivityModel.AUTHORS:
-            return float("nan")
-        mean = expanded(around, *fine.shape).mean(dtype=np.float64)
-        return float(np.log2(max(mean, LOWEST_LUMINANCE)))
+
+def log_common_adaptation(model: ContrastModel, fine: Any, around: Any) -> float:
+    """Return log2 of a band's mean L_a if sensitivity is taken there, nan if at each pixel's own.
+
+    Parameters
+    ----------
+    model : ContrastModel
+        Where sensitivity is taken.
+    fine, around : array
+        Gaussian level l of emitted luminance, and level l + 2 expanded to the size of l + 1, for band l.
+    """
+    if model.sensitivity is not SensitivityModel.AUTHORS:
+        return math.nan
+    mean = float(expanded(around, *fine.shape).mean(dtype=np.float64))
+    return math.log2(max(mean, LOWEST_LUMINANCE))
 
 
 @compiled

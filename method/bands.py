@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency
+from data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency, ContrastModel
 from data_schema.display import Display
 from method.pyramid import level_shapes
 
@@ -56,6 +56,13 @@ def band_frequencies(
     if band_count is not None:
         return frequencies[:band_count]
     return frequencies[: max(1, int((frequencies >= lowest_frequency).sum()))]
+
+
+def counted_frequencies(
+    shape: tuple[int, int], display: Display, model: ContrastModel
+) -> NDArray[np.float64]:
+    """Return the frequencies f of the bands that a contrast model counts [cpd]; as `band_frequencies`."""
+    return band_frequencies(shape, display, model.band_frequency, model.lowest_frequency, model.band_count)
 
 
 def _relative_frequencies(n: int, rule: BandFrequency) -> NDArray[np.float64]:

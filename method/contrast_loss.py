@@ -15,7 +15,7 @@ from data_schema.contrast_model import (
     Visibility,
 )
 from data_schema.display import Display
-from method.bands import band_frequencies
+from method.bands import counted_frequencies
 from method.contrast import csf_contrast
 from method.csf import contrast_sensitivity
 from method.luminance import dimmed_luminance
@@ -129,13 +129,7 @@ def csf_contrasts(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> list[NDArray[np.float64]]:
     """Return the CSF-normalized contrast C of each band, finest first (Eq. 2); as `visible_map`."""
-    frequencies = band_frequencies(
-        (luminance.shape[0], luminance.shape[1]),
-        display,
-        model.band_frequency,
-        model.lowest_frequency,
-        model.band_count,
-    )
+    frequencies = counted_frequencies((luminance.shape[0], luminance.shape[1]), display, model)
     gaussian = gaussian_pyramid(luminance, len(frequencies) + 2)
     bands = laplacian_bands(gaussian[:-1])
     contrasts = []

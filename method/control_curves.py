@@ -13,7 +13,8 @@ from data_schema.loss_curves import LossCurves
 from data_schema.quantities import read_only
 from method.controller import Aim, Controller, ControllerState, FrameSeen
 from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.governor import Excess, FrameCosts, Governor, GovernorState
+from method.frame_costs import FrameCost
+from method.governor import Governor, GovernorState
 from method.modulation import Array, allowed_rate, modulation_rate
 
 
@@ -71,12 +72,12 @@ class Governed:
     ----------
     governor : Governor
         Moves the controller's target.
-    costs : FrameCosts
+    costs : list of FrameCost
         Of each frame.
     """
 
     governor: Governor
-    costs: FrameCosts
+    costs: list[FrameCost]
 
 
 def control_curves(
@@ -190,18 +191,13 @@ class _Steering:
         self.aim: Aim | None = None
         self._state: GovernorState | None = None
         if governed is not None:
-            self._governor = governed.governor
-            costs = governed.costs
-            columns = (costs.per_factor, costs.allowance, costs.due, costs.scale)
-            self._costs = zip(*(column.tolist() for column in columns), strict=True)
+            self._governor, self._costs = governed.governor, iter(governed.costs)
 
     def take(self, shown: ControllerState, loss: float) -> None:
         """Take note of a frame that was shown with some factor and has some loss."""
         if self._state is None:
             self._state = self._governor.start(self.target, shown.factor, loss)
-        per_factor, allowance, due, scale = next(self._costs)
-        used = per_factor * shown.factor
-        excess = Excess(used - allowance, used - due, scale)
+        excess = next(self._costs).excess(shown.factor)
         self._state, self.aim = self._governor.step(self._state, shown, loss, excess)
         self.target, self.held = self._state.target_loss, self._state.held
 

@@ -24,8 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel
+from data_schema.contrast_model import ContrastModel, SensitivityModel
 from data_schema.display import Display
+from method.bands import counted_frequencies
 from method.csf import LOWEST_LUMINANCE, contrast_sensitivity
 from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 
@@ -123,6 +124,27 @@ def band_table(
         log_luminance=_inverse(log_s, dense, _INVERSE_STEPS * steps),
         rises=bool((np.diff(log_s) > 0).all()),
     )
+
+
+def band_tables(
+    shape: tuple[int, int],
+    lowest_factor: float,
+    display: Display,
+    model: ContrastModel,
+    steps: int = TABLE_STEPS,
+) -> list[BandTable]:
+    """Return the tables of all bands of a frame of (height, width) pixels, finest first; as `band_table`."""
+    frequencies = counted_frequencies(shape, display, model)
+    return [band_table(float(f), lowest_factor, display, model, steps) for f in frequencies]
+
+
+def tables_hold(display: Display, model: ContrastModel) -> bool:
+    """Return whether contrast at any factor follows from the ratio r and the effective sensitivity s(e).
+
+    It does not where reflected light meets a sensitivity that is taken at the mean of a level, not at the
+    luminance around the pixel: the contrast of a pixel then depends on two luminances.
+    """
+    return model.sensitivity is not SensitivityModel.AUTHORS or not display.reflected_luminance > 0
 
 
 def _inverse(log_s: NDArray[np.float64], log_e: NDArray[np.float64], steps: int) -> Table:

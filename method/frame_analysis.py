@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
+from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
 from method.band_shares import BandShares
-from method.bands import band_frequencies
 from method.contrast_loss import loss_of, visible_contrast
-from method.critical_factor import TABLE_STEPS, band_table
+from method.critical_factor import TABLE_STEPS, band_tables, tables_hold
 from method.fine_differences import difference_shares, difference_thresholds
-from method.luminance import channel_means, dimmed_luminance, emitted_luminance
-from method.one_pass import FLOAT_STEPS, convert_floats, convert_integers, reduced
+from method.frame_light import FrameLight
+from method.luminance import dimmed_luminance
+from method.one_pass import reduced
 from method.pyramid import level_shapes
 from method.spare_arrays import SpareArrays
 
@@ -109,13 +109,10 @@ class FrameAnalysis:
         table_steps: int = TABLE_STEPS,
     ) -> None:
         self._display, self._model, self._factors = display, model, factors
-        rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
-        frequencies = band_frequencies(shape, display, rule, lowest, count)
-        lowest_factor = float(factors[0])
-        self._bands = [band_table(float(f), lowest_factor, display, model, table_steps) for f in frequencies]
+        self._bands = band_tables(shape, float(factors[0]), display, model, table_steps)
         self._band_shares = BandShares(model, factors)
-        self._linear: dict[int, NDArray[np.float32]] = {}
         self._spare, self._frame_bytes = SpareArrays(), 4 * shape[0] * shape[1]
+        self._light = FrameLight(display, model.pixel_to_luminance, self._spare.take)
         sizes = zip(self._bands, level_shapes(shape), strict=False)
         self._pixels = [height * width * band.can_be_seen for band, (height, width) in sizes]
         self.fine_bands = self._fine_bands()
@@ -141,13 +138,11 @@ class FrameAnalysis:
         It does not where sensitivity falls with luminance somewhere, so that a pixel has no single critical
         factor; nor where reflected light meets a sensitivity taken at another luminance than the pixel's.
         """
-        by_level = self._model.sensitivity is SensitivityModel.AUTHORS
-        reflects = self._display.reflected_luminance > 0
-        return all(band.rises for band in self._bands) and not (by_level and reflects)
+        return all(band.rises for band in self._bands) and tables_hold(self._display, self._model)
 
     def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        luminance, means = self._light_of(pixel_values)
+        luminance, means = self._light.luminance_and_means(pixel_values)
         mean = float(luminance.mean(dtype=np.float64))
         if self.in_one_pass:
             shares = self._shares([luminance, reduced(luminance)], later=range(0))
@@ -158,7 +153,7 @@ class FrameAnalysis:
 
     def begin(self, pixel_values: NDArray[Any]) -> FrameCounts:
         """Count all bands of a frame but the fine ones; there must be some."""
-        luminance, means = self._light_of(pixel_values)
+        luminance, means = self._light.luminance_and_means(pixel_values)
         mean = float(luminance.mean(dtype=np.float64))
         levels, later = [luminance, reduced(luminance)], self.fine_bands
         shares = self._shares(levels, later)
@@ -220,26 +215,3 @@ class FrameAnalysis:
             if k not in later:
                 shares[k] = self._band_shares.of(levels[k], levels[k + 1], levels[k + 2], band)
         return shares
-
-    def _light_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
-        """Return emitted luminance, and the means of the linear channels."""
-        if self._model.pixel_to_luminance is not PixelToLuminance.LUMA_FIRST:
-            return self._luminance_of(pixel_values)
-        wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-        luminance = self._spare.take(wide.shape, np.float32)
-        np.copyto(luminance, wide, casting="same_kind")
-        return luminance, channel_means(pixel_values, self._display.gamma)
-
-    def _luminance_of(self, pixel_values: NDArray[Any]) -> tuple[NDArray[np.float32], Array]:
-        """Return the same of pixel values whose channels are linearized first."""
-        whole = np.issubdtype(pixel_values.dtype, np.integer)
-        steps = np.iinfo(pixel_values.dtype).max if whole else FLOAT_STEPS
-        if steps not in self._linear:
-            encoded = np.arange(steps + 1) / steps
-            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = self._spare.take(pixel_values.shape[:2], np.float32)
-        black = np.float32(self._display.black_level)
-        span = np.float32(self._display.peak_luminance - self._display.black_level)
-        convert = convert_integers if whole else convert_floats
-        sums = convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
-        return luminance, np.array(sums) / luminance.size

@@ -18,25 +18,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from data_schema.brightness_track import BudgetUnit
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PowerModel
 from data_schema.quantities import check_limits, quantity
 from method.controller import Aim, Controller, ControllerState
-from method.power import power_per_factor
 
 REACTION = 10.0  # horizons hold so many time constants T of the governor
 PAYBACK = 4.0  # times T: a damping of 1
 FEWEST_FRAMES = 20.0  # that T lasts at least, so that the delay of a frame costs no phase to speak of
 LEAST_SLOPE = 0.02  # by which the target follows where nothing is lost, so that it does not stand still
 WINDOW = 2.0  # times faster m ages at a bound: a plain mean over H is H/2 old on average, m is H old
-LEAST_SCALE = 0.01  # of what white uses: less is not told from black
 NO_ROOM = 1e-3  # below this distance from full brightness, loss / (1 - b) tells no slope
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,43 +52,23 @@ class GovernorSettings:
         check_limits(self)
 
 
-@dataclass(frozen=True, slots=True)
-class FrameCosts:
-    """What N frames use and may use, in the budget's unit; nothing in it is of later frames than its own.
-
-    Attributes
-    ----------
-    per_factor : array, (N,)
-        What a frame uses is this times b.
-    allowance : array, (N,)
-        What a frame of its content may use: what counts at once.
-    due : array, (N,)
-        What the budget grants to any frame: what counts over the horizon. The same, but for an OLED panel
-        with a budget in watts: there bright frames take what dark ones leave.
-    scale : array, (N,)
-        g, what a factor of 1 uses, above 0: by it an excess becomes a change of the factor.
-    """
-
-    per_factor: Array
-    allowance: Array
-    due: Array
-    scale: Array
-
-
 class Excess(NamedTuple):
     """What a frame used too much, in the budget's unit.
 
     Attributes
     ----------
     at_once, over_horizon : float
-        u: more than its allowance, and more than was due (`FrameCosts`).
+        u: more than its allowance, and more than was due (`method.frame_costs`).
     scale : float
         g, what a factor of 1 uses.
+    in_reach : bool
+        Whether its content can use up its allowance: what night leaves of an OLED's watts cannot be used.
     """
 
     at_once: float
     over_horizon: float
     scale: float = 1.0
+    in_reach: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +123,8 @@ class Governor:
         """Return the state after a frame was shown, and where the controller is to aim with the next one.
 
         At a bound m goes on, as what is paid back there is paid; only what is out of reach counts as met,
-        so that it is not remembered, and what was remembered before ages.
+        so that it is not remembered, and what was remembered before ages. So it does on the way up to full
+        brightness, while the rate limit sets the pace, where even that would use less than is due.
 
         Parameters
         ----------
@@ -172,15 +144,15 @@ class Governor:
         mean_loss = state.loss + quick * (loss - state.loss)
         dimming = state.dimming + quick * (1 - shown.factor - state.dimming)
         down = (excess.at_once + mean * self.horizon / (PAYBACK * constant)) * quick / excess.scale
-        slope = max(mean_loss / dimming if dimming > NO_ROOM else 0.0, LEAST_SLOPE)
-        if self._is_held(shown.factor, down):
-            mean = self._mean_at_a_bound(state.excess, excess.over_horizon, share)
-            same = GovernorState(state.target_loss, mean, mean_loss, dimming, shown.factor, held=True)
-            return same, Aim(state.target_loss, 0.0)
+        held = self._is_held(shown.factor, down)
         # On its way there as fast as the rate limit lets it, the factor would not follow the target further.
-        follows = not (shown.limited and (state.factor - shown.factor) * down > 0)
+        follows = not (held or (shown.limited and (state.factor - shown.factor) * down > 0))
+        if held or not (follows or excess.in_reach or down > 0):
+            mean = self._mean_at_a_bound(state.excess, excess.over_horizon, share)
+        slope = max(mean_loss / dimming if dimming > NO_ROOM else 0.0, LEAST_SLOPE)
         target = min(max(state.target_loss + follows * slope * down, 0.0), 1.0)
-        return GovernorState(target, mean, mean_loss, dimming, shown.factor), Aim(target, -down)
+        after = GovernorState(target, mean, mean_loss, dimming, shown.factor, held)
+        return after, Aim(target, 0.0 if held else -down)
 
     def _mean_at_a_bound(self, mean: float, excess: float, share: float) -> float:
         """Return m after a frame at a bound: nearer to 0 by what was paid back, or else by age."""
@@ -201,59 +173,31 @@ def time_constant(horizon: float, duration: float) -> float:
     return max(horizon / REACTION, FEWEST_FRAMES * duration)
 
 
+def steered_horizon(settings: GovernorSettings, duration: float) -> float:
+    """Return the horizon that the governor steers by [s]: longer than asked where that holds too few frames.
+
+    >>> steered_horizon(GovernorSettings(0.5, horizon=20.0), 0.1)
+    20.0
+    >>> steered_horizon(GovernorSettings(0.5, horizon=20.0), 0.5)
+    100.0
+    """
+    steered = time_constant(settings.horizon, duration) * REACTION
+    return steered if steered > settings.horizon * (1 + 1e-9) else settings.horizon
+
+
 def horizon_warning(settings: GovernorSettings, duration: float) -> str | None:
     """Return what is to be said of a horizon that holds too few frames for the governor; None if it is fine.
 
     >>> horizon_warning(GovernorSettings(0.5, horizon=20.0), 0.5)
     'the horizon of 20 s holds 40 frames, too few to steer by: look for the budget over 100 s'
     """
-    constant = time_constant(settings.horizon, duration)
-    if constant * REACTION <= settings.horizon * (1 + 1e-9):
+    steered = steered_horizon(settings, duration)
+    if steered == settings.horizon:
         return None
     return (
         f"the horizon of {settings.horizon:g} s holds {settings.horizon / duration:.0f} frames, too few to "
-        f"steer by: look for the budget over {constant * REACTION:.4g} s"
+        f"steer by: look for the budget over {steered:.4g} s"
     )
-
-
-def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel) -> FrameCosts:
-    """Return what the frames of a video use and may use.
-
-    A budget in watts allows each frame the factor at which the content of the horizon before would have met
-    it, but no more than 1. An OLED's share of full power is that of the same content.
-
-    Parameters
-    ----------
-    curves : LossCurves
-        Of N frames.
-    settings : GovernorSettings
-        The budget.
-    model : PowerModel
-        Of the panel.
-    """
-    one, budget = np.ones(curves.n_frames), settings.budget
-    if settings.budget_unit is BudgetUnit.FACTOR:
-        return FrameCosts(one, budget * one, budget * one, one)
-    slope = power_per_factor(model, curves.channel_means)
-    mean = _mean_so_far(slope, np.asarray(curves.durations), settings.horizon)
-    white = float(power_per_factor(model, np.ones((1, 3)))[0])
-    scale = np.maximum(mean, LEAST_SCALE * white)
-    if settings.budget_unit is BudgetUnit.POWER:
-        allowed = budget * (model.base_power + slope) - model.base_power
-        return FrameCosts(slope, allowed, allowed, scale)
-    due = budget - model.base_power
-    factor = np.divide(due, mean, out=one.copy(), where=mean > due)
-    return FrameCosts(slope, slope * factor, due * one, scale)
-
-
-def _mean_so_far(values: Array, durations: Array, horizon: float) -> Array:
-    """Return the mean over what came so far, of older than a horizon ever less."""
-    means, mean, passed = np.empty(len(values)), 0.0, 0.0
-    for k, (value, duration) in enumerate(zip(values.tolist(), durations.tolist(), strict=True)):
-        passed = min(passed + duration, max(horizon, duration))
-        mean += (value - mean) * duration / passed
-        means[k] = mean
-    return means
 
 
 def governor_of(controller: Controller, settings: GovernorSettings) -> Governor:

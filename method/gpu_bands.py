@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from method.band_shares import FEW_PIXELS
 from method.critical_factor import BandTable, threshold_table
 from method.gpu_pyramid import SUM_WORDS
 
-FEW_PIXELS = 16384  # as on the processor: in bands of no more, each pixel shows in the loss
 TILE = 28  # pixels across and down that a group counts
 
 _RECORD = np.dtype(

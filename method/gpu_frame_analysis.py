@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from data_schema.contrast_model import ContrastModel
 from data_schema.display import Display
+from method.band_shares import REFERENCES
 from method.contrast_loss import loss_of
 from method.frame_analysis import FrameLoss
 from method.gpu_bands import Request
@@ -18,8 +19,6 @@ from method.gpu_one_pass import Counted, GpuOnePass
 
 if TYPE_CHECKING:
     import moderngl
-
-_REFERENCES = 8  # as in `method.frame_analysis`
 
 Array = NDArray[np.float64]
 
@@ -57,11 +56,11 @@ class GpuCurve:
         self._display, self._log_factors = display, np.log2(factors)
         steps = np.diff(self._log_factors)
         equal = bool(np.allclose(steps, steps.mean(), rtol=1e-6, atol=0))
-        request = Request(float(factors[0]), len(factors), _REFERENCES, equal)
+        request = Request(float(factors[0]), len(factors), REFERENCES, equal)
         self.one_pass = GpuOnePass(context, shape, display, model, request)
         way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
-        self._nearest = np.minimum((way * _REFERENCES).astype(np.int64), _REFERENCES - 1)
-        shares = np.concatenate([[0.5], (np.arange(_REFERENCES) + 0.5) / _REFERENCES])
+        self._nearest = np.minimum((way * REFERENCES).astype(np.int64), REFERENCES - 1)
+        shares = np.concatenate([[0.5], (np.arange(REFERENCES) + 0.5) / REFERENCES])
         self._log_references = self._log_factors[0] * (1 - shares)
 
     def of(self, frame: FrameTexture | Packed) -> FrameLoss:

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from data_schema.contrast_model import ContrastModel, MaskingNeighbourhood, SensitivityModel, Visibility
 from data_schema.display import Display
 from data_schema.errors import InputError
-from method.bands import band_frequencies
-from method.critical_factor import LARGEST_LOG_RATIO, BandTable, band_table
+from method.critical_factor import LARGEST_LOG_RATIO, BandTable, band_tables
 from method.gpu_bands import Request, band_layout
 from method.gpu_context import require_compute
 from method.gpu_frame import FrameTexture, Packed
 from method.gpu_pyramid import PYRAMID, RESULTS, GpuPyramid, sums_of
-from method.gpu_shaders import shader
+from method.gpu_shaders import program
 
 if TYPE_CHECKING:
     import moderngl
@@ -95,9 +94,7 @@ class GpuOnePass:
     ) -> None:
         require_compute(context)
         self._context, self._request, self._shape = context, request, shape
-        rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
-        frequencies = band_frequencies(shape, display, rule, lowest, count)
-        tables = [band_table(float(f), request.lowest_factor, display, model) for f in frequencies]
+        tables = band_tables(shape, request.lowest_factor, display, model)
         _require_one_pass(tables, model, request)
         self.n_bands = len(tables)
         self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
@@ -105,10 +102,7 @@ class GpuOnePass:
         self._levels = tuple(seen)
         self._layout = band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request)
         self._make_buffers()
-        self._count = context.compute_shader(
-            shader(("mirror", "count"), _defined(model, request, self._layout.steps))
-        )
-        self._count["n_groups"] = self._layout.groups
+        self._count = program(context, ("mirror", "count"), _defined(model, request, self._layout.steps))
         self._under_way: list[int] = []
         self._next = 0
 
@@ -133,6 +127,7 @@ class GpuOnePass:
         if groups > 0:
             self._factors.write(np.concatenate([log_references, log_knots]).astype(np.float32))
             self._bind(results)
+            self._count["n_groups"] = groups
             self._count.run(min(groups, _ACROSS), -(-groups // _ACROSS))
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
         self._under_way.append(self._next)

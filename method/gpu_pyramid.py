@@ -11,7 +11,7 @@ from data_schema.contrast_model import PixelToLuminance
 from data_schema.display import Display
 from data_schema.errors import InputError
 from method.gpu_frame import FrameTexture, Packed, Source, TextureContent
-from method.gpu_shaders import shader
+from method.gpu_shaders import program
 from method.pyramid import level_shapes
 
 if TYPE_CHECKING:
@@ -59,23 +59,23 @@ class GpuPyramid:
         sizes = [height * width for height, width in self.shapes]
         self.begins = [0, *np.cumsum(sizes).tolist()]
         self.buffer = _buffer(context, 4 * self.begins[-1])
-        self._reduce = context.compute_shader(shader(("mirror", "reduce"), {}))
+        self._reduce = program(context, ("mirror", "reduce"), {})
         self._from_frame: dict[Source, moderngl.ComputeShader] = {}
         self._linear: dict[int, moderngl.Buffer] = {}
         self._uploaded: moderngl.Buffer | None = None
 
     def fill(self, frame: FrameTexture | Packed, results: moderngl.Buffer) -> None:
         """Make the levels of a frame, and add its channels to the sums at the beginning of the results."""
-        program = self._bound(frame) if isinstance(frame, FrameTexture) else self._upload(frame)
+        reading = self._bound(frame) if isinstance(frame, FrameTexture) else self._upload(frame)
         self.buffer.bind_to_storage_buffer(PYRAMID)
         results.bind_to_storage_buffer(RESULTS)
-        self._run(program, 0)
+        self._run(reading, 0)
         for level in range(1, len(self.shapes) - 1):
             self._context.memory_barrier(self._context.SHADER_STORAGE_BARRIER_BIT)
             self._run(self._reduce, level)
         self._context.memory_barrier(self._context.SHADER_STORAGE_BARRIER_BIT)
 
-    def _run(self, program: moderngl.ComputeShader, level: int) -> None:
+    def _run(self, making: moderngl.ComputeShader, level: int) -> None:
         """Make level + 1 from a level."""
         (fine_height, fine_width), (height, width) = self.shapes[level : level + 2]
         for name, value in (
@@ -84,8 +84,8 @@ class GpuPyramid:
             ("fine_at", self.begins[level]),
             ("coarse_at", self.begins[level + 1]),
         ):
-            program[name] = value
-        program.run(-(-width // _MADE), -(-height // _MADE))
+            making[name] = value
+        making.run(-(-width // _MADE), -(-height // _MADE))
 
     def _bound(self, frame: FrameTexture) -> moderngl.ComputeShader:
         """Return the program that reads a texture, with the texture bound."""
@@ -93,18 +93,18 @@ class GpuPyramid:
         if frame.texture.size != (width, height):
             got = "{} x {}".format(*frame.texture.size)
             raise InputError(f"the texture has {got} pixels; need {width} x {height}")
-        program = self._program(_SOURCES[frame.content])
+        reading = self._program(_SOURCES[frame.content])
         if frame.content is TextureContent.LEVELS:
-            self._take_levels(program, frame.levels)
-        _set(program, "from_below", frame.from_below)
+            self._take_levels(reading, frame.levels)
+        _set(reading, "from_below", frame.from_below)
         frame.texture.use(0)
-        return program
+        return reading
 
     def _upload(self, frame: Packed) -> moderngl.ComputeShader:
         """Return the program that reads an array, with the array uploaded."""
         if frame.words.shape[:2] != self.shapes[0]:
             raise InputError(f"expected a frame of the shape {self.shapes[0]}, got {frame.words.shape[:2]}")
-        program = self._program(frame.source)
+        reading = self._program(frame.source)
         size = -(-frame.words.nbytes // 4) * 4 + 4  # the shader reads one word ahead
         if self._uploaded is None or self._uploaded.size != size:
             if self._uploaded is not None:
@@ -114,17 +114,17 @@ class GpuPyramid:
         self._uploaded.write(frame.words)
         self._uploaded.bind_to_storage_buffer(FRAME)
         if frame.source in (Source.PACKED_8, Source.PACKED_16):
-            self._take_levels(program, np.iinfo(frame.words.dtype).max + 1)
-        return program
+            self._take_levels(reading, np.iinfo(frame.words.dtype).max + 1)
+        return reading
 
-    def _take_levels(self, program: moderngl.ComputeShader, levels: int) -> None:
+    def _take_levels(self, reading: moderngl.ComputeShader, levels: int) -> None:
         """Bind the table of linear values of whole numbers."""
         if levels not in self._linear:
             encoded = np.arange(levels) / (levels - 1)
             linear: NDArray[Any] = (encoded**self._display.gamma).astype(np.float32)
             self._linear[levels] = self._context.buffer(linear.tobytes())
         self._linear[levels].bind_to_storage_buffer(LINEAR)
-        _set(program, "top", float(levels - 1))
+        _set(reading, "top", float(levels - 1))
 
     def _program(self, source: Source) -> moderngl.ComputeShader:
         """Return the program that reads frames of one kind, compiled when it is first asked for."""
@@ -136,15 +136,14 @@ class GpuPyramid:
                     "texture of gamma-encoded values"
                 )
             defined: dict[str, object] = {source.value: "", "FROM_FRAME": ""}
-            text = shader(
-                ("mirror", "channels", "reduce"), defined | ({"LUMA_FIRST": ""} if luma_first else {})
+            self._from_frame[source] = program(
+                self._context,
+                ("mirror", "channels", "reduce"),
+                defined | ({"LUMA_FIRST": ""} if luma_first else {}),
             )
-            program = self._context.compute_shader(text)
-            black, peak = self._display.black_level, self._display.peak_luminance
-            _set(program, "gamma", self._display.gamma)
-            _set(program, "black", black)
-            _set(program, "span", peak - black)
-            self._from_frame[source] = program
+        black, peak = self._display.black_level, self._display.peak_luminance
+        for name, value in (("gamma", self._display.gamma), ("black", black), ("span", peak - black)):
+            _set(self._from_frame[source], name, value)
         return self._from_frame[source]
 
 
@@ -165,7 +164,7 @@ def _buffer(context: moderngl.Context, size: int) -> moderngl.Buffer:
     return context.buffer(reserve=size, dynamic=True)
 
 
-def _set(program: moderngl.ComputeShader, name: str, value: Any) -> None:
+def _set(reading: moderngl.ComputeShader, name: str, value: Any) -> None:
     """Set a uniform, if the program uses it."""
-    if program.get(name, None) is not None:
-        program[name] = value
+    if reading.get(name, None) is not None:
+        reading[name] = value

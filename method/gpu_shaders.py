@@ -1,14 +1,18 @@
-"""The texts of the compute shaders, with the constants of the method written in."""
+"""The compute shaders: their texts, with the constants of the method written in, and programs of them."""
 
 from __future__ import annotations
 
 from importlib import resources
+from typing import TYPE_CHECKING
 
 from method.critical_factor import MASKING_RANGE
 from method.csf import LOWEST_LUMINANCE
 from method.luminance import LUMINANCE_WEIGHTS
 from method.masking import MASKING_EXPONENT
 from method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
+
+if TYPE_CHECKING:
+    import moderngl
 
 _CONSTANTS: dict[str, object] = {
     "LUMINANCE_WEIGHTS": ", ".join(map(repr, LUMINANCE_WEIGHTS)),
@@ -41,3 +45,31 @@ def shader(names: tuple[str, ...], defined: dict[str, object]) -> str:
     lines += [f"#define {name} {value}".rstrip() for name, value in (defined | _CONSTANTS).items()]
     lines += [(folder / f"{name}.glsl").read_text(encoding="utf-8") for name in names]
     return "\n".join(lines)
+
+
+class _Programs(dict[str, "moderngl.ComputeShader"]):
+    """The programs of a context, by their text; kept in the context, and let go with it."""
+
+
+def program(
+    context: moderngl.Context, names: tuple[str, ...], defined: dict[str, object]
+) -> moderngl.ComputeShader:
+    """Return a program of a context, compiled when it is first asked for.
+
+    Frames of another size, or another display, take the same one: set all of its uniforms before each run.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        With compute shaders.
+    names, defined
+        As of `shader`.
+    """
+    text = shader(names, defined)
+    if context.extra is None:  # moderngl's place for what belongs to a context
+        context.extra = _Programs()
+    if not isinstance(context.extra, _Programs):  # somebody else's: nothing is kept
+        return context.compute_shader(text)
+    if text not in context.extra:
+        context.extra[text] = context.compute_shader(text)
+    return context.extra[text]

@@ -14,34 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import (
-    DEFAULT_MODEL,
-    ContrastModel,
-    MaskingNeighbourhood,
-    PixelToLuminance,
-    SensitivityModel,
-    Visibility,
-)
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, MaskingNeighbourhood, Visibility
 from data_schema.display import Display
 from data_schema.errors import InputError
-from method.bands import band_frequencies
+from method.band_shares import log_common_adaptation
 from method.contrast_loss import loss_of, visible_contrast
-from method.critical_factor import BandTable, band_table
+from method.critical_factor import BandTable, band_tables, tables_hold
 from method.csf import LOWEST_LUMINANCE
-from method.luminance import dimmed_luminance, emitted_luminance
+from method.frame_light import FrameLight
+from method.luminance import dimmed_luminance
 from method.masking import MASKING_EXPONENT
-from method.one_pass import (
-    FLOAT_STEPS,
-    compiled,
-    convert_floats,
-    convert_integers,
-    exp2,
-    expand_row,
-    expanded,
-    log2,
-    look_up,
-    reduced,
-)
+from method.one_pass import compiled, exp2, expand_row, expanded, log2, look_up, reduced
 from method.row_strips import counted_rows
 
 MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer there is little to save
@@ -96,13 +79,9 @@ class OneFactorLoss:
     ) -> None:
         self._display, self._model, self._lowest, self._one_in = display, model, lowest_factor, one_strip_in
         self._shape = shape
-        rule, lowest, count = model.band_frequency, model.lowest_frequency, model.band_count
-        frequencies = band_frequencies(shape, display, rule, lowest, count)
-        self._bands = [band_table(float(f), lowest_factor, display, model) for f in frequencies]
-        self._linear: dict[int, NDArray[np.float32]] = {}
-        by_level = model.sensitivity is SensitivityModel.AUTHORS
-        # There sensitivity is taken at another luminance than the pixel's, and has no table of one variable.
-        self._by_definition = by_level and display.reflected_luminance > 0
+        self._bands = band_tables(shape, lowest_factor, display, model)
+        self._light = FrameLight(display, model.pixel_to_luminance)
+        self._by_definition = not tables_hold(display, model)
 
     def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> LossSeen:
         """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
@@ -125,7 +104,7 @@ class OneFactorLoss:
             raise InputError(f"expected a frame of the shape {self._shape}, got {pixel_values.shape[:2]}")
         if not self._lowest * (1 - 1e-9) <= factor <= 1:
             raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
-        luminance = self._luminance(pixel_values)
+        luminance = self._light.luminance(pixel_values)
         dimmed, full = self.visible_contrast(luminance, factor, turn)
         return LossSeen(loss_of(dimmed, full), float(luminance.mean(dtype=np.float64)))
 
@@ -158,7 +137,7 @@ class OneFactorLoss:
             log_darkest=np.float32(band.log_luminance_range[0]),
             log_span=np.float32(np.ptp(band.log_luminance_range)),
             log_factor=np.float32(math.log2(factor)),
-            log_common_adaptation=np.float32(self._log_common_adaptation(fine, around)),
+            log_common_adaptation=np.float32(log_common_adaptation(self._model, fine, around)),
             positive_only=self._model.visibility is Visibility.POSITIVE_ONLY,
             masks_itself=self._model.masking is MaskingNeighbourhood.WITH_CENTRE,
         )
@@ -168,30 +147,6 @@ class OneFactorLoss:
             counts += count_visible(fine, coarse, around, (begin, end), tables)
             rows += end - begin
         return np.asarray(counts / (rows * width))
-
-    def _log_common_adaptation(self, fine: Any, around: Any) -> float:
-        """Return log2 of the level's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
-        if self._model.sensitivity is not SensitivityModel.AUTHORS:
-            return math.nan
-        mean = float(expanded(around, *fine.shape).mean(dtype=np.float64))
-        return math.log2(max(mean, LOWEST_LUMINANCE))
-
-    def _luminance(self, pixel_values: NDArray[Any]) -> NDArray[np.float32]:
-        """Return emitted luminance at factor 1 [cd/m^2]."""
-        if self._model.pixel_to_luminance is PixelToLuminance.LUMA_FIRST:
-            wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-            return wide.astype(np.float32)
-        whole = np.issubdtype(pixel_values.dtype, np.integer)
-        steps = int(np.iinfo(pixel_values.dtype).max) if whole else FLOAT_STEPS
-        if steps not in self._linear:
-            encoded = np.arange(steps + 1) / steps
-            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = np.empty(pixel_values.shape[:2], np.float32)
-        black = np.float32(self._display.black_level)
-        span = np.float32(self._display.peak_luminance - self._display.black_level)
-        convert = convert_integers if whole else convert_floats
-        convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
-        return luminance
 
 
 class _Asked(NamedTuple):

@@ -13,6 +13,7 @@ from data_schema.errors import InputError
 from data_schema.power_model import PowerModel
 from data_schema.rate_limit import RateLimit
 from data_schema.text_files import read_json_record, read_toml_record
+from method.rate_limit import require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -41,6 +42,32 @@ def load_power_model(name_or_path: str) -> PowerModel:
 def load_rate_limit(name_or_path: str) -> RateLimit:
     """Return the rate limit of a preset (`surace2025`) or of a json file; errors as `load_display`."""
     return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
+
+
+def load_rate_limit_for(display: Display, name_or_path: str, other_display_ok: bool = False) -> RateLimit:
+    """Return the rate limit of a preset or a file, if it was fitted on a display.
+
+    Parameters
+    ----------
+    display : Display
+        The display that it is used for.
+    name_or_path : str
+        Of the preset (`surace2025`) or of the json file.
+    other_display_ok : bool
+        Whether one that was fitted on another display will do.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or it was fitted on another display.
+
+    >>> load_rate_limit_for(load_display("varjo-xr3"), "surace2025").name
+    'surace2025'
+    """
+    limit = load_rate_limit(name_or_path)
+    if not other_display_ok:
+        require_same_display(limit, display)
+    return limit
 
 
 def load_contrast_model(name_or_path: str) -> ContrastModel:

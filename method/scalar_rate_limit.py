@@ -43,8 +43,7 @@ def scalar_rate_limit(
     """
     if curve is LimitCurve.SAFE:
         rate_limit_at(limit, limit.luminance_range, curve)  # raises where there is no band
-        at, lower = limit.band_luminance, limit.band_lower
-        inside: ScalarRateLimit = lambda luminance: float(np.interp(luminance, at, lower))  # noqa: E731
+        inside = _lower_edge(limit)
     else:
         inside = _polynomial(limit)
     return partial(_held_outside, inside, limit.luminance_range, reflected)
@@ -59,6 +58,16 @@ def _held_outside(
     if luminance < low:
         return inside(low) * luminance / low
     return inside(min(luminance, high))
+
+
+def _lower_edge(limit: RateLimit) -> ScalarRateLimit:
+    """Return the lower edge of the band as a function of one luminance."""
+    at, lower = limit.band_luminance, limit.band_lower
+
+    def rate(luminance: float) -> float:
+        return float(np.interp(luminance, at, lower))
+
+    return rate
 
 
 def _polynomial(limit: RateLimit) -> ScalarRateLimit:

@@ -16,10 +16,10 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     png_bytes,
-    text_at,
     text_size,
 )
 from analysis.findings import Drawing
@@ -55,8 +55,7 @@ def choice_drawing(medium: Medium = PAGE) -> Drawing:
                                      medium.width - 2 * em, em)  # fmt: skip
         top, height = above + 3.4 * em, 16 * em
         figure = new_figure(medium, top + height + 4 * em)
-        for words, place, style in lines:
-            text_at(figure, em, place, words, **style)
+        lines_at(figure, em, lines)
         intervals = axes_at(figure, left, top, width, height)
         power = axes_at(figure, left + width + gap, top, width, height)
         _draw_shares(intervals, shares)

@@ -76,8 +76,8 @@ def _known(group: str, what: str, values: ArrayLike, n: int, method: str) -> Sta
     low, high = float(np.min(values)), float(np.max(values))
     if low == high:
         return row("distributions", group, what, low, n=n, method=method)
-    bounds = {"ci_low": low, "ci_high": high, "interval": 1.0, "flag": "the digits allow several"}
-    return row("distributions", group, what, (low + high) / 2, n=n, method=method, **bounds)
+    return row("distributions", group, what, (low + high) / 2, ci_low=low, ci_high=high, interval=1.0, n=n,
+               method=method, flag="the digits allow several")  # fmt: skip
 
 
 def distribution_section(

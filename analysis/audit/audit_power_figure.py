@@ -18,10 +18,10 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     png_bytes,
-    text_at,
     text_size,
 )
 from analysis.findings import Drawing
@@ -51,8 +51,7 @@ def power_drawing(medium: Medium = PAGE) -> Drawing:
         )  # fmt: skip
         top, height = above + 2.2 * em, 17 * em
         figure = new_figure(medium, top + height + 10.2 * em)
-        for words, place, style in lines:
-            text_at(figure, em, place, words, **style)
+        lines_at(figure, em, lines)
         factors = axes_at(figure, left, top, width, height)
         line = axes_at(figure, left + width + gap, top, width, height)
         _draw_factors(factors, powers, em / height)

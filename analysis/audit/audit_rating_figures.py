@@ -22,6 +22,7 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     png_bytes,
@@ -54,8 +55,7 @@ def distribution_drawing(ratings: Sequence[SequenceRatings], medium: Medium = PA
         lines, above = heading_lines(title, subtitle, medium.width - left - em, em)
         height, between = 11.0 * em, 3.6 * em
         figure = new_figure(medium, above + 2 * (height + between) + 3.6 * em)
-        for words, top, style in lines:
-            text_at(figure, left, top, words, **style)
+        lines_at(figure, left, lines)
         for column, r in enumerate(ratings):
             for row, (version, histograms) in enumerate((("baseline", r.baseline), ("ours", r.ours))):
                 top = above + between + row * (height + between)
@@ -147,8 +147,7 @@ def pairing_drawing(
         row, key = 1.85 * em, 2.6 * em
         height = row * (len(ratings) * (len(PairedTest) + 0.8))
         figure = new_figure(medium, above + key + height + 3.9 * em)
-        for words, top, style in lines:
-            text_at(figure, em, top, words, **style)
+        lines_at(figure, em, lines)
         axes = axes_at(figure, left, above + key, width, height)
         labels, places = [], []
         for k, r in enumerate(ratings):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from analysis.wording import p_text
 from data_schema.statistic import Origin, Statistic
@@ -10,10 +11,9 @@ from data_schema.statistic import Origin, Statistic
 ALL = "all"
 
 
-def row(table: str, group: str, what: str, value: float | None, **more: object) -> Statistic:
+def row(table: str, group: str, what: str, value: float | None, unit: str = "1", **more: Any) -> Statistic:
     """Return a row of the audit; a pure number, unless `unit` says otherwise."""
-    settings = {"unit": "1", "origin": Origin.PUBLISHED, **more}
-    return Statistic(table=table, group=group, what=what, value=value, **settings)  # type: ignore[arg-type]
+    return Statistic(table, group, what, value, unit, Origin.PUBLISHED, **more)
 
 
 def between(low: str, high: str) -> str:

@@ -22,6 +22,7 @@ from analysis.figure_style import (
     PAGE,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     png_bytes,
@@ -71,8 +72,7 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     title, below = heading_lines(
         chart.title, f"lower left is better; error: {known[0].error_of}", SCREEN.width - 1.2, em
     )
-    for words, top, style in title:
-        text_at(figure, 0.5, top, words, **style)
+    lines_at(figure, 0.5, title)
     axes = axes_at(figure, 0.9, below + 1.9 * em, SCREEN.width - 1.3, 2.75)
     positive = [p.error for p in known if p.error]
     none_at = min(positive, default=1e-6) / 10  # where an error of exactly 0 is drawn
@@ -104,8 +104,7 @@ def _over_size(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     figure = new_figure(SCREEN, height=4.2)
     em = SCREEN.em
     title, below = heading_lines(chart.title, "dotted: time in proportion to size", SCREEN.width - 1.2, em)
-    for words, top, properties in title:
-        text_at(figure, 0.5, top, words, **properties)
+    lines_at(figure, 0.5, title)
     axes = axes_at(figure, 0.9, below + 0.8 * em, SCREEN.width - 3.4, 4.2 - below - 4.4 * em)
     axes.set(xscale="log", yscale="log", xlabel=points[0].size_of, ylabel="time")
     _label_ticks(axes, lambda size: f"{size:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}"))

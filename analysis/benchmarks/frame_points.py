@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from analysis.benchmarks.measured import Approach, Pains, point
 from analysis.benchmarks.online_content import picture
 from analysis.benchmarks.stopwatch import Times, timed_in_turn
+from analysis.benchmarks.unfused_pass import TABLE_STEPS, UnfusedPass
 from data_schema.benchmark import BenchmarkPoint, Role
 from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from data_schema.display import Display
@@ -28,6 +29,7 @@ EVERY = 8  # knot at which a curve is compared: the definition takes up to a sec
 ERROR = f"largest difference of contrast loss from the definition, at every {EVERY}th knot"
 BETWEEN = "largest difference of contrast loss from the definition, at 129 factors, most between the knots"
 OURS = "one pass, every b"
+DOUBLE, SINGLE = "one pass in double precision, NumPy", "one pass in single precision, NumPy"
 OF_PIXELS = "pixels"
 GROWTH = "one frame, by size"
 # Surace et al. (2025), supplement: five factors of one frame of 640 x 272, on a processor not named.
@@ -40,10 +42,11 @@ Curve = Callable[[], Array]
 
 @dataclass(frozen=True, slots=True)
 class _Variant:
-    """One way to a curve: how it is run, and what should be known of it."""
+    """One way to a curve: how it is run, what should be known of it, and whether it takes long."""
 
     curve: Curve
     note: str = ""
+    long: bool = False
 
 
 def frame_task(width: int, height: int) -> str:
@@ -74,18 +77,32 @@ def _points(approach: Approach, frame: Pixels, display: Display, pains: Pains) -
     asked = np.arange(len(knots) - 1, -1, -EVERY)[::-1]
     emitted = emitted_luminance(frame, display)
     expected, once = _timed_once(lambda: loss_curves_by_definition(emitted, knots[asked], display))
-    variants = _variants(frame, display, knots)
-    times = timed_in_turn({name: v.curve for name, v in variants.items()}, pains.repeats(9))
-    usual = float(np.median(times[OURS].wall))
+    variants = _variants(frame, display, knots) | _unfused(frame, display, knots)
+    times = _times(variants, pains)
+    curves = {name: variant.curve() for name, variant in variants.items()}
     reference = replace(approach, approach=f"the definition, {len(asked)} factors", role=Role.REFERENCE)
+    usual = float(np.median(times[OURS].wall))
     definition = replace(point(reference, once), ratio=once.wall[0] / usual, error=0.0, error_of=ERROR)
     points = [replace(definition, note="float64; one run")]
     for name, variant in variants.items():
-        error = float(np.abs(variant.curve()[asked] - expected).max())
-        role = Role.DEFAULT if name == OURS else Role.VARIANT
-        made = replace(approach, approach=name, role=role)
-        points.append(point(made, times[name], error, ERROR, variant.note))
+        error = float(np.abs(curves[name][asked] - expected).max())
+        made = replace(approach, approach=name, role=Role.DEFAULT if name == OURS else Role.VARIANT)
+        points.append(point(made, times[name], error, ERROR, variant.note + _from_double(name, curves)))
     return points
+
+
+def _times(variants: Mapping[str, _Variant], pains: Pains) -> dict[str, Times]:
+    """Return the times of ways to a curve, the usual one first; long ones have few turns of their own."""
+    fast = {name: variant.curve for name, variant in variants.items() if not variant.long}
+    slow = {name: variant.curve for name, variant in variants.items() if variant.long or name == OURS}
+    return timed_in_turn(slow, pains.repeats(3)) | timed_in_turn(fast, pains.repeats(9))
+
+
+def _from_double(name: str, curves: Mapping[str, Array]) -> str:
+    """Return what to add to a note: how far single precision is from the same pass in double precision."""
+    if name not in (OURS, SINGLE):
+        return ""
+    return f"; at most {np.abs(curves[name] - curves[DOUBLE]).max():.1g} from double precision at any of them"
 
 
 def _variants(frame: Pixels, display: Display, knots: Array) -> dict[str, _Variant]:
@@ -104,6 +121,21 @@ def _variants(frame: Pixels, display: Display, knots: Array) -> dict[str, _Varia
         "half resolution": _Variant(lambda: small.of(_half(frame)).loss, "pixel values averaged by four"),
         **{f"tables of {n} steps": _Variant(one_pass(table_steps=n)) for n in (512, 64, 16, 8)},
         "sensitivity of the level's mean": _Variant(one_pass(authors), "as the authors' script, pupil fixed"),
+    }
+
+
+def _unfused(frame: Pixels, display: Display, knots: Array) -> dict[str, _Variant]:
+    """Return the same pass as expressions over whole images, in either precision."""
+    shape = (frame.shape[0], frame.shape[1])
+
+    def curve(precision: type[np.floating[Any]]) -> Curve:
+        return partial(UnfusedPass(shape, display, knots, precision).loss, frame)
+
+    of_double = f"the same steps as expressions over whole images, tables of {TABLE_STEPS} steps"
+    of_single = f"as in double precision, each step's images rounded; {len(knots)} knots"
+    return {
+        DOUBLE: _Variant(curve(np.float64), of_double, long=True),
+        SINGLE: _Variant(curve(np.float32), of_single, long=True),
     }
 
 

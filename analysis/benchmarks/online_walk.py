@@ -19,7 +19,8 @@ from data_schema.rate_limit import RateLimit
 from method.control_curves import Governed, control_curves
 from method.controller import Controller, ControllerSettings, FrameSeen
 from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.governor import GovernorSettings, frame_costs, governor_of
+from method.frame_costs import frame_costs
+from method.governor import GovernorSettings, governor_of
 from method.modulation import largest_rate_ratio
 from method.optimize import Request, pose
 from method.splitting import SplittingSolver

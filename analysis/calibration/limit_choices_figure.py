@@ -32,9 +32,9 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from data_schema.rate_limit import RateLimit
@@ -93,8 +93,7 @@ def limit_choices_figure(
         figure = new_figure(
             medium, above + 1.2 * em + sum(heights) + between * len(parts) + key + gains + 0.4 * em
         )
-        for words, top, style in lines:
-            text_at(figure, left, top, words, **style)
+        lines_at(figure, left, lines)
         top = above + 1.2 * em
         ratios = axes_at(figure, left, top, width, heights[0])
         _draw_ratios(ratios, choices, thresholds)

@@ -31,6 +31,7 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.plan import MOST_PARTICIPANTS, RampPlanRow
 from data_schema.ramp import Procedure, RampDesign
+from data_schema.seeds import require_seed
 
 NOT_COMPARABLE = (
     "yes/no and two intervals measure different thresholds: the first moves with the readiness to say yes, "
@@ -82,8 +83,7 @@ class PlanRequest:
             if not numbers or not all(low <= number <= high for number in numbers):
                 got = ",".join(map(str, numbers)) or "none"
                 raise InputError(f"{name} must be numbers from {low} to {high}, got {got}")
-        if self.seed < 0:
-            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+        require_seed(self.seed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from data_schema.plan import RampPlanRow
@@ -60,8 +60,7 @@ def planning_figure(plan: Plan, medium: Medium = PAGE) -> Figure:
         key = 1.7 * em * -(-(len(plan.request.designs) + 1) // key_columns)
         height = float(np.clip((medium.height - above - key - 14 * em) / 2, 9 * em, 16 * em))
         figure = new_figure(medium, above + key + 2 * height + 13.6 * em)
-        for words, top, style in lines:
-            text_at(figure, left, top, words, **style)
+        lines_at(figure, left, lines)
         _draw_key(figure, plan, (left, above + 0.6 * em), key_columns)
         top, gap = above + key + 3.4 * em, 1.2 * em
         each = (width - gap * (len(numbers) - 1)) / len(numbers)

@@ -32,6 +32,7 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     short,
@@ -79,8 +80,7 @@ def psychometric_figure(
         panel = float(np.clip(panel, 7 * em, 10 * em))
         grid = PanelGrid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
         figure = new_figure(medium, grid.top + len(rows) * grid.row_height - 1.8 * em)
-        for words, top, style in lines:
-            text_at(figure, grid.left, top, words, **style)
+        lines_at(figure, grid.left, lines)
         _draw_key(figure, grid, above, key_columns, scale)
         for row, keys in enumerate(rows):
             for column, key in enumerate(keys):

@@ -22,9 +22,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from data_schema.rate_limit import RateLimit, RateLimitForm
@@ -66,8 +66,7 @@ def rate_limit_figure(
         key = 1.7 * em * (-(-_key_count(limit, thresholds, compared) // columns))
         height = min(0.56 * width, medium.height - above - key - 5.6 * em)
         figure = new_figure(medium, above + 1.2 * em + height + key + 4.4 * em)
-        for words, top, style in lines:
-            text_at(figure, left, top, words, **style)
+        lines_at(figure, left, lines)
         axes = axes_at(figure, left, above + 1.2 * em, width, height)
         _draw_curve(axes, limit)
         _draw_points(axes, limit, thresholds)

@@ -24,9 +24,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.inference.binomial_power import difference_power, margin_shown, smallest_margin_ever
@@ -73,8 +73,7 @@ def shares_figure(found: Comparison, medium: Medium = PAGE) -> Figure:
         lines, above = heading_lines(*_heading(found), medium.width - 3 * em, em)
         height = (1.6 + 2.1 * len(rows)) * em
         figure = new_figure(medium, above + 1.6 * em + height + 4.2 * em)
-        for words, top, style in lines:
-            text_at(figure, 1.5 * em, top, words, **style)
+        lines_at(figure, 1.5 * em, lines)
         axes = axes_at(figure, left, above + 1.6 * em, width, height)
         _draw_half(axes, found.margin)
         for place, row in enumerate(rows):
@@ -164,8 +163,7 @@ def power_figure(answers: Sequence[int], margin: float, medium: Medium = PAGE) -
         width = (medium.width - left - gap - 2 * em) / 2
         height = 0.8 * width
         figure = new_figure(medium, above + 2.4 * em + height + 4.2 * em)
-        for words, top, style in lines:
-            text_at(figure, 1.5 * em, top, words, **style)
+        lines_at(figure, 1.5 * em, lines)
         top = above + 2.4 * em
         _draw_power(axes_at(figure, left, top, width, height), numbers)
         _draw_margins(axes_at(figure, left + width + gap, top, width, height), numbers[0], margin)

@@ -10,7 +10,14 @@ from scipy import special
 
 from analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
 from analysis.inference.cumulative_link_density import Link, category_density
-from analysis.inference.random_columns import Columns, estimable_columns, loadings_of, slope_of
+from analysis.inference.random_columns import (
+    Columns,
+    estimable_columns,
+    loadings_of,
+    require_effects,
+    slope_of,
+    start_of_loadings,
+)
 
 START_SD = (0.7, 0.4)  # of intercept and slope, between participants [log-odds]
 
@@ -58,12 +65,7 @@ class OrdinalData:
                 f"need a design of shape ({n}, {len(self.names)}) and {n} groups, got {self.design.shape} "
                 f"and {self.groups.shape}"
             )
-        if not np.isfinite(self.design).all():
-            raise ValueError("the design must be finite, got nan or infinity")
-        if self.slope_column is not None and not 0 <= self.slope_column < len(self.names):
-            raise ValueError(
-                f"slope_column must be one of {len(self.names)} columns, got {self.slope_column}"
-            )
+        require_effects(self.design, self.names, self.slope_column)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +144,5 @@ def _start(responses: NDArray[np.int64], model: PaddedModel, link: Link) -> Arra
     shares = np.cumsum(counts + 0.5)[:-1] / (counts + 0.5).sum()
     start = np.zeros(model.n_parameters)
     start[: shares.size] = 1.1 * (special.logit(shares) if link is Link.LOGIT else special.ndtri(shares))
-    spread = {0: [], 1: [START_SD[0]], 2: [START_SD[0], 0.0, START_SD[1]]}[model.n_effects]
-    start[model.n_fixed :] = spread
+    start[model.n_fixed :] = start_of_loadings(model.n_effects, START_SD)
     return start

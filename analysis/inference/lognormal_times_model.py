@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
-from analysis.inference.random_columns import Columns, estimable_columns, loadings_of, slope_of
+from analysis.inference.random_columns import (
+    Columns,
+    estimable_columns,
+    loadings_of,
+    require_effects,
+    slope_of,
+    start_of_loadings,
+)
 
 SMALLEST_SCATTER = 1e-6  # of ln(time): less is none
 START_SD = (0.4, 0.3)  # of intercept and slope between participants, in residual standard deviations
@@ -56,12 +63,7 @@ class CensoredTimes:
             )
         if not self.names:
             raise ValueError("need at least one column, the intercept; got none")
-        if not np.isfinite(self.design).all():
-            raise ValueError("the design must be finite, got nan or infinity")
-        if self.slope_column is not None and not 0 <= self.slope_column < len(self.names):
-            raise ValueError(
-                f"slope_column must be one of {len(self.names)} columns, got {self.slope_column}"
-            )
+        require_effects(self.design, self.names, self.slope_column)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,5 +168,4 @@ def _start(ln_times: Array, fitted: Array, model: PaddedModel) -> Array:
     """Return the least-squares fit of all times as if found, and usual participant effects."""
     beta = np.linalg.lstsq(fitted, ln_times, rcond=None)[0]
     scale = 1.0 / max(float(np.std(ln_times - fitted @ beta)), 0.1)
-    spread = {0: [], 1: [START_SD[0]], 2: [START_SD[0], 0.0, START_SD[1]]}[model.n_effects]
-    return np.concatenate([[scale], beta * scale, spread])
+    return np.concatenate([[scale], beta * scale, start_of_loadings(model.n_effects, START_SD)])

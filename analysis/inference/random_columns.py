@@ -26,6 +26,14 @@ class Columns:
     told_apart: tuple[bool, ...]
 
 
+def require_effects(design: NDArray[np.float64], names: tuple[str, ...], slope_column: int | None) -> None:
+    """Raise `ValueError` if a design (n, k) of fixed effects is not finite, or has no such slope column."""
+    if not np.isfinite(design).all():
+        raise ValueError("the design must be finite, got nan or infinity")
+    if slope_column is not None and not 0 <= slope_column < len(names):
+        raise ValueError(f"slope_column must be one of {len(names)} columns, got {slope_column}")
+
+
 def estimable_columns(design: NDArray[np.float64], intercept: bool) -> Columns:
     """Return which columns of a design (n, k) can be fitted beside an intercept, or without one.
 
@@ -90,3 +98,19 @@ def loadings_of(design: NDArray[np.float64], groups: NDArray[np.int64], slope: i
     if groups.max() == 0 or np.bincount(groups).max() == 1:
         return ones[:, :0]
     return ones if slope is None else np.column_stack([ones, design[:, slope]])
+
+
+def start_of_loadings(n_effects: int, usual: tuple[float, float]) -> list[float]:
+    """Return where a search begins for the rows of Λ: no correlation, and the usual standard deviations.
+
+    Parameters
+    ----------
+    n_effects : int
+        q: 0, 1 for an intercept, 2 for a slope too.
+    usual : (float, float)
+        Standard deviations of intercept and slope between participants.
+
+    >>> start_of_loadings(2, (0.4, 0.3))
+    [0.4, 0.0, 0.3]
+    """
+    return {0: [], 1: [usual[0]], 2: [usual[0], 0.0, usual[1]]}[n_effects]

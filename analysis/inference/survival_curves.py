@@ -9,6 +9,7 @@ Prentice, 1980), which keeps within 0 and 1; the median's is all times at which 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ def restricted_mean(curve: SurvivalCurve, limit: float) -> float:
     return float(np.sum(np.diff(edges) * heights))
 
 
-def _survfunc(times: Array, found: NDArray[np.bool_]):  # type: ignore[no-untyped-def]  # statsmodels is untyped
+def _survfunc(times: Array, found: NDArray[np.bool_]) -> Any:
     """Return statsmodels' estimate, with Greenwood's standard error."""
     from statsmodels.duration.survfunc import SurvfuncRight  # a second to import
 

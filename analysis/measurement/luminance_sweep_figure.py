@@ -11,7 +11,7 @@ from analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, 
 from analysis.measurement.display_fit import GammaFit, tolerated
 from analysis.measurement.luminance_sweep import SIMULATED, LuminanceSweepFit
 from analysis.measurement.sweep_panels import (
-    ROW,
+    TimedReading,
     draw_over_time,
     draw_points,
     half_width,
@@ -21,7 +21,6 @@ from analysis.measurement.sweep_panels import (
     plain_log_scale,
     widen,
 )
-from data_schema.sweep import SweepPhase
 
 
 def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> Figure:
@@ -35,9 +34,7 @@ def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> 
         Where it is shown.
     """
     with look(medium):
-        figure, panels = page_of_panels(
-            medium, _heading(result), rows=2, height=ROW * medium.width / PAGE.width
-        )
+        figure, panels = page_of_panels(medium, _heading(result))
         _draw_curve(panels[0], result)
         _draw_deviations(panels[1], result)
         _draw_steadiness(panels[2], result)
@@ -97,20 +94,12 @@ def _draw_deviations(axes: Axes, result: LuminanceSweepFit) -> None:
 
 def _draw_steadiness(axes: Axes, result: LuminanceSweepFit) -> None:
     """Draw the readings that tell of warm-up and drift: white, and the levels repeated at the end."""
-    readings = [r for r in result.sweep.readings if r.factor is None and r.luminance is not None]
-    repeated = {r.pixel_value for r in readings if r.phase is not SweepPhase.SWEEP}
-    means = {
-        value: np.mean(
-            [r.luminance for r in readings if r.pixel_value == value and r.phase is SweepPhase.SWEEP]
-        )
-        for value in repeated
-    }
-    shown = [
-        (r.phase, (r.begun + r.ended) / 2, float(r.luminance or 0.0), float(means[r.pixel_value]))
-        for r in readings
-        if r.pixel_value in repeated and means[r.pixel_value] > 0
+    readings = [
+        TimedReading(r.phase, (r.begun + r.ended) / 2, r.pixel_value, r.luminance)
+        for r in result.sweep.readings
+        if r.factor is None and r.luminance is not None
     ]
-    draw_over_time(axes, shown, "luminance")
+    draw_over_time(axes, readings, "luminance")
     name_panel(axes, "C", "Warm-up and drift")
 
 

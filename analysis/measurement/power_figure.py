@@ -23,9 +23,9 @@ from analysis.figure_style import (
     axes_at,
     heading_lines,
     legend_above,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.measurement.pass_comparison import VERSIONS
@@ -62,8 +62,7 @@ def power_figure(measured: MeasuredPower, medium: Medium = PAGE) -> Figure:
         lines, above = heading_lines(*_heading(power), medium.width - left - em, em)
         top, height = above + 2.4 * em, min(24 * em, 0.55 * medium.height)
         figure = new_figure(medium, top + height + 3.8 * em)
-        for words, place, style in lines:
-            text_at(figure, left, place, words, **style)
+        lines_at(figure, left, lines)
         over_time = axes_at(figure, left, top, width, height)
         means = axes_at(figure, left + width + gap, top, beside, height)
         _draw_over_time(over_time, measured)

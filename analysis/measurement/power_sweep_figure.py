@@ -11,7 +11,7 @@ from analysis.measurement.luminance_sweep import SIMULATED
 from analysis.measurement.power_fit import TOLERATED_DEVIATION
 from analysis.measurement.power_sweep import PowerSweepFit
 from analysis.measurement.sweep_panels import (
-    ROW,
+    TimedReading,
     draw_over_time,
     draw_points,
     half_width,
@@ -19,7 +19,6 @@ from analysis.measurement.sweep_panels import (
     name_panel,
     page_of_panels,
 )
-from data_schema.sweep import SweepPhase
 from data_schema.sweep_fit import LuminanceSource
 
 
@@ -34,9 +33,7 @@ def power_sweep_figure(result: PowerSweepFit, medium: Medium = PAGE) -> Figure:
         Where it is shown.
     """
     with look(medium):
-        figure, panels = page_of_panels(
-            medium, _heading(result), rows=2, height=ROW * medium.width / PAGE.width
-        )
+        figure, panels = page_of_panels(medium, _heading(result))
         _draw_line(panels[0], result)
         _draw_residuals(panels[1], result)
         _draw_power_over_time(panels[2], result)
@@ -97,18 +94,10 @@ def _draw_residuals(axes: Axes, result: PowerSweepFit) -> None:
 
 def _draw_power_over_time(axes: Axes, result: PowerSweepFit) -> None:
     """Draw the readings that tell of warm-up and drift."""
-    readings = result.sweep.readings
-    repeated = {r.factor for r in readings if r.phase is not SweepPhase.SWEEP}
-    means = {
-        factor: float(
-            np.mean([r.power for r in readings if r.factor == factor and r.phase is SweepPhase.SWEEP])
-        )
-        for factor in repeated
-    }
-    shown = [
-        (r.phase, (r.begun + r.ended) / 2, r.power, means[r.factor]) for r in readings if r.factor in repeated
+    readings = [
+        TimedReading(r.phase, (r.begun + r.ended) / 2, r.factor, r.power) for r in result.sweep.readings
     ]
-    draw_over_time(axes, shown, "power")
+    draw_over_time(axes, readings, "power")
     name_panel(axes, "C", "Warm-up and drift of power")
 
 

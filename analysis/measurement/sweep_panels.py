@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,15 +18,17 @@ from analysis.figure_style import (
     INK,
     MUTED,
     OURS,
+    PAGE,
     Medium,
     heading_lines,
+    lines_at,
     new_figure,
-    text_at,
     text_size,
 )
 from data_schema.sweep import SweepPhase
 
-ROW = 3.0  # [inch] height of a row of panels
+ROWS, COLUMNS = 2, 2  # of panels on a page
+ROW = 3.0  # [inch] height of a row of panels with their names of axes, on a page of the report
 
 PHASE_MARKS = {
     SweepPhase.WARM_UP: ("s", MUTED, "warm-up"),
@@ -34,10 +37,8 @@ PHASE_MARKS = {
 }
 
 
-def page_of_panels(
-    medium: Medium, heading: tuple[str, str], rows: int, height: float
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a heading and rows of two panels each, and the panels in reading order.
+def page_of_panels(medium: Medium, heading: tuple[str, str]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a heading and four panels, two in a row, and the panels in reading order.
 
     Parameters
     ----------
@@ -45,23 +46,18 @@ def page_of_panels(
         Where it is shown.
     heading : (str, str)
         Title, and the line below it.
-    rows : int
-        Rows of panels.
-    height : float
-        Of a row, with its names of axes [inch].
     """
     em = medium.em
     lines, above = heading_lines(*heading, medium.width - 6 * em, em)
-    whole = above + rows * height
+    whole = above + ROWS * ROW * medium.width / PAGE.width
     figure = new_figure(medium, whole)
-    for words, top, style in lines:
-        text_at(figure, 5.5 * em, top, words, **style)
+    lines_at(figure, 5.5 * em, lines)
     grid = figure.add_gridspec(
-        rows, 2, left=5.5 * em / medium.width, right=1 - 1.5 * em / medium.width,
+        ROWS, COLUMNS, left=5.5 * em / medium.width, right=1 - 1.5 * em / medium.width,
         top=1 - (above + 2.6 * em) / whole, bottom=4.2 * em / whole,
         wspace=0.26, hspace=0.46,
     )  # fmt: skip
-    return figure, [figure.add_subplot(grid[row, column]) for row in range(rows) for column in (0, 1)]
+    return figure, [figure.add_subplot(grid[row, column]) for row in range(ROWS) for column in range(COLUMNS)]
 
 
 def name_panel(axes: Axes, letter: str, words: str) -> None:
@@ -93,33 +89,70 @@ def half_width(errors: ArrayLike, freedom: float) -> NDArray[np.float64]:
     return float(quantile) * np.asarray(errors, dtype=np.float64)
 
 
-def draw_over_time(
-    axes: Axes, readings: Sequence[tuple[SweepPhase, float, float, float]], quantity: str
-) -> None:
-    """Draw readings over time, each as a percentage of its level's mean in the sweep, less 100 %.
+@dataclass(frozen=True, slots=True)
+class TimedReading:
+    """One reading of a sweep.
+
+    Attributes
+    ----------
+    phase : SweepPhase
+        What for.
+    time : float
+        When, since the sweep began [s].
+    level : float
+        Pixel value or brightness factor that was shown.
+    value : float
+        What was read.
+    """
+
+    phase: SweepPhase
+    time: float
+    level: float
+    value: float
+
+
+def from_level_means(readings: Sequence[TimedReading]) -> list[tuple[SweepPhase, float, float]]:
+    """Return phase, time [s] and deviation [%] of readings that tell of warm-up and drift.
+
+    Only of levels that were read outside of the sweep too; the deviation is from the level's mean in the
+    sweep. A level whose mean is 0 tells nothing.
+
+    >>> swept, again = TimedReading(SweepPhase.SWEEP, 0, 1, 2.0), TimedReading(SweepPhase.DRIFT, 9, 1, 1.5)
+    >>> from_level_means([swept, again])[1]
+    (<SweepPhase.DRIFT: 'drift'>, 9, -25.0)
+    """
+    repeated = {r.level for r in readings if r.phase is not SweepPhase.SWEEP}
+    means = {
+        level: float(np.mean([r.value for r in readings if r.level == level and r.phase is SweepPhase.SWEEP]))
+        for level in repeated
+    }
+    shown = [r for r in readings if means.get(r.level, 0.0) > 0]
+    return [(r.phase, r.time, 100 * (r.value / means[r.level] - 1)) for r in shown]
+
+
+def draw_over_time(axes: Axes, readings: Sequence[TimedReading], quantity: str) -> None:
+    """Draw the readings that tell of warm-up and drift over time, each from its level's mean.
 
     Parameters
     ----------
     axes : Axes
         Where.
-    readings : sequence of (SweepPhase, float, float, float)
-        What for, when [s], what was read, and the mean of its level in the sweep.
+    readings : sequence of TimedReading
+        All of a sweep.
     quantity : str
         What was read.
     """
-    if not readings:
+    shown = from_level_means(readings)
+    if not shown:
         axes.set_axis_off()
         words = "neither a warm-up nor a repeat at the end was read"
         axes.text(0.0, 0.5, words, color=MUTED, transform=axes.transAxes)
         return
     for phase, (mark, colour, name) in PHASE_MARKS.items():
-        own = [r for r in readings if r[0] is phase]
+        own = [(time / 60, percent) for what, time, percent in shown if what is phase]
         if own:
-            minutes = [time / 60 for _, time, _, _ in own]
-            percent = [100 * (value / mean - 1) for _, _, value, mean in own]
-            axes.plot(
-                minutes, percent, mark, color=colour, ms=0.36 * text_size(), mew=0, label=name, zorder=3
-            )
+            axes.plot(*zip(*own, strict=True), mark, color=colour, ms=0.36 * text_size(), mew=0, label=name,
+                      zorder=3)  # fmt: skip
     axes.axhline(0, color=FAINT, linewidth=text_size() / 11, zorder=1)
     axes.set(xlabel="time since the sweep began [min]", ylabel=f"{quantity}, from its level's mean [%]")
     widen(axes, 1.2)

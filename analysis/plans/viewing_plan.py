@@ -19,6 +19,7 @@ from analysis.inference.binomial_tests import clopper_pearson
 from analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
 from data_schema.errors import InputError
 from data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
+from data_schema.seeds import require_seed
 
 BEYOND_TRIED = "beyond what was tried"
 
@@ -112,8 +113,7 @@ class ViewingRequest:
         if not self.participants or not all(2 <= n <= MOST_PARTICIPANTS for n in self.participants):
             got = ",".join(map(str, self.participants)) or "none"
             raise InputError(f"--participants must be numbers from 2 to {MOST_PARTICIPANTS}, got {got}")
-        if self.seed < 0:
-            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+        require_seed(self.seed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,9 +21,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.plans.viewing_plan import ViewingPlan, needed_in_words
@@ -64,8 +64,7 @@ def viewing_plan_figure(plan: ViewingPlan, medium: Medium = PAGE) -> Figure:
         key = 1.7 * em * len(plan.tests)
         tall = min(26 * em, medium.height - above - key - 20 * em)
         figure = new_figure(medium, above + key + tall + 16.4 * em)
-        for words, top, style in lines:
-            text_at(figure, 1.5 * em, top, words, **style)
+        lines_at(figure, 1.5 * em, lines)
         _draw_key(figure, plan, (1.5 * em, above + 0.6 * em))
         top = above + key + 2.0 * em
         upper = axes_at(figure, left, top, width, tall)

@@ -21,6 +21,7 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     text_at,
@@ -61,8 +62,7 @@ def rating_figure(results: RatingResults, medium: Medium = PAGE) -> Figure:
         below = top + rows * (PANEL_HEIGHT + 6.4) * em
         height = len(results.shown) * ROW_HEIGHT * em
         figure = new_figure(medium, below + height + 4.2 * em)
-        for words, place, style in lines:
-            text_at(figure, left, place, words, **style)
+        lines_at(figure, left, lines)
         for number, name in enumerate(results.sequences):
             row, column = divmod(number, COLUMNS)
             across, down = left + column * width / columns, top + row * (PANEL_HEIGHT + 6.4) * em

@@ -108,8 +108,8 @@ def _table(seen: SeenOrders, values: Sequence[Fraction]) -> _Table:
     people = {who: row for row, who in enumerate(dict.fromkeys(cell[0] for cell in seen.cells))}
     columns = {key: k for k, key in enumerate(dict.fromkeys(cell[1:] for cell in seen.cells))}
     table = np.full((2, len(people), len(columns)), np.nan)
-    for (who, *key), first, value in zip(seen.cells, seen.ours_first, values, strict=True):
-        table[:, people[who], columns[tuple(key)]] = float(value), float(first)  # type: ignore[index]
+    for cell, first, value in zip(seen.cells, seen.ours_first, values, strict=True):
+        table[:, people[cell[0]], columns[cell[1:]]] = float(value), float(first)
     return _Table(table[0], table[1])
 
 

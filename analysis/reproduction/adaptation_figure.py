@@ -19,9 +19,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.reproduction.adaptation_differences import (
@@ -91,8 +91,7 @@ def differences_figure(sequences: Sequence[AdaptationInput], results: Results) -
         )  # fmt: skip
         top = above + 4.2 * em
         figure = new_figure(PAGE, top + len(sequences) * row + 2.4 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         for k, sequence in enumerate(sequences):
             highest = max(bars(results[sequence.name, d, p]).max() for d in Dimming for p in Place)
             for column, place in enumerate(Place):

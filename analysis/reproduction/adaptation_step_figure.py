@@ -17,9 +17,9 @@ from analysis.figure_style import (
     PAGE,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
 )
 from method.adaptation import adapted, cone_response, response_differences, state_after, static_response
 
@@ -96,8 +96,7 @@ def step_figure(shown: tuple[Change, Change]) -> Figure:
         )  # fmt: skip
         top, height = above + 2.6 * em, 14 * em
         figure = new_figure(PAGE, top + height + 4.4 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         everything = np.concatenate([part for change in shown for part in (change.static, change.dynamic)])
         low, high = float(everything.min()), float(everything.max())
         for k, change in enumerate(shown):

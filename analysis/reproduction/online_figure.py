@@ -18,10 +18,10 @@ from analysis.figure_style import (
     PAGE,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     short,
-    text_at,
     text_size,
 )
 from analysis.reproduction.online_run import OnlineRun, SweepPoint
@@ -40,8 +40,7 @@ def walk_figure(run: OnlineRun, spread: SpreadRatio) -> Figure:
         top = above + 1.2 * em
         heights = (17 * em, 11 * em)
         figure = new_figure(PAGE, top + sum(heights) + 6.2 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         loss = axes_at(figure, left, top, width, heights[0])
         factor = axes_at(figure, left, top + heights[0] + 1.6 * em, width, heights[1])
         _draw_losses(loss, run)
@@ -136,8 +135,7 @@ def sweep_figure(name: str, sweep: Sequence[SweepPoint], lowest: float, n_frames
         lines, above = heading_lines(title, about, PAGE.width - left - em, em)
         top, height = above + 1.2 * em, 16 * em
         figure = new_figure(PAGE, top + height + 4.4 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         targets = np.array([point.target_loss for point in sweep])
         panels = [axes_at(figure, left + k * (width + gap), top, width, height) for k in range(2)]
         panels[0].axhline(lowest, color=MUTED, linestyle=(0, (1, 2)), linewidth=1.0)

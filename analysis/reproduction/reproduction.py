@@ -15,6 +15,7 @@ from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.rate_limit import RateLimit
+from data_schema.seeds import require_seed
 from method.loss_curves import analyze_frames
 from method.preset_files import load_display, load_power_model, load_rate_limit
 from stimuli.sequences import built_in_sequence
@@ -68,8 +69,7 @@ class ReproductionPlan:
     display: str = "varjo-xr3"
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise InputError(f"--seed must be 0 or more, got {self.seed}")
+        require_seed(self.seed)
         load_display(self.display)  # refuses what is none before anything is done
         if self.data is not None and not self.data.is_dir():
             raise InputError(

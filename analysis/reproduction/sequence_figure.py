@@ -19,6 +19,7 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
     text_at,
@@ -63,8 +64,7 @@ def sequence_figure(sequences: Sequence[SequenceTracks], note: str = "", medium:
         panel, row = 8.6 * em, 0.0
         row = 2.1 * em + tall + 2.4 * em + panel + 3.4 * em
         figure = new_figure(medium, top + len(sequences) * row + 1.2 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         for place, sequence in enumerate(sequences):
             above = top + 0.6 * em + place * row
             text_at(figure, left, above, _row_title(sequence), fontweight="bold")

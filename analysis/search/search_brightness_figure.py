@@ -21,9 +21,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.inference.fixed_effects import FixedEffect
@@ -68,8 +68,7 @@ def brightness_figure(
         lines, above = heading_lines(*heading, medium.width - 2 * em, em)
         height = 0.5 * width
         figure = new_figure(medium, above + 1.4 * em + height + 6.4 * em)
-        for words, top, style in lines:
-            text_at(figure, em, top, words, **style)
+        lines_at(figure, em, lines)
         axes = axes_at(figure, left, above + 1.4 * em, width, height)
         _frame(axes, shown)
         if not isinstance(line, str):

@@ -17,9 +17,9 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.search.search_shares import clustered_share
@@ -106,8 +106,7 @@ def curves_figure(
         lines, above = heading_lines(*heading, medium.width - 2 * em, em)
         top, height = above + 2.2 * em, 0.62 * width
         figure = new_figure(medium, top + height + 4.2 * em)
-        for words, down, style in lines:
-            text_at(figure, em, down, words, **style)
+        lines_at(figure, em, lines)
         for number, panel in enumerate(panels):
             axes = axes_at(figure, left + number * (width + gap), top, width, height)
             _draw_panel(axes, [curve for curve in curves if curve.panel == panel])

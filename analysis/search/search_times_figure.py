@@ -20,9 +20,9 @@ from analysis.figure_style import (
     axes_at,
     drawable,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.search.search_locations import Cell, LocationResult
@@ -62,8 +62,7 @@ def times_figure(
         lowest, highest = places[-1] + 0.65, -HEADING / ROW - 0.1
         height = (lowest - highest) * ROW * em
         figure = new_figure(medium, top + height + 5.6 * em)
-        for words, down, style in lines:
-            text_at(figure, em, down, words, **style)
+        lines_at(figure, em, lines)
         axes = axes_at(figure, left, top, width, height)
         axes.set(xlim=(0, 1.04 * limit), ylim=(lowest, highest))
         _frame(axes, limit)

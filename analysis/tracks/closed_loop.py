@@ -24,8 +24,7 @@ from analysis.tracks.optimization import Work, run_optimization
 from data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from data_schema.provenance import Provenance, provenance_now
 from method.optimize import Request
-from method.preset_files import load_power_model, load_rate_limit
-from method.rate_limit import require_same_display
+from method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
 from stimuli.video_source import VideoSource
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
@@ -65,8 +64,7 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     write_calibration(calibration, fitted, origin)
     write_figures(calibration, fitted, load_rate_limit("surace2025"))
     # The optimizer reads the file that the fit wrote, as it would on another day.
-    limit = load_rate_limit(str(fitted / "rate_limit.json"))
-    require_same_display(limit, data.display)
+    limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"))
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
     summary = run_optimization(Work(source, data.display, request, quiet=quiet), folder / TRACK)
     write_report(folder / REPORT, _report(calibration, summary, origin, folder))

@@ -21,15 +21,15 @@ from analysis.figure_style import (
     Medium,
     axes_at,
     heading_lines,
+    lines_at,
     look,
     new_figure,
-    text_at,
     text_size,
 )
 from analysis.tracks.thumbnails import small_picture
 from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from data_schema.display import Display
-from method.bands import band_frequencies
+from method.bands import counted_frequencies
 from method.contrast_loss import loss_of, visible_map
 from method.luminance import dimmed_luminance, emitted_luminance
 
@@ -97,10 +97,7 @@ def contrast_map(
     )
     shares = [float(band.mean()) for band in reference]
     band = next((k for k, share in enumerate(shares) if share >= SHOWN_SHARE), int(np.argmax(shares)))
-    frequencies = band_frequencies(
-        (emitted.shape[0], emitted.shape[1]), display, model.band_frequency, model.lowest_frequency,
-        model.band_count,
-    )  # fmt: skip
+    frequencies = counted_frequencies((emitted.shape[0], emitted.shape[1]), display, model)
     loss = loss_of(float(np.mean([part.mean() for part in dimmed])), float(np.mean(shares)))
     return ContrastMap(factor, float(frequencies[band]), reference[band], dimmed[band], loss)
 
@@ -135,8 +132,7 @@ def contrast_map_figure(
         key_columns = 3 if medium.width > 60 * em else 1
         panel_top = above + 5.2 * em
         figure = new_figure(medium, panel_top + high + (1.6 + 1.6 * 3 / key_columns) * em)
-        for words, top, style in lines:
-            text_at(figure, em, top, words, **style)
+        lines_at(figure, em, lines)
         panels = [axes_at(figure, em + k * (cell + gap), panel_top, wide, high) for k in range(3)]
         panels[0].imshow(small_picture(pixel_values, 640), aspect="auto")
         _draw_map(panels[1], ours)

@@ -21,6 +21,7 @@ from analysis.figure_style import (
     axes_at,
     heading_lines,
     legend_above,
+    lines_at,
     look,
     new_figure,
     short,
@@ -57,8 +58,7 @@ def tuning_figure(
         top, high = above + 2.4 * em, 12 * em
         below = top + high + 5.6 * em
         figure = new_figure(PAGE, below + 26 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         _draw_losses(axes_at(figure, left, top, width, high), report, times, runs)
         plane = axes_at(figure, left, below, 24 * em, 24 * em * np.ptp(IMAGINARY) / np.ptp(REAL))
         _draw_loops(plane, report)

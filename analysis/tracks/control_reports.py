@@ -15,7 +15,8 @@ from data_schema.loss_curves import LossCurves
 from data_schema.power_model import PowerModel
 from method.control_curves import ControlledTrack
 from method.controller import ControllerSettings
-from method.governor import GovernorSettings
+from method.governor import GovernorSettings, steered_horizon
+from method.horizon_errors import HorizonErrors, horizon_errors
 from method.power import power
 from method.stability_margins import Margins
 from method.tuning import Demands, Tuned, content_slopes, rms_error
@@ -49,6 +50,7 @@ def control_summary(
         What the panel takes.
     """
     run, summary, spread = outcome.run, outcome.summary, outcome.spread
+    errors = None if budget is None else used.horizon_errors(run, budget)
     return ControlSummary(
         video=summary.video,
         target_loss=settings.target_loss,
@@ -68,8 +70,10 @@ def control_summary(
         budget=None if budget is None else budget.budget,
         budget_unit=None if budget is None else budget.budget_unit,
         horizon=None if budget is None else budget.horizon,
-        horizon_error=None if budget is None else used.horizon_error(run, budget),
+        horizon_error=None if errors is None else errors.either_way,
         share_budget_held=None if budget is None else time_share(run, run.budget_held),
+        horizon_excess=None if errors is None else errors.above,
+        steered_horizon=None if budget is None else steered_horizon(budget, float(np.median(run.durations))),
     )
 
 
@@ -84,15 +88,15 @@ class PowerUse:
         """Return the power of each frame at its factor [W]."""
         return power(self.model, factors, self.channel_means)
 
-    def horizon_error(self, run: ControlledTrack, budget: GovernorSettings) -> float | None:
-        """Return the largest difference of a mean over a whole horizon from the budget, in its unit."""
+    def horizon_errors(self, run: ControlledTrack, budget: GovernorSettings) -> HorizonErrors | None:
+        """Return how far the mean over a whole horizon is from the budget, in its unit, at most."""
         one = np.ones_like(run.factors)
         used, of = {
             BudgetUnit.FACTOR: (np.asarray(run.factors), one),
             BudgetUnit.POWER: (self.watts(run.factors), self.watts(one)),
             BudgetUnit.WATT: (self.watts(run.factors), one),
         }[budget.budget_unit]
-        return horizon_error(used, of, np.asarray(run.durations), (budget.budget, budget.horizon))
+        return horizon_errors(used, of, np.asarray(run.durations), (budget.budget, budget.horizon))
 
 
 def tuning_report(
@@ -141,32 +145,6 @@ def loop_report(settings: ControllerSettings, margin: Margins, run: ControlledTr
         rms_error=rms_error(run),
         share_limited=time_share(run, run.limited),
     )
-
-
-def horizon_error(used: Array, of: Array, durations: Array, asked: tuple[float, float]) -> float | None:
-    """Return by how much the mean over a horizon differs from the budget at most; None if none is whole.
-
-    Parameters
-    ----------
-    used, of : array, (N,)
-        What each frame uses, and what that is a share of (1: of nothing).
-    durations : array, (N,)
-        How long each frame is shown [s].
-    asked : (float, float)
-        The budget, and the horizon [s].
-
-    >>> used, second = np.array([0.4, 0.6, 0.4, 0.8]), np.ones(4)
-    >>> round(horizon_error(used, second, second, (0.5, 2.0)), 9)
-    0.1
-    """
-    budget, horizon = asked
-    ends = np.append(0.0, np.cumsum(durations))
-    sums = [np.append(0.0, np.cumsum(part * durations)) for part in (used, of)]
-    begins = ends[ends <= ends[-1] - horizon * (1 - 1e-9)]
-    if not len(begins) or horizon > ends[-1] * (1 + 1e-9):
-        return None
-    over, whole = (np.interp(begins + horizon, ends, total) - total[: len(begins)] for total in sums)
-    return float(np.max(np.abs(over / whole - budget)))
 
 
 def time_share(run: ControlledTrack, where: NDArray[np.bool_]) -> float:

@@ -21,7 +21,8 @@ from method.control_curves import ControlledTrack, Governed, control_curves
 from method.controller import Controller, ControllerSettings
 from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.evaluate import Answer, Effort, summarize, track_of
-from method.governor import GovernorSettings, frame_costs, governor_of, horizon_warning
+from method.frame_costs import frame_costs
+from method.governor import GovernorSettings, governor_of, horizon_warning
 from method.optimize import Problem, budget_as_factor
 from method.rate_limit import rate_limit_at
 from method.scalar_rate_limit import scalar_rate_limit

@@ -17,9 +17,9 @@ from analysis.figure_style import (
     axes_at,
     heading_lines,
     legend_above,
+    lines_at,
     look,
     new_figure,
-    text_at,
 )
 from data_schema.control import TargetRow
 
@@ -43,8 +43,7 @@ def target_figure(rows: Sequence[TargetRow], name: str, about: tuple[int, float]
         lines, above = heading_lines(*_heading(rows, name, n_frames), PAGE.width - left - em, em)
         top, height = above + 2.4 * em, 14 * em
         figure = new_figure(PAGE, top + height + 4.4 * em)
-        for words, at, style in lines:
-            text_at(figure, left, at, words, **style)
+        lines_at(figure, left, lines)
         panels = [axes_at(figure, left + k * (width + gap), top, width, height) for k in range(3)]
         target = np.array([row.target_loss for row in rows])
         reach = 1.06 * max(float(target.max()), *(row.mean_loss for row in rows), 1e-6)

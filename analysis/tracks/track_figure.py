@@ -25,6 +25,7 @@ from analysis.figure_style import (
     axes_at,
     heading_lines,
     legend_above,
+    lines_at,
     look,
     new_figure,
     short,
@@ -55,8 +56,7 @@ def track_figure(story: TrackStory, medium: Medium = PAGE) -> Figure:
     with look(medium):
         figure = new_figure(medium)
         layout = _layout(story, medium)
-        for words, top, style in layout.lines:
-            text_at(figure, layout.left, top, words, **style)
+        lines_at(figure, layout.left, layout.lines)
         panels = [
             axes_at(figure, layout.left, top, layout.width, layout.panel_height) for top in layout.panel_tops
         ]

@@ -21,7 +21,7 @@ UNLIKE = 0.5  # natural log of light: beyond it, neighbours are on two sides of 
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def gather(begin, end, tree, charts, windows, place, normal, own, both, sky, hits, open_, near):  # type: ignore[no-untyped-def]
+def gather(begin, end, tree, charts, windows, place, normal, own, both, sky, hits, open_, near):
     """Trace rays from every sample, spread as the cosine law weighs them.
 
     Parameters
@@ -97,7 +97,7 @@ def gather(begin, end, tree, charts, windows, place, normal, own, both, sky, hit
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _through_any(windows, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _through_any(windows, ox, oy, oz, dx, dy, dz):
     """Return whether a ray goes through one of the windows."""
     for w in range(len(windows)):
         ax, ay, az = windows[w, 1] - windows[w, 0]
@@ -116,7 +116,7 @@ def _through_any(windows, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-de
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def bounce(begin, end, hits, sent, received):  # type: ignore[no-untyped-def]
+def bounce(begin, end, hits, sent, received):
     """Set the light that each sample receives from those that its rays met.
 
     `sent` and `received`: (n, 3), what the samples' surfaces send out and what arrives.
@@ -134,7 +134,7 @@ def bounce(begin, end, hits, sent, received):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def smooth(begin, end, columns, rows, start, step, triangle, reach, good, raw, out):  # type: ignore[no-untyped-def]
+def smooth(begin, end, columns, rows, start, step, triangle, reach, good, raw, out):
     """Blur the light of each chart where things are far, not where they are near, and fill what is buried.
 
     Parameters

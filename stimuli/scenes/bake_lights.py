@@ -17,13 +17,13 @@ FAINT = 0.004  # [cd/m^2] a lamp's light that is not worth a shadow
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _jitter(value, salt):  # type: ignore[no-untyped-def]
+def _jitter(value, salt):
     """Return a place in the middle half of a cell: no bands, and less noise than anywhere in it."""
     return 0.25 + 0.5 * hashed(value, salt)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):  # type: ignore[no-untyped-def]
+def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
     """Add the light of lamps, each seen from every sample at a grid of its points.
 
     Parameters
@@ -75,7 +75,7 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):  # typ
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _seen(tree, lamps, m, i, s, t, place, normal, own, both, stack):  # type: ignore[no-untyped-def]
+def _seen(tree, lamps, m, i, s, t, place, normal, own, both, stack):
     """Return cos cos / distance^2 towards a point of a lamp [1/m^2], 0 if it is hidden."""
     if lamps[4][m] and s + t > 1:
         s, t = 1 - s, 1 - t
@@ -112,7 +112,7 @@ def _seen(tree, lamps, m, i, s, t, place, normal, own, both, stack):  # type: ig
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def through_windows(begin, end, tree, windows, sky, place, normal, own, both, light):  # type: ignore[no-untyped-def]
+def through_windows(begin, end, tree, windows, sky, place, normal, own, both, light):
     """Add the light of the sky that comes through windows; parameters as in `gather` and `from_lamps`."""
     for i in range(begin, end):
         stack = np.empty(DEPTH, np.int32)
@@ -171,7 +171,7 @@ def through_windows(begin, end, tree, windows, sky, place, normal, own, both, li
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def from_sun(begin, end, tree, towards, spread, place, normal, own, both, light):  # type: ignore[no-untyped-def]
+def from_sun(begin, end, tree, towards, spread, place, normal, own, both, light):
     """Set, per sample, which share of the sun's light arrives, over a few points around it.
 
     `towards` is the sun's direction, (3,); `spread`, (n, 2, 3), the steps to the neighbouring samples [m].

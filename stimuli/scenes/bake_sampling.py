@@ -9,7 +9,7 @@ OFFSET = np.float32(0.004)  # [m] rays start this far in front of a surface
 
 
 @numba.njit(cache=True, error_model="numpy")
-def hashed(value, salt):  # type: ignore[no-untyped-def]
+def hashed(value, salt):
     """Return a number in [0, 1) that looks random."""
     # Products of 32-bit numbers have 64 bits here: they are cut back each time.
     x = np.uint32(
@@ -21,7 +21,7 @@ def hashed(value, salt):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def radical_inverse(k):  # type: ignore[no-untyped-def]
+def radical_inverse(k):
     """Return the binary digits of k behind the point, reversed."""
     x = np.uint32(k)
     x = (x << np.uint32(16)) | (x >> np.uint32(16))
@@ -33,7 +33,7 @@ def radical_inverse(k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def upright_to(nx, ny, nz):  # type: ignore[no-untyped-def]
+def upright_to(nx, ny, nz):
     """Return a unit vector at right angles to another (Duff et al. 2017)."""
     sign = 1.0 if nz >= 0 else -1.0
     a = -1.0 / (sign + nz)

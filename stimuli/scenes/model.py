@@ -14,8 +14,16 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stimuli.scenes.scene import Floats, Ground, Material, Patches, Place, Scene, Sky, Sun, Vector, stream
-from stimuli.scenes.shapes import BOX_SIDES, at_right_angles, frame_along, ring, sphere
+from stimuli.scenes.patch_columns import DARK, PatchColumns, Pieces
+from stimuli.scenes.scene import REC_709, Floats, Ground, Material, Place, Scene, Sky, Sun, Vector, stream
+from stimuli.scenes.shapes import (
+    BOX_SIDES,
+    at_right_angles,
+    cylinder_side,
+    projected,
+    sphere,
+    widest_corner_first,
+)
 
 __all__ = ["Material", "SceneModel"]
 
@@ -37,9 +45,7 @@ class SceneModel:
     def __init__(self, name: str, seed: int) -> None:
         self.name, self.seed = name, seed
         self.rng = stream(seed, name)
-        self._materials: dict[str, Material] = {}
-        self._rows: list[tuple[Floats, ...]] = []  # origin, along, across, normals and uvs of an object
-        self._shared: list[tuple[bool, int, Floats, Floats]] = []  # its triangle, material, tint and shine
+        self._columns = PatchColumns(name)
         self._windows: list[Floats] = []
         self._sun: Sun | None = None
         self._sky = Sky()
@@ -90,7 +96,7 @@ class SceneModel:
         tint : (float, float, float)
             Factor of the albedo, in [0, 1].
         """
-        self._quad(corners, material, uvs, tint, (0.0, 0.0, 0.0))
+        self._quad(corners, material, uvs, tint, DARK)
 
     def box(
         self,
@@ -145,29 +151,14 @@ class SceneModel:
     ) -> None:
         """Add a cylinder or a cone from the middle of its base to that of its top [m]."""
         base, top = np.asarray(base, dtype=float), np.asarray(top, dtype=float)
-        upper = radius if top_radius is None else top_radius
-        first, second, along = frame_along(top - base)
-        length = float(np.linalg.norm(top - base))
-        circle = ring(segments)
-        out = circle @ np.stack([first, second])
-        around = np.linspace(0, 2 * math.pi * max(radius, upper) / material.tile, segments + 1)
-        lean = out + along * (radius - upper) / length
-        lean /= np.linalg.norm(lean, axis=1, keepdims=True)
-        points = np.concatenate([base + radius * out, top + upper * out])
-        uvs = np.concatenate(
-            [np.column_stack([around, np.full(segments + 1, v)]) for v in (0, length / material.tile)]
-        )
-        k = np.arange(segments)
-        over = k + segments + 1
-        faces = [np.stack([k, k + 1, over + 1], 1)] * (radius > 0) + [np.stack([k, over + 1, over], 1)] * (
-            upper > 0
-        )
-        self.mesh(
-            points, np.concatenate(faces), material, uvs=uvs, normals=np.concatenate([lean, lean]), tint=tint
-        )
-        for middle, size, facing in ((base, radius, -1), (top, upper, 1)) if caps else ():
+        radii = radius, radius if top_radius is None else top_radius
+        side = cylinder_side(base, top, radii, segments, material.tile)
+        self.mesh(side.points, side.triangles, material, uvs=side.uvs, normals=side.normals, tint=tint)
+        # Each edge goes counter-clockwise seen from outside.
+        edges = side.points[segments::-1], side.points[segments + 1 :]
+        for middle, size, edge in zip((base, top), radii, edges, strict=True) if caps else ():
             if size > 0:
-                self._disc(middle, size * out[::facing], material, tint)
+                self._disc(middle, edge, material, tint)
 
     def sphere(
         self,
@@ -221,7 +212,7 @@ class SceneModel:
             Factor of the albedo.
         """
         local, chosen = np.asarray(positions, dtype=float), np.asarray(triangles, dtype=int)
-        chosen = _from_widest_corner(local, chosen)
+        chosen = widest_corner_first(local, chosen)
         corners = local[chosen]
         facing = at_right_angles(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size = np.linalg.norm(facing, axis=1)
@@ -230,13 +221,13 @@ class SceneModel:
         given = (
             np.repeat(facing[:, None], 3, axis=1) if normals is None else np.asarray(normals, float)[chosen]
         )
-        mapped = self._projected(corners, facing, material) if uvs is None else np.asarray(uvs, float)[chosen]
-        self._take(corners, given, mapped, material, np.asarray(tint, float), np.zeros(3), triangle=True)
+        mapped = self._mapped(corners, facing, material) if uvs is None else np.asarray(uvs, float)[chosen]
+        self._take(Pieces(corners, given, mapped, triangle=True), material, tint)
 
     def lamp(self, corners: ArrayLike, luminance: float, colour: Sequence[float] = WHITE) -> None:
         """Add a luminous parallelogram of some luminance [cd/m^2]; it shines to its visible side."""
         shine = np.asarray(colour, float)
-        shine = shine * luminance / (shine @ [0.2126, 0.7152, 0.0722])
+        shine = shine * luminance / (shine @ REC_709)
         self._quad(corners, GLOWING, None, WHITE, shine)
 
     def window(self, corners: ArrayLike) -> None:
@@ -284,22 +275,13 @@ class SceneModel:
 
     def build(self) -> Scene:
         """Return the scene."""
-        if not self._rows:
+        if not self._columns:
             raise ValueError(f"scene {self.name}: there is nothing in it")
-        origin, along, across, normals, uvs = (np.concatenate(rows) for rows in zip(*self._rows, strict=True))
-        # What is the same for all pieces of an object is written out here, for all objects at once.
-        counts = [len(row[0]) for row in self._rows]
-        triangle, index, tint, shine = (
-            np.repeat(np.array(shared), counts, axis=0) for shared in zip(*self._shared, strict=True)
-        )
-        columns = (origin, along, across, triangle, normals, uvs, index, tint, shine)
-        for column in columns:
-            column.setflags(write=False)
         return Scene(
             self.name,
             self.seed,
-            Patches(*columns),
-            tuple(self._materials.values()),
+            self._columns.patches(),
+            self._columns.materials(),
             np.array(self._windows).reshape(-1, 4, 3),
             self._sun,
             self._sky,
@@ -325,96 +307,50 @@ class SceneModel:
             raise ValueError(f"quad of {material.name}: it has no area, corners {four.tolist()}")
         facing = facing / size
         mapped = (
-            self._projected(four[None], facing[None], material)[0] if uvs is None else np.asarray(uvs, float)
+            self._mapped(four[None], facing[None], material)[0] if uvs is None else np.asarray(uvs, float)
         )
         regular = np.abs(four[0] + four[2] - four[1] - four[3]).max() < FLAT and (
             np.abs(mapped[0] + mapped[2] - mapped[1] - mapped[3]).max() < FLAT
         )
         chosen = np.array([[0, 1, 3]] if regular else [[0, 1, 2], [0, 2, 3]])
         normals = np.tile(facing, (len(chosen), 3, 1))
-        self._take(
-            four[chosen],
-            normals,
-            mapped[chosen],
-            material,
-            np.asarray(tint, float),
-            np.asarray(shine, float),
-            triangle=not regular,
-        )
+        self._take(Pieces(four[chosen], normals, mapped[chosen], not regular), material, tint, shine)
 
     def _rectangles(self, fours: Floats, material: Material, tint: Sequence[float]) -> None:
         """Add rectangles, (n, 4, 3), whose texture coordinates follow from their positions."""
         facing = at_right_angles(fours[:, 2] - fours[:, 0], fours[:, 3] - fours[:, 1])
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-        mapped, three = self._projected(fours, facing, material), [0, 1, 3]
+        mapped, three = self._mapped(fours, facing, material), [0, 1, 3]
         normals = np.repeat(facing[:, None], 3, axis=1)
-        self._take(
-            fours[:, three],
-            normals,
-            mapped[:, three],
-            material,
-            np.asarray(tint, float),
-            np.zeros(3),
-            triangle=False,
-        )
+        self._take(Pieces(fours[:, three], normals, mapped[:, three], triangle=False), material, tint)
 
-    def _disc(self, middle: Floats, around: Floats, material: Material, tint: Sequence[float]) -> None:
-        """Add a disc, given by its middle and the points of its edge around it."""
-        k = np.arange(1, len(around))
-        points = np.concatenate([middle[None], middle + around])
+    def _disc(self, middle: Floats, edge: Floats, material: Material, tint: Sequence[float]) -> None:
+        """Add a disc, given by its middle and the points of its edge."""
+        k = np.arange(1, len(edge))
+        points = np.concatenate([middle[None], edge])
         self.mesh(points, np.stack([np.zeros_like(k), k, k + 1], 1), material, tint=tint)
 
-    def _projected(self, corners: Floats, facing: Floats, material: Material) -> Floats:
-        """Return texture coordinates from positions: walls upright, floors with y up; (n, k, 2)."""
-        flat = np.abs(facing[:, 2]) > 0.9
-        u = np.where(
-            flat[:, None],
-            np.array([1.0, 0, 0]),
-            np.stack([-facing[:, 1], facing[:, 0], np.zeros(len(facing))], axis=1),
-        )
-        u /= np.linalg.norm(u, axis=1, keepdims=True)
-        v = at_right_angles(facing, u)
+    def _mapped(self, corners: Floats, facing: Floats, material: Material) -> Floats:
+        """Return texture coordinates that follow from positions, (n, k, 2)."""
         # What is moved shows another part of the pattern, so that two boards are not twins.
         offset = (self._moved * [0.731, 0.417, 0.0]).sum() if self._moved.any() else 0.0
-        return np.asarray(
-            np.stack([np.einsum("nkj,nj->nk", corners, axis) for axis in (u, v)], axis=2) / material.tile
-            + offset
-        )
+        return np.asarray(projected(corners, facing) / material.tile + offset)
 
     def _take(
         self,
-        corners: Floats,
-        normals: Floats,
-        uvs: Floats,
+        pieces: Pieces,
         material: Material,
-        tint: Floats,
-        shine: Floats,
-        *,
-        triangle: bool,
+        tint: Sequence[float],
+        shine: Sequence[float] | Floats = DARK,
     ) -> None:
-        """Append pieces, given by three corners each, (n, 3, 3)."""
-        known = self._materials.setdefault(material.name, material)
-        if known is not material and known != material:
-            raise ValueError(f"scene {self.name}: two different materials are called {material.name!r}")
-        index = list(self._materials).index(material.name)
-        placed = self._placed(corners)
-        origin = placed[:, 0]
-        self._rows.append(
-            (origin, placed[:, 1] - origin, placed[:, 2] - origin, normals @ self._turned.T, uvs)
-        )
-        self._shared.append((triangle, index, tint, shine))
+        """Add the pieces of an object where the surrounding `at` puts it."""
+        normals = pieces.normals @ self._turned.T
+        placed = Pieces(self._placed(pieces.corners), normals, pieces.uvs, pieces.triangle)
+        self._columns.take(placed, material, tint, shine)
 
     def _placed(self, points: Floats) -> Floats:
         """Return points where the surrounding `at` puts them."""
         return np.asarray(points @ self._turned.T + self._moved)
-
-
-def _from_widest_corner(points: Floats, triangles: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return triangles that begin opposite their longest edge: slender ones need little room for light."""
-    corners = points[triangles]
-    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
-    order = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    return np.take_along_axis(triangles, order, axis=1)
 
 
 def _white(rng: np.random.Generator, size: int) -> NDArray[np.float32]:

@@ -52,7 +52,7 @@ def _distance(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _visible(low, high, matrix, distance):  # type: ignore[no-untyped-def]
+def _visible(low, high, matrix, distance):
     """Return which boxes have a pixel of the rectangle around them that nothing nearer covers."""
     rows, columns = distance.shape
     seen = np.ones(len(low), np.bool_)
@@ -81,7 +81,7 @@ def _visible(low, high, matrix, distance):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _any_behind(distance, low_row, high_row, first, last, limit):  # type: ignore[no-untyped-def]
+def _any_behind(distance, low_row, high_row, first, last, limit):
     """Return whether a rectangle of pixels has one that is farther than a limit."""
     for row in range(low_row, high_row + 1):
         for column in range(first, last + 1):

@@ -71,7 +71,7 @@ def ray_tree(patches: Patches, coverage: NDArray[np.float64]) -> RayTree:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _build(low, high):  # type: ignore[no-untyped-def]
+def _build(low, high):
     """Return the order of the patches and the nodes' boxes, first entries and counts.
 
     However the patches lie, no walk through the tree needs a stack of more than `DEPTH`: the cheapest split
@@ -110,7 +110,7 @@ def _build(low, high):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _split(low, high, order, begin, many):  # type: ignore[no-untyped-def]
+def _split(low, high, order, begin, many):
     """Sort patches into two groups, such that rays have least to do; return where the second begins."""
     best, best_axis, best_edge = np.inf, -1, 0.0
     for axis in range(3):
@@ -137,7 +137,7 @@ def _split(low, high, order, begin, many):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _cheapest(low, high, order, begin, many, axis, a, b):  # type: ignore[no-untyped-def]
+def _cheapest(low, high, order, begin, many, axis, a, b):
     """Return the least cost of a split along an axis, and where it is (as twice the coordinate)."""
     box = np.empty((BINS, 6))
     box[:, :3], box[:, 3:] = np.inf, -np.inf
@@ -158,7 +158,7 @@ def _cheapest(low, high, order, begin, many, axis, a, b):  # type: ignore[no-unt
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _cost(box, counts):  # type: ignore[no-untyped-def]
+def _cost(box, counts):
     """Return the surface of the box around some bins times the patches in it."""
     many = counts.sum()
     if many == 0:
@@ -170,13 +170,13 @@ def _cost(box, counts):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _inverse(x):  # type: ignore[no-untyped-def]
+def _inverse(x):
     """Return 1 / x, finite."""
     return np.float32(1) / x if abs(x) > np.float32(1e-12) else np.float32(1e12)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _enters(tree, node, ox, oy, oz, ix, iy, iz, far):  # type: ignore[no-untyped-def]
+def _enters(tree, node, ox, oy, oz, ix, iy, iz, far):
     """Return how far along a ray a node's box begins, or infinity if it is missed or beyond `far`."""
     x0, x1 = (tree.low[node, 0] - ox) * ix, (tree.high[node, 0] - ox) * ix
     y0, y1 = (tree.low[node, 1] - oy) * iy, (tree.high[node, 1] - oy) * iy
@@ -189,7 +189,7 @@ def _enters(tree, node, ox, oy, oz, ix, iy, iz, far):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _meets(tree, k, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _meets(tree, k, ox, oy, oz, dx, dy, dz):
     """Return distance and place (s, t) where a ray meets a patch's plane; infinity if not on the patch."""
     ax, ay, az = tree.along[k, 0], tree.along[k, 1], tree.along[k, 2]
     bx, by, bz = tree.across[k, 0], tree.across[k, 1], tree.across[k, 2]
@@ -211,7 +211,7 @@ def _meets(tree, k, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _let_through(tree, k, ray):  # type: ignore[no-untyped-def]
+def _let_through(tree, k, ray):
     """Return whether a ray, by its number, finds a hole in a patch."""
     if tree.coverage[k] >= 1:
         return False
@@ -224,7 +224,7 @@ def _let_through(tree, k, ray):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def nearest(tree, ox, oy, oz, dx, dy, dz, own, ray, stack):  # type: ignore[no-untyped-def]
+def nearest(tree, ox, oy, oz, dx, dy, dz, own, ray, stack):
     """Return the entry of the first patch that a ray meets (-1 for none), with distance and place on it."""
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
     far, hit = np.float32(np.inf), -1
@@ -256,7 +256,7 @@ def nearest(tree, ox, oy, oz, dx, dy, dz, own, ray, stack):  # type: ignore[no-u
 
 
 @numba.njit(cache=True, error_model="numpy")
-def blocked(tree, ox, oy, oz, dx, dy, dz, far, own, other, ray, stack):  # type: ignore[no-untyped-def]
+def blocked(tree, ox, oy, oz, dx, dy, dz, far, own, other, ray, stack):
     """Return whether a ray meets anything nearer than `far`, other than two patches."""
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
     top, node = 0, 0

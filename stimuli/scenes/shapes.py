@@ -1,11 +1,12 @@
-"""Round shapes as corners and normals."""
+"""Shapes as corners, triangles and normals, and where a texture lies on them."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from stimuli.scenes.scene import Floats
 
@@ -19,6 +20,28 @@ BOX_SIDES = {
     "Z": ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
 }
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of the axes
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles between points.
+
+    Attributes
+    ----------
+    points : array, (n, 3)
+        Where they are [m].
+    triangles : array of int, (m, 3)
+        Three points each, counter-clockwise seen from the visible side.
+    uvs : array, (n, 2)
+        Texture coordinates of the points, in repeats.
+    normals : array, (n, 3)
+        Unit normals of the points.
+    """
+
+    points: Floats
+    triangles: NDArray[np.intp]
+    uvs: Floats
+    normals: Floats
 
 
 def ring(segments: int) -> Floats:
@@ -73,3 +96,80 @@ def sphere(segments: int) -> tuple[Floats, np.ndarray, Floats]:
         ]
     )
     return points, triangles, np.stack([u.ravel(), v.ravel()], axis=1)
+
+
+def cylinder_side(base: Floats, top: Floats, radii: tuple[float, float], segments: int, tile: float) -> Mesh:
+    """Return the side of a cylinder or a cone; the first `segments` + 1 points are its lower edge.
+
+    Parameters
+    ----------
+    base, top : array, (3,)
+        Middles of its ends [m].
+    radii : (float, float)
+        At the base and at the top [m]; no triangles end in a point.
+    segments : int
+        Flat pieces around.
+    tile : float
+        What one repeat of the texture covers [m].
+
+    >>> side = cylinder_side(np.zeros(3), np.array([0, 0, 2.0]), (1.0, 0.5), 4, 1.0)
+    >>> np.linalg.norm(side.points[:, :2], axis=1).round(6).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5]
+    """
+    first, second, along = frame_along(top - base)
+    length, (radius, upper) = float(np.linalg.norm(top - base)), radii
+    out = ring(segments) @ np.stack([first, second])
+    around = np.linspace(0, 2 * math.pi * max(radii) / tile, segments + 1)
+    lean = out + along * (radius - upper) / length
+    lean /= np.linalg.norm(lean, axis=1, keepdims=True)
+    k = np.arange(segments)
+    over = k + segments + 1
+    lower_half, upper_half = np.stack([k, k + 1, over + 1], 1), np.stack([k, over + 1, over], 1)
+    return Mesh(
+        points=np.concatenate([base + radius * out, top + upper * out]),
+        triangles=np.concatenate([lower_half] * (radius > 0) + [upper_half] * (upper > 0)),
+        uvs=np.concatenate([np.column_stack([around, np.full(segments + 1, v)]) for v in (0, length / tile)]),
+        normals=np.concatenate([lean, lean]),
+    )
+
+
+def widest_corner_first(points: Floats, triangles: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return triangles that begin opposite their longest edge: slender ones need little room for light.
+
+    >>> widest_corner_first(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[1, 2, 0]])).tolist()
+    [[0, 1, 2]]
+    """
+    corners = points[triangles]
+    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
+    order = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(triangles, order, axis=1)
+
+
+def projected(corners: Floats, facing: Floats) -> Floats:
+    """Return how far corners lie along and up their surface [m]: walls upright, floors with y up.
+
+    Parameters
+    ----------
+    corners : array, (n, k, 3)
+        Of flat pieces [m].
+    facing : array, (n, 3)
+        Unit normals of the pieces.
+
+    Returns
+    -------
+    array, (n, k, 2)
+        Neighbouring walls continue each other, whatever their corners are.
+
+    >>> wall = np.array([[[5.0, 0, 0], [7, 0, 0], [7, 0, 3]]])
+    >>> projected(wall, np.array([[0, -1.0, 0]])).tolist()
+    [[[5.0, 0.0], [7.0, 0.0], [7.0, 3.0]]]
+    """
+    flat = np.abs(facing[:, 2]) > 0.9
+    u = np.where(
+        flat[:, None],
+        np.array([1.0, 0, 0]),
+        np.stack([-facing[:, 1], facing[:, 0], np.zeros(len(facing))], axis=1),
+    )
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = at_right_angles(facing, u)
+    return np.stack([np.einsum("nkj,nj->nk", corners, axis) for axis in (u, v)], axis=2)

@@ -65,7 +65,7 @@ def leaves(light: Colour, dark: Colour, number: int = 170, length: float = 0.13)
 
 def thicket(light: Colour, dark: Colour) -> Texture:
     """Return leaves so dense that nothing is seen through them, (size, size, 3) (about 0.8 m a tile)."""
-    behind = leaves(dark, tuple(0.3 * part for part in dark), 200, 0.10)  # type: ignore[arg-type]
+    behind = leaves(dark, _darker(dark, 0.3), 200, 0.10)
     front = leaves(light, dark, 190, 0.085)
 
     def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
@@ -77,7 +77,7 @@ def thicket(light: Colour, dark: Colour) -> Texture:
 
 def blossoms(petals: tuple[Colour, ...], green: Colour, number: int = 40) -> Texture:
     """Return flowers among leaves, with holes, (size, size, 4) (about 0.5 m a tile)."""
-    behind = leaves(green, tuple(0.35 * part for part in green), 140, 0.10)  # type: ignore[arg-type]
+    behind = leaves(green, _darker(green, 0.35), 140, 0.10)
 
     def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
         picture = behind(rng, size)
@@ -99,6 +99,12 @@ def blossoms(petals: tuple[Colour, ...], green: Colour, number: int = 40) -> Tex
         return np.clip(picture, 0, 1)
 
     return texture
+
+
+def _darker(colour: Colour, factor: float) -> Colour:
+    """Return a colour times a factor."""
+    red, green, blue = colour
+    return factor * red, factor * green, factor * blue
 
 
 def bark(colour: Colour) -> Texture:

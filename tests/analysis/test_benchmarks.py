@@ -34,7 +34,7 @@ POINTS = (
 
 def test_approaches_are_timed_in_turn_after_a_turn_that_does_not_count() -> None:
     order: list[str] = []
-    times = timed_in_turn({name: lambda name=name: order.append(name) for name in "ab"}, repeats=3)  # type: ignore[misc]
+    times = timed_in_turn({name: lambda name=name: order.append(name) for name in "ab"}, repeats=3)
     assert order == ["a", "b"] * 4
     assert times["b"].wall.shape == (3,)
     np.testing.assert_array_equal(times["a"].ratio, 1.0)

@@ -231,8 +231,8 @@ def test_the_figure_draws_every_share_and_its_interval(found: Comparison, medium
 def test_the_figure_of_power_draws_the_experiments_own_number_of_answers() -> None:
     power, margins = power_figure([17], 0.15, COLUMN).axes
     own = power.lines[0].get_ydata()
-    assert own[50] == pytest.approx(100 * float(difference_power(17, 0.75)))  # type: ignore[index] # an array
-    assert margins.lines[2].get_ydata()[0] == pytest.approx(100 * smallest_margin_ever(17))  # type: ignore[index]
+    assert own[50] == pytest.approx(100 * float(difference_power(17, 0.75)))
+    assert margins.lines[2].get_ydata()[0] == pytest.approx(100 * smallest_margin_ever(17))
 
 
 def test_every_number_of_the_figures_is_in_their_tables(published_like: Findings) -> None:

@@ -69,6 +69,7 @@ class TestHardCases:
         assert leaning.value is None
         assert row(rows, "model", "all", "ours chosen").value is not None
         shares = [s for s in rows if s.table in ("shares", "equivalence") or s.what == leaning.what]
+        assert {s.table for s in shares} >= {"shares", "equivalence"}
         assert all("cannot be told from a leaning" in s.flag for s in shares)
         assert "cannot be told" in row(rows, "model", "all", "ours chosen").flag
 

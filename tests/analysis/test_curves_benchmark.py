@@ -73,7 +73,7 @@ def test_what_a_user_gets_is_held_to_the_worst_of_all_videos(
     assert "2 of a, 1 of b" in verdicts[0].note
     share = "0.0%" if apart < 1e-3 else "8.3%"  # one of twelve
     assert f"median 1e-05, {share} above 0.001; {apart / 2:.2g} with every frame" in verdicts[1].note
-    assert all(verdict.met is None for verdict in video_definition.default_claims([]))
+    assert [verdict.met for verdict in video_definition.default_claims([])] == [None, None]
 
 
 def test_half_the_resolution_is_the_mean_of_four_pixels() -> None:
@@ -82,6 +82,26 @@ def test_half_the_resolution_is_the_mean_of_four_pixels() -> None:
         [frame[y : y + 2, x : x + 2].mean(axis=(0, 1)) for x in range(0, 8, 2)] for y in range(0, 6, 2)
     ]
     assert np.abs(frame_points._half(frame) - np.array(expected)).max() <= 0.5
+
+
+def test_long_ways_to_a_curve_have_few_turns_of_their_own_beside_the_usual_one() -> None:
+    asked = []
+
+    def way(name: str, long: bool = False) -> frame_points._Variant:
+        return frame_points._Variant(lambda: np.zeros(len(asked.append(name) or [])), long=long)
+
+    names = {frame_points.OURS: False, "half": False, frame_points.DOUBLE: True}
+    times = frame_points._times({name: way(name, long) for name, long in names.items()}, Pains())
+    assert [len(times[name].wall) for name in names] == [9, 9, 3]
+    assert asked == [frame_points.OURS, frame_points.DOUBLE] * (3 + 1) + [frame_points.OURS, "half"] * (9 + 1)
+
+
+def test_single_precision_says_how_far_from_double_it_is_and_nothing_else_does() -> None:
+    curves = {frame_points.DOUBLE: np.array([0.5, 0.0]), frame_points.OURS: np.array([0.75, 0.0])}
+    assert "; at most 0.2 from double" in frame_points._from_double(
+        frame_points.OURS, curves
+    )  # 0.25, rounded
+    assert frame_points._from_double(frame_points.DOUBLE, curves) == ""
 
 
 def test_the_memory_of_the_curves_is_that_of_their_arrays() -> None:
@@ -141,7 +161,7 @@ def test_memory_is_compared_apart_from_the_curves_in_every_way(
 
 def test_memory_that_the_system_does_not_tell_is_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory_claims, "peak_memory", lambda *_: None)
-    assert all(verdict.met is None for verdict in memory_claims.memory_claims(Pains()))
+    assert [verdict.met for verdict in memory_claims.memory_claims(Pains())] == [None] * 3
 
 
 def test_a_quick_run_says_which_memory_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,7 +95,7 @@ def test_the_three_estimates_of_each_level_stand_side_by_side(yes_no: Calibratio
     (table,) = section.tables
     assert len(table.rows) == 4
     luminance = [row[2] for row in table.rows]
-    assert luminance == sorted(luminance)  # type: ignore[type-var] # numbers all
+    assert luminance == sorted(luminance)
     lowest = min(yes_no.levels, key=lambda level: level.level.luminance)
     assert lowest.random is not None
     assert table.rows[0][3] == lowest.random.threshold

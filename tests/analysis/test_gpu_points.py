@@ -10,16 +10,20 @@ from analysis.benchmarks import gpu_clock, gpu_points
 from analysis.benchmarks.gpu_clock import copy_bandwidth, gpu_seconds
 from analysis.benchmarks.gpu_points import TARGETS, curve_points, online_points
 from analysis.benchmarks.measured import Pains
-from method.gpu_context import is_software
 
 QUICK = Pains(quick=True)
 SIZE = (96, 64)
 
 
+@pytest.fixture
+def shaders():
+    """A machine that has compute shaders."""
+    own_context()
+
+
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    """Frames of few pixels, on a machine that has compute shaders."""
-    own_context()
+    """Frames of few pixels."""
     monkeypatch.setattr(gpu_points, "QUICK_SIZE", SIZE)
     monkeypatch.setattr(gpu_points, "QUICK_SIZES", (SIZE,))
     for name in ("COPIED", "COPIED_BY_SOFTWARE"):
@@ -27,13 +31,13 @@ def small(monkeypatch):
     monkeypatch.setattr(gc, "collect", int)  # which takes a second beside so many tests
 
 
-def as_hardware(monkeypatch):
-    """Let the renderer pass for a graphics processor."""
+def pass_for(monkeypatch, software):
+    """Let the renderer, whatever it is, pass for software or for a graphics processor."""
     for module in (gpu_points, gpu_clock):
-        monkeypatch.setattr(module, "is_software", lambda _: False)
+        monkeypatch.setattr(module, "is_software", lambda _: software)
 
 
-def test_a_curve_has_a_point_with_the_bus_and_one_without():
+def test_a_curve_has_a_point_with_the_bus_and_one_without(shaders):
     whole, alone = curve_points(QUICK)
     assert (whole.task, whole.size) == ("one frame of 96 x 64", 96 * 64)
     assert "upload" in whole.approach
@@ -44,9 +48,8 @@ def test_a_curve_has_a_point_with_the_bus_and_one_without():
         assert own_context().renderer in point.note
 
 
-def test_software_meets_no_target_and_misses_none():
-    if not is_software(own_context().renderer):
-        pytest.skip("this machine has a graphics processor")
+def test_software_meets_no_target_and_misses_none(shaders, monkeypatch):
+    pass_for(monkeypatch, software=True)
     points, claims = online_points(QUICK)
     assert all(point.error <= 1e-3 for point in points)
     assert [claim.target for claim in claims] == list(TARGETS.values())
@@ -55,8 +58,8 @@ def test_software_meets_no_target_and_misses_none():
     )
 
 
-def test_hardware_is_held_to_the_targets_with_the_answer_waited_for(monkeypatch):
-    as_hardware(monkeypatch)
+def test_hardware_is_held_to_the_targets_with_the_answer_waited_for(shaders, monkeypatch):
+    pass_for(monkeypatch, software=False)
     monkeypatch.setattr(gpu_points, "TARGETS", {(1920, 1080): 2e-3, SIZE: 10.0})
     points, claims = online_points(QUICK)
     waited = next(p for p in points if p.approach == "GPU, from texture to factor")

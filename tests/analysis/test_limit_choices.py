@@ -82,7 +82,7 @@ def calibration(rate: Callable[[float], float], scatter: float = 0.0, people: in
     display = load_display("varjo-xr3")
     data = SimpleNamespace(display=display, participant_ids=[str(k) for k in range(people)], simulated=True)
     fit = fit_thresholds(thresholds, display, name="made")
-    return Calibration(data, (), {}, fit, None)  # type: ignore[arg-type] # only what is asked for
+    return Calibration(data, (), {}, fit, None)
 
 
 @pytest.fixture(scope="module")
@@ -253,9 +253,9 @@ def test_the_figure_draws_each_curve_and_each_track(
         choices, thresholds, compared, dataclasses.replace(medium, dots_per_inch=40.0)
     )
     ratios, tracks, gains = figure.axes
-    curves = [line for line in ratios.lines if len(line.get_xdata()) == 401]  # type: ignore[arg-type]
+    curves = [line for line in ratios.lines if len(line.get_xdata()) == 401]
     assert len(curves) == len(choices.choices)
-    drawn = [line.get_ydata() for line in tracks.lines if len(line.get_xdata()) == clip.n_frames]  # type: ignore[arg-type]
+    drawn = [line.get_ydata() for line in tracks.lines if len(line.get_xdata()) == clip.n_frames]
     for outcome in compared.outcomes:
         assert any(np.array_equal(np.asarray(line), outcome.factors) for line in drawn)
     widths = [bar.get_width() for bar in gains.patches]

@@ -267,7 +267,7 @@ def test_a_contrast_that_the_data_do_not_determine_says_so() -> None:
 )
 def test_data_that_make_no_sense_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        replace(HARD, **change)  # type: ignore[arg-type]
+        replace(HARD, **change)
 
 
 def test_a_contrast_of_no_effect_is_refused() -> None:

@@ -25,7 +25,7 @@ def test_peers_are_timed_in_turn_after_one_that_does_not_count_and_refusals_are_
 
     runs = {name: (lambda name=name: run(name), Role.PEER) for name in ("ours", "peer")}
     refused: dict[str, str] = {}
-    times, found = _timed({**runs, "absent": (missing, Role.PEER)}, 2, refused)  # type: ignore[arg-type]
+    times, found = _timed({**runs, "absent": (missing, Role.PEER)}, 2, refused)
     assert order == ["ours", "peer"] * 3
     assert len(times["peer"].wall) == 2
     np.testing.assert_array_equal(times["peer"].ratio, times["peer"].wall / times["ours"].wall)

@@ -74,7 +74,7 @@ def simulated(
 
 def request(**changes: object) -> PlanRequest:
     small = {"participants": (4, 16), "trials": (15, 60), "pool": 24, "draws": 40}
-    return PlanRequest({"made": DESIGN}, load_display("varjo-xr3"), **(small | changes))  # type: ignore[arg-type]
+    return PlanRequest({"made": DESIGN}, load_display("varjo-xr3"), **(small | changes))
 
 
 @pytest.fixture(scope="module")
@@ -291,9 +291,9 @@ def test_two_tasks_are_not_set_off_against_each_other(plan: Plan) -> None:
 def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: Plan, medium: Medium) -> None:
     figure = planning_figure(plan, dataclasses.replace(medium, dots_per_inch=40.0))
     panels = figure.axes[: len(plan.request.participants)]
-    drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}  # type: ignore[union-attr]
+    drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}
     assert drawn == {round(100 * row.half_width, 9) for row in plan.rows}
-    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)  # type: ignore[index] # of a line, an array
+    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)
     assert png_bytes(figure)[:4] == b"\x89PNG"
 
 

@@ -82,7 +82,7 @@ def summary(**changed: object) -> OptimizationSummary:
         "solver": "splitting", "iterations": 48, "calm": 0.02, "solve_s": 0.132,
         "curves_s": 5.76, "bound_s": 0.41, "seed": None, "versions": {}, "provenance": Provenance(),
     }  # fmt: skip
-    return OptimizationSummary(**{**given, **changed})  # type: ignore[arg-type] # names checked by the record
+    return OptimizationSummary(**{**given, **changed})
 
 
 @pytest.fixture(scope="module")

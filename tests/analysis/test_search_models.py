@@ -37,7 +37,7 @@ MARGIN = math.log(1.25)
 
 def table(seed: int = 1, **truth: float) -> SearchTable:
     settings = {"locations": 6, **truth}
-    return made_table(SearchTruth(**settings), np.random.default_rng(seed))  # type: ignore[arg-type]
+    return made_table(SearchTruth(**settings), np.random.default_rng(seed))
 
 
 @functools.cache

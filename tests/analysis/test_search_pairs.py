@@ -27,7 +27,7 @@ CELLS = [(one, other) for one in range(18) for other in range(18 - one)]  # of 1
 
 def table(seed: int = 1, **truth: float) -> SearchTable:
     settings = {"participants": 9, "locations": 6, "middle": 15.0, **truth}
-    return made_table(SearchTruth(**settings), np.random.default_rng(seed))  # type: ignore[arg-type]
+    return made_table(SearchTruth(**settings), np.random.default_rng(seed))
 
 
 def pairs_of(first: list[int], people: list[int], later: list[int]) -> Pairs:

@@ -22,7 +22,7 @@ NAMES = ("library", "gym", "living_room", "basement")
 Answer = tuple[str, str, bool, int]  # participant, sequence, ours chosen, interval of ours
 
 
-def data_of(answers: Sequence[Answer], sequences: tuple[str, ...] = NAMES, simulated: bool = True):  # type: ignore[no-untyped-def]
+def data_of(answers: Sequence[Answer], sequences: tuple[str, ...] = NAMES, simulated: bool = True):
     """A data set with these answers, one session for each participant."""
     design = ComparisonDesign(sequences=sequences)
     sessions = []

@@ -7,6 +7,7 @@ own connection to the screen, and what it wrote when it was killed.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import shutil
@@ -58,7 +59,8 @@ class Run:
     def send_signal(self, number: int) -> None:
         """Send it a signal, if it still runs: its id may be another's soon after."""
         if self._process.is_alive() and self._process.pid is not None:
-            os.kill(self._process.pid, number)
+            with contextlib.suppress(ProcessLookupError):  # it ended, and nobody has told yet
+                os.kill(self._process.pid, number)
 
     def communicate(self, timeout: float) -> tuple[str, str]:
         """Wait for its end, and return what it wrote on its two streams."""

@@ -31,7 +31,7 @@ def test_the_checks_of_make_check_pass(command: list[str]) -> None:
 
 def command_names() -> set[str]:
     group = typer.main.get_command(evenlight.app)
-    return set(group.commands)  # type: ignore[attr-defined] # a group, since there are several commands
+    return set(group.commands)
 
 
 def test_the_readme_lists_exactly_the_commands_there_are() -> None:

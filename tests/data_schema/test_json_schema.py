@@ -15,7 +15,8 @@ from data_schema.errors import InputError
 from data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
 from data_schema.loss_curves import LossCurves
 from data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
-from data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL, RecordKind
+from data_schema.record_kind import RecordKind
+from data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL
 from data_schema.schema_problems import schema_problems
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]

@@ -105,7 +105,7 @@ def test_a_display_is_one_that_could_be_built(changes: dict[str, float], words: 
 )
 def test_a_contrast_model_is_one_that_can_be_computed(changes: dict[str, float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        ContrastModel(**changes)  # type: ignore[arg-type] # only numbers are changed
+        ContrastModel(**changes)
 
 
 def limit(form: RateLimitForm, coefficients: tuple[float, ...], **changes: Any) -> RateLimit:
@@ -232,7 +232,7 @@ def test_the_columns_of_a_track_are_equally_long() -> None:
 def test_records_cannot_be_changed() -> None:
     display = Display("x", 100.0, 0.1, 2.2, 30.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
-        display.gamma = 2.4  # type: ignore[misc] # that it cannot be is the claim
+        display.gamma = 2.4  # that it cannot be is the claim
 
 
 def track(**changes: Any) -> BrightnessTrack:

@@ -187,7 +187,7 @@ def test_an_interruption_at_any_step_leaves_everything_as_it_was(
             at_the_step = len(done) == step + 3  # two folders are made while the results are written
             if at_the_step and when == "before":
                 raise KeyboardInterrupt
-            result = steps[name](path, *arguments, **options)  # type: ignore[operator] # either of two
+            result = steps[name](path, *arguments, **options)
             if at_the_step:
                 raise KeyboardInterrupt
             return result

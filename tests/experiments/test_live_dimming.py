@@ -51,6 +51,11 @@ class LateMeter:
         self._drawn += 1
         return self._luminance[min(self._drawn, len(self._luminance) - 1)]
 
+    def channel_means(self) -> np.ndarray:
+        """Gray, of a display with black at 0 and a peak of 104.4 cd/m^2."""
+        luminance = self._luminance[min(self._drawn, len(self._luminance) - 1)]
+        return np.full(3, luminance / 104.4)
+
     def begin(self, factor: float) -> bool:
         if self._answer is not None:
             return False

@@ -48,7 +48,10 @@ def test_the_luminance_of_a_picture_is_the_mean_of_all_its_pixels(size: tuple[in
         codes = some_codes(*size) if level is None else np.full((*size, 3), level, np.uint16)
         pictures = drawn(context, codes)
         expected = emitted_luminance(codes / (GRID_LEVELS - 1), HEADSET).mean()
-        assert PictureLuminance(context, pictures, HEADSET).mean() == pytest.approx(expected, rel=1e-5)
+        light = PictureLuminance(context, pictures, HEADSET)
+        assert light.mean() == pytest.approx(expected, rel=1e-5)
+        channels = ((codes / (GRID_LEVELS - 1)) ** HEADSET.gamma).mean(axis=(0, 1))
+        assert light.channel_means() == pytest.approx(channels, rel=1e-5)
 
     in_context(test)
 
@@ -75,6 +78,7 @@ def test_both_meters_say_the_loss_at_the_factor_asked_for(patient: bool) -> None
                 seen = meter.result()
             assert seen.loss == pytest.approx(expected, abs=1e-3)
             assert meter.mean_luminance() == light.mean()
+            assert (meter.channel_means() == light.channel_means()).all()
             meter.close()
 
     in_context(test)

@@ -60,7 +60,7 @@ def answered(
         practice=ramp.practice,
         flag=flag,
     )
-    return dataclasses.replace(trial, **changed)  # type: ignore[arg-type] # fields of mixed types
+    return dataclasses.replace(trial, **changed)
 
 
 def go_on(

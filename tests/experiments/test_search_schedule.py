@@ -135,7 +135,7 @@ class Track:
 def stacks(contrast: float, factor: float, actuator: Actuator = Actuator.PIXELS) -> tuple[SearchPoint, ...]:
     """The darkest keypoint of the library, on the headset."""
     design = SearchDesign(sequences=("library",), keypoints=("library/stacks",), ring_contrast=contrast)
-    return search_points(design, [Track("library", factor)], XR3, actuator)  # type: ignore[list-item]
+    return search_points(design, [Track("library", factor)], XR3, actuator)
 
 
 def darkest_around_the_stacks() -> float:

@@ -145,7 +145,7 @@ def test_unusable_options_are_named_and_nothing_is_written(
 ) -> None:
     options: dict[str, object] = {"task": "ramp", "out": tmp_path / "d", "participants": 1, "quiet": True}
     with pytest.raises(InputError, match=words):
-        simulate(**{**options, **changed})  # type: ignore[arg-type] # options of mixed types
+        simulate(**{**options, **changed})
     assert not (tmp_path / "d").exists()
 
 

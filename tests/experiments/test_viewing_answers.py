@@ -51,7 +51,7 @@ class Says:
 
 
 def key_of(answer: Any, keys: Keys) -> str:
-    return ViewingAnswers(Says(answer), keys).key(None, 0)  # type: ignore[arg-type]
+    return ViewingAnswers(Says(answer), keys).key(None, 0)
 
 
 def test_each_answer_has_the_key_that_the_rig_gives_it() -> None:
@@ -63,9 +63,9 @@ def test_each_answer_has_the_key_that_the_rig_gives_it() -> None:
 
 
 def test_a_ring_that_is_not_found_is_never_pressed_for() -> None:
-    answers = ViewingAnswers(Says(SearchAnswer(None, None)), Keys())  # type: ignore[arg-type]
+    answers = ViewingAnswers(Says(SearchAnswer(None, None)), Keys())
     assert answers.search_time(None, 0) is None
-    answers = ViewingAnswers(Says(SearchAnswer(4.5, 90)), Keys())  # type: ignore[arg-type]
+    answers = ViewingAnswers(Says(SearchAnswer(4.5, 90)), Keys())
     assert answers.search_time(None, 0) == 4.5
 
 

@@ -4,12 +4,13 @@ import dataclasses
 import math
 from collections.abc import Callable
 
+import clip_windows
 import numpy as np
 import pytest
+from clip_windows import LAB, RIG, Renderer, staged
 
-from data_schema.display import Display
 from data_schema.errors import InputError
-from data_schema.rig import Actuator, Rig
+from data_schema.rig import Actuator
 from experiments import window_stage
 from experiments.blind_stage import BlindStage
 from experiments.stage import PausePressed, RampInterval
@@ -17,51 +18,21 @@ from experiments.window_stage import WindowStage
 from hardware.backlights import SimulatedBacklight
 from hardware.clocks import RefreshClock
 from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.field_renderer import Field
 
-LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
-RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)
 FALL = RampInterval(80.0, 70.0, 1.0, adaptation=1.0, duration=5.0, hold=1.0, noise_seed=9)
 
 
-class Renderer:
-    """Notes the fields instead of drawing them."""
+class Window(clip_windows.Window):
+    """The same, for fields: larger, with something that may be done before each flip."""
 
-    drawn: list[tuple[Field, int, int]]
-
-    def __init__(self, *_: object) -> None:
-        type(self).drawn = []
-
-    def draw(self, framebuffer: object, field: Field, frame: int = 0, seed: int = 0) -> None:
-        self.drawn.append((field, frame, seed))
-
-
-class Window:
-    """A window whose flips take as many refreshes as a list says, then one each."""
-
-    def __init__(self, refresh_rate: float = 50.0, late: dict[int, int] | None = None) -> None:
-        self.clock, self.flips, self.late = RefreshClock(refresh_rate), 0, late or {}
-        self.before_flip: Callable[[], None] = lambda: None
+    before_flip: Callable[[], None] = staticmethod(lambda: None)
 
     def size(self) -> tuple[int, int]:
         return 400, 300
 
-    def bits(self) -> int:
-        return 8
-
-    def now(self) -> float:
-        return self.clock.now()
-
-    def context(self) -> None:
-        return None
-
-    def framebuffer(self) -> None:
-        return None
-
     def flip(self) -> float:
         self.before_flip()
-        self.flips += 1
-        return self.clock.advance(self.late.get(self.flips - 1, 1))
+        return super().flip()
 
     def read_codes(self, size: tuple[int, int] | None = None) -> np.ndarray:
         """Return the ground, rounded to a code, in every pixel."""
@@ -69,21 +40,10 @@ class Window:
         width, height = (min(a, b) for a, b in zip(size or self.size(), self.size(), strict=True))
         return np.full((height, width, 3), round(255 * math.sqrt(ground / 100)))
 
-    def apparatus(self) -> dict[str, str]:
-        return {"window": "none"}
-
-    def close(self) -> None:
-        pass
-
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch) -> None:
     monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
-
-
-def staged(window: Window, rig: Rig = RIG, backlight: SimulatedBacklight | None = None):
-    keyboard = SimulatedKeyboard(window.now)
-    return WindowStage(window, keyboard, rig, LAB, 20.0, backlight), keyboard
 
 
 def test_an_interval_is_7_s_of_frames_that_follow_the_ramp() -> None:

@@ -14,9 +14,11 @@ from data_schema.loss_curves import LossCurves
 from data_schema.power_model import PanelKind, PowerModel
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from method.choices import SolverName
-from method.control_curves import control_curves
+from method.control_curves import Governed, control_curves
 from method.controller import Controller, ControllerSettings
 from method.curve_lookup import factor_at_loss, loss_and_slope
+from method.frame_costs import frame_costs
+from method.governor import GovernorSettings, governor_of
 from method.lower_bound import lower_bound
 from method.modulation import largest_rate_ratio
 from method.objective import pairwise_spread, proximal_spread
@@ -186,6 +188,26 @@ def test_a_video_that_is_black_in_part_on_an_oled_panel(make_curves) -> None:
     with np.errstate(divide="ignore"):
         assert np.isinf(1 / weights[1:3]).all()  # what a step of the price would be divided by
     solved(problem)
+
+
+def test_a_night_before_the_day_on_an_oled_panel_online(make_curves) -> None:
+    """20 s of night, in which nothing can be used, and 80 s of day, which takes twice what is due."""
+    light = np.repeat([0.1, 52.2], [200, 800])
+    day, window = 1.7 * 52.2 / 104.4, 200
+    naive = np.zeros(1000)
+    for k, full in enumerate(day * light / 52.2):  # all that the last 20 s have left, at once
+        left = window * 0.5 * day - naive[max(k - window + 1, 0) : k].sum()
+        naive[k] = np.clip(left, 0.2 * full, full)
+    assert np.ptp(naive[-2 * window :]) > 0.75 * day  # flickers between 1 and the lowest factor, for ever
+    asked = GovernorSettings(OLED.base_power + 0.5 * day, BudgetUnit.WATT, 20.0)
+    curves = make_curves(np.full(1000, 0.2), luminance=light, frames_per_second=10.0)
+    controller = Controller(ControllerSettings(0.03), lambda _: 1e9)
+    governed = Governed(governor_of(controller, asked), frame_costs(curves, asked, OLED))
+    factors = control_curves(curves, controller, 0.5, None, governed).factors
+    used = factors * day * light / 52.2
+    assert np.convolve(used, np.ones(window) / window, "valid").max() < 0.6 * day
+    assert factors[window:].min() > 0.4
+    assert np.ptp(factors[-2 * window :]) < 0.02
 
 
 @pytest.mark.parametrize("luminance", [1e-300, 1e-6, 1e-4, 1e4, 1e6])

@@ -123,17 +123,19 @@ def test_the_published_quartic_far_outside_its_data() -> None:
         with np.errstate(under="ignore"):
             return float(np.exp(np.polyval(QUARTIC, luminance)))
 
-    assert naive(1.0) / 1.0 == pytest.approx(0.104, abs=5e-4)  # 10 %/s of the luminance; measured: 3 %/s
+    darkest, brightest = 8.8, 104.4  # cd/m^2, of what was measured
+    relative = naive(darkest) / darkest
+    assert naive(1.0) / 1.0 > 3 * relative  # a limit three times as generous where nobody was asked
     assert naive(120.0) < naive(105.0)
-    assert naive(150.0) / 150 == pytest.approx(0.0028, abs=5e-5)
+    assert naive(150.0) / 150 < relative / 10
     assert naive(1000.0) == 0.0
     ours = load_rate_limit("surace2025")
-    luminance = np.array([1e-6, 1.0, 8.8, 104.4, 120.0, 150.0, 1e4])
+    luminance = np.array([1e-6, 1.0, darkest, brightest, 120.0, 150.0, 1e4])
     rate = rate_limit_at(ours, luminance)
-    np.testing.assert_allclose(rate[:3] / luminance[:3], 0.030, atol=3e-4)  # 0.264 at 8.8 cd/m^2
-    np.testing.assert_allclose(rate[3:], 2.787, atol=1e-3)
+    np.testing.assert_allclose(rate[:3] / luminance[:3], relative, rtol=1e-5)
+    np.testing.assert_allclose(rate[3:], naive(brightest), rtol=1e-5)
     assert rate_limit_at(ours, [0.0, np.inf, 1e308]).tolist() == [0.0, rate[3], rate[3]]
-    inside = np.linspace(8.8, 104.4, 9)
+    inside = np.linspace(darkest, brightest, 9)
     np.testing.assert_allclose(rate_limit_at(ours, inside), [naive(L) for L in inside], rtol=1e-5)
 
 

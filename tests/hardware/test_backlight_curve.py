@@ -48,7 +48,7 @@ def test_a_curve_with_an_offset_is_met_between_its_levels() -> None:
     backlight = LinearizedBacklight(SimulatedBacklight(lambda: 0.0, steps=100_000), curve)
     for share in np.linspace(0.15, 1.0, 86):
         set_to: list[float] = []
-        backlight._inner._follow = set_to.append  # type: ignore[attr-defined]
+        backlight._inner._follow = set_to.append
         backlight.set_factor(share)
         assert (10 + 190 * set_to[0]) / 200 == pytest.approx(share, rel=2.5e-3)
 

@@ -22,9 +22,13 @@ ROOT = Path(__file__).parents[2]
 STAND_INS = Path(__file__).parent / "firmware"
 ROLLOVER = 2**32 * 1e-6  # [s]
 
-# 200 MB of compiler for one file of the documents are more than `make test` should install.
+# Without a compiler it is not tested that the sketch, which boards are flashed with, compiles and answers the
+# driver; the driver is tested everywhere, against an emulated board. 200 MB of compiler for one file of the
+# documents are more than `make test` should install.
 pytestmark = pytest.mark.skipif(
-    shutil.which("g++") is None, reason="the sketch needs a C++ compiler: on Debian, apt-get install g++"
+    shutil.which("g++") is None,
+    reason="no C++ compiler: that the firmware sketch compiles and answers the driver is not tested; to have "
+    "it tested, on Debian: apt-get install g++",
 )
 
 

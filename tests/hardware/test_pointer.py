@@ -33,4 +33,4 @@ def test_movements_are_heard_upwards_and_without_end_until_it_is_let_go(
 
 
 def test_a_window_that_is_none_of_the_computers_has_no_mouse() -> None:
-    assert open_pointer(object()) is None  # type: ignore[arg-type]
+    assert open_pointer(object()) is None

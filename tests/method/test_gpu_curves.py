@@ -176,6 +176,21 @@ def test_a_frame_gives_the_same_curve_whatever_came_before():
     assert (alone.visible_contrast, alone.mean_luminance) == (again.visible_contrast, again.mean_luminance)
 
 
+def test_analyses_that_share_their_programs_do_not_disturb_one_another():
+    """Other displays and sizes take the same programs, with values of their own before each run."""
+    oled = dataclasses.replace(HEADSET, name="oled", peak_luminance=600.0, black_level=0.0, gamma=2.6)
+    setups = (((72, 120), HEADSET), ((72, 120), oled), ((60, 80), HEADSET))
+    analyses = [on_gpu(*setup) for setup in setups]
+    frames = [frame_of(pictures(shape)["photograph"]) for shape, _ in setups]
+    for _ in range(2):
+        for analysis, frame, (_, display) in zip(analyses, frames, setups, strict=True):
+            np.testing.assert_allclose(analysis.of(frame).loss, defined(frame, display), atol=1e-3)
+    compiled = len(own_context().context.extra)
+    again = on_gpu((40, 60), oled)
+    again.of(frames[0][:40, :60])
+    assert len(own_context().context.extra) == compiled
+
+
 def test_the_dispatch_may_have_several_rows(monkeypatch):
     """As large frames need it: here three groups in a row, and some at the end that have nothing to do."""
     frame = frame_of(np.random.default_rng(1).random((70, 100)))

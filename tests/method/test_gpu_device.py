@@ -8,7 +8,7 @@ import pytest
 from compute_shaders import own_context
 from hard_pictures import frame_of
 
-from data_schema.contrast_model import ContrastModel, SensitivityModel
+from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from data_schema.display import Display
 from data_schema.errors import InputError
 from data_schema.frame import Frame
@@ -26,7 +26,7 @@ FACTORS = brightness_factors(0.2, 7)
 FRAME = frame_of(np.random.default_rng(0).random((16, 24)))
 
 
-def made(device, model=ContrastModel()):  # noqa: B008 # frozen
+def made(device, model=DEFAULT_MODEL):
     """The analysis on a device."""
     return make_frame_analysis((16, 24), LAB, model, FACTORS, device)
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from data_schema.contrast_model import (
+    DEFAULT_MODEL,
     BandFrequency,
     ContrastModel,
     MaskingNeighbourhood,
@@ -34,7 +35,7 @@ BRIGHT_ROOM = dataclasses.replace(HEADSET, reflected_luminance=2.0)
 FACTORS = brightness_factors(0.2, 7)
 
 
-def loss_error(frame, display, model=ContrastModel(), factors=FACTORS):  # noqa: B008 # frozen
+def loss_error(frame, display, model=DEFAULT_MODEL, factors=FACTORS):
     """Largest difference of the one-pass loss from the definition, over the factors."""
     shape = frame.shape[:2]
     emitted = emitted_luminance(frame, display, model.pixel_to_luminance)
@@ -148,7 +149,10 @@ def test_where_one_pass_does_not_hold_the_definition_is_used(reason, monkeypatch
     display, model = BRIGHT_ROOM, ContrastModel(sensitivity=SensitivityModel.AUTHORS)
     if reason == "a sensitivity that falls":
         model = ContrastModel()
-        falling = lambda f, L, *_: contrast_sensitivity(f, L) / (1 + L)  # noqa: E731 # a stand-in
+
+        def falling(f, L, *_):
+            return contrast_sensitivity(f, L) / (1 + L)
+
         monkeypatch.setattr(critical_factor, "contrast_sensitivity", falling)
     frame = frame_of(np.random.default_rng(0).random((16, 16)))
     analysis = FrameAnalysis((16, 16), display, model, FACTORS)

@@ -33,6 +33,7 @@ DESIGN = RampDesign(
     pause_duration=0.1,
     practice_trials=1,
     trials_between_breaks=2,
+    max_dropped_frames=1000,  # a busy machine drops some; what is flagged for it has tests of its own
 )  # a trial for practice, and four; a break in the middle
 ANSWERS = (("y", 0.3), ("y", 0.6), ("n", 0.3), ("n", 0.9), ("y", 0.4))  # key, and seconds until it is pressed
 PAUSE_AFTER = 4  # trials answered; then the pause key is pressed

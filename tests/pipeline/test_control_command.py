@@ -114,7 +114,9 @@ def test_a_budget_is_met_over_its_horizon(command, tmp_path: Path, walk: Path) -
     shares = track.power / summary["full_power_w"]  # of a backlight, whose full power is the same always
     windows = np.convolve(shares, np.ones(100) / 100, "valid")
     assert control["horizon_error"] == pytest.approx(np.abs(windows - 0.7).max(), rel=1e-6)
-    assert "over any 20 s off by" in said
+    assert control["horizon_excess"] == pytest.approx(max((windows - 0.7).max(), 0.0), rel=1e-6)
+    assert control["steered_horizon_s"] == pytest.approx(40.0)  # 200 frames of 0.2 s
+    assert f"over any 20 s off by {control['horizon_error']:.2g} at most, above it by" in said
     assert "the horizon of 20 s holds 100 frames, too few to steer by" in said
     checked = command("validate", tmp_path / "out")  # the budget is no promise
     assert checked.code == 0, checked.out

@@ -3,11 +3,14 @@
 import json
 
 import numpy as np
+import pytest
 from compute_shaders import own_context
 
 from data_schema.loss_curves import read_loss_curves
 
-CLIP = ("sunrise", "--fps", "0.5", "--budget", "0.5")
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+CLIP = ("sunrise", "--fps", "0.2", "--budget", "0.5")
 
 
 def test_the_graphics_processor_gives_the_curves_of_the_processor_and_is_named_in_the_results(

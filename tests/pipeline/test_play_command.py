@@ -248,7 +248,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         (("house", track, "--walk"), "--walk takes no TRACK, which is for videos"),
         (
             ("house", "--walk", "--out", "log"),
-            "--out keeps what a controller did: give --target-loss with it",
+            "--out keeps what a controller did: give --target-loss or --budget with it",
         ),
         (("house", "--walk", "--device", "cpu"), "--device is for walks that are dimmed online"),
         (("house", "--walk", "--target-loss", 2), "--target-loss must lie in 0 to 1, got 2"),

@@ -2,10 +2,19 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-SUNRISE = ("sunrise", "--fps", "0.5")
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 TRACK = {"contrast_map.png", "loss_curves.npz", "summary.json", "track.csv", "track.json", "track.png"}
+
+
+@pytest.fixture
+def film(tmp_path, make_video) -> Path:
+    path = tmp_path / "film.mkv"
+    make_video(path, 0.5 + 0.4 * np.sin(np.arange(12) / 3), (48, 32), 2.0)
+    return path
 
 
 def names(folder: Path) -> set[str]:
@@ -13,29 +22,29 @@ def names(folder: Path) -> set[str]:
 
 
 def test_nothing_of_an_earlier_track_stays_beside_a_new_one_and_what_is_not_ours_does(
-    command, tmp_path
+    command, film, tmp_path
 ) -> None:
     out = tmp_path / "out"
     more = ("--tune", "--sweep", "0.02:0.04:2")
-    assert command("control", *SUNRISE, "--target-loss", "0.03", *more, "--out", out).code == 0
+    assert command("control", film, "--target-loss", "0.03", *more, "--out", out).code == 0
     tuned = {"tuning.json", "tuning.png", "target_sweep.csv", "target_sweep.png"}
     assert names(out) == TRACK | {"control.json"} | tuned
     (out / "notes.txt").write_text("mine")
     curves = ("--curves", out / "loss_curves.npz")
-    assert command("control", *SUNRISE, "--target-loss", "0.03", *curves, "--out", out).code == 0
+    assert command("control", film, "--target-loss", "0.03", *curves, "--out", out).code == 0
     assert names(out) == TRACK | {"control.json", "notes.txt"}
-    assert command("optimize", *SUNRISE, "--budget", "0.5", *curves, "--out", out).code == 0
+    assert command("optimize", film, "--budget", "0.5", *curves, "--out", out).code == 0
     assert names(out) == TRACK | {"notes.txt"}
 
 
-def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, tmp_path) -> None:
+def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, tmp_path) -> None:
     out = tmp_path / "out"
-    assert command("optimize", *SUNRISE, "--budget", "0.5", "--with", "sunrise", "--out", out).code == 0
-    assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-sunrise", "02-sunrise"}
-    (out / "02-sunrise" / "notes.txt").write_text("mine")
-    assert command("optimize", *SUNRISE, "--budget", "0.5", "--out", out).code == 0
-    assert names(out) == TRACK | {"02-sunrise/notes.txt"}
-    assert not (out / "01-sunrise").exists()
+    assert command("optimize", film, "--budget", "0.5", "--with", film, "--out", out).code == 0
+    assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-film", "02-film"}
+    (out / "02-film" / "notes.txt").write_text("mine")
+    assert command("optimize", film, "--budget", "0.5", "--out", out).code == 0
+    assert names(out) == TRACK | {"02-film/notes.txt"}
+    assert not (out / "01-film").exists()
 
 
 @pytest.mark.parametrize(
@@ -57,6 +66,6 @@ def test_a_file_that_is_missing_is_told_before_the_video_is_read(command, tmp_pa
 
 @pytest.mark.parametrize("option", [("--horizon", "5"), ("--budget-unit", "watt")])
 def test_an_option_of_the_budget_without_a_budget_is_refused(command, tmp_path, option) -> None:
-    refused = command("control", *SUNRISE, "--target-loss", "0.03", *option, "--out", tmp_path / "out")
+    refused = command("control", "sunrise", "--target-loss", "0.03", *option, "--out", tmp_path / "out")
     assert refused.code == 2
     assert "are for --budget" in refused.err

@@ -28,7 +28,7 @@ DESIGNS: dict[str, Any] = {
     "comparison": ComparisonDesign(
         NAMES, repetitions=2, adaptation_duration=0.1, practice_trials=1, practice_duration=0.5
     ),
-    # 60 arcmin are 3 pixels on the coarse display of the test; rings so black are found in time, two of six.
+    # 60 arcmin are 3 pixels on the coarse display of the test; rings so black are found in time, some of six.
     "search": SearchDesign(
         ("library",), KEYPOINTS, ring_gap=60.0, ring_contrast=-0.9, time_limit=1.5, adaptation_duration=0.1,
         practice_trials=1, trials_between_breaks=4,
@@ -53,7 +53,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plain: Rig = load_rig("simulated")[0]
     # Pages need room for their text; the videos are smaller than the window.
     small = dataclasses.replace(
-        plain, display="coarse.display.toml", window_size=(480, 300), full_screen=False, refresh_rate=30.0
+        plain, display="coarse.display.toml", window_size=(480, 300), full_screen=False, refresh_rate=20.0
     )
     write_toml_record(folder / "small.rig.toml", small)
     return folder / "small.rig.toml"

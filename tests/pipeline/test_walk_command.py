@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
+from data_schema.brightness_track import BudgetUnit
 from data_schema.live_control import LiveControl, LiveRefresh
 from data_schema.text_files import read_json_record, read_rows
 from stimuli.scenes.camera_path import path_named
@@ -36,12 +37,19 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
 
     simulated = ("--walk", "--simulate", "--seconds", "1", "--size", "64x36")
     controlled = ("--target-loss", "0.5", "--factor", "0.7", "--out", log)
+    controlled += ("--budget", "0.5", "--budget-unit", "power", "--horizon", "0.5")
     said = evenlight_does("play", "house", *simulated, "--record", way, *controlled)
     assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; contrast loss .*; the way is in", said)
     rows = read_rows(LiveRefresh, log / "live_control.csv")
     kept = read_json_record(LiveControl, log / "live_control.json")
     assert (kept.scene, kept.simulated, kept.target_loss) == ("house", True, 0.5)
     assert (kept.proportional, kept.limit_curve) == (0.2, "fitted")
+    assert (kept.budget, kept.budget_unit, kept.horizon) == (0.5, BudgetUnit.POWER, 0.5)
+    # In a second it falls by some 2 % of full power: the first half of it is the most above half of that.
+    share = rows[0].power / rows[0].full_power
+    assert 0.2 < share - 0.5 - 0.02 < kept.horizon_excess == kept.horizon_error < share - 0.5
+    assert all(row.full_power == rows[0].full_power for row in rows)
+    assert kept.power_model == "surace2025"
     assert kept.mean_factor == pytest.approx(np.mean([row.factor for row in rows]))
     assert len(rows) in (61, 62)
     assert [row.measured_refresh for row in rows[1:]] == list(range(len(rows) - 1))

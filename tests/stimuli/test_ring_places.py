@@ -104,7 +104,7 @@ class Lit:
 
 
 def chosen(room: Scene, rules: PlaceRules = RULES, seed: int = 3) -> tuple[RingPlace, RingPlace, RingPlace]:
-    return choose_places(room, Lit(), EYE, rules, np.random.default_rng(seed))  # type: ignore[arg-type]
+    return choose_places(room, Lit(), EYE, rules, np.random.default_rng(seed))
 
 
 def angle_between(first: RingPlace, second: RingPlace) -> float:
@@ -139,7 +139,7 @@ def test_the_place_for_practice_suits_a_ring_of_twice_the_size(room) -> None:
             return around if ring.gap < 20 else dataclasses.replace(around, variation=0.9)
 
     with pytest.raises(InputError, match=r"suit a ring of 10 arcmin, 0 of them one of 20; .* 12 from both"):
-        choose_places(room, UnevenForLarge(), EYE, RULES, np.random.default_rng(3))  # type: ignore[arg-type]
+        choose_places(room, UnevenForLarge(), EYE, RULES, np.random.default_rng(3))
 
 
 def test_the_same_seed_gives_the_same_places_and_another_one_others(room) -> None:

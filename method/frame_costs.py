@@ -1,0 +1,126 @@
+"""What each frame uses of a power budget, and what it may use, told as the frames come.
+
+Where power does not depend on content every frame may use the same. Of an OLED panel with a budget in watts
+the content decides at which factor the budget is met: see docs/decisions/budget-governor.md.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from data_schema.brightness_track import BudgetUnit
+from data_schema.loss_curves import LossCurves
+from data_schema.power_model import PowerModel
+from method.governor import Excess, GovernorSettings, time_constant
+from method.power import power_per_factor
+
+LATE = 3.0  # times T: over so long content counts where it has become brighter
+LEAST_SCALE = 0.01  # of what white uses: less is not told from black
+
+
+class FrameCost(NamedTuple):
+    """What a frame uses and may use, in the budget's unit; nothing in it is of frames to come.
+
+    Attributes
+    ----------
+    per_factor : float
+        What it uses is this times b.
+    allowance : float
+        What a frame of its content may use: what counts at once.
+    due : float
+        What the budget grants to any frame: what counts over the horizon. The same, but for an OLED panel
+        with a budget in watts: there bright frames take what dark ones leave.
+    scale : float
+        g, what a factor of 1 uses, above 0: by it an excess becomes a change of the factor.
+    """
+
+    per_factor: float
+    allowance: float
+    due: float
+    scale: float
+
+    def excess(self, factor: float) -> Excess:
+        """Return what the frame uses too much at a factor."""
+        used = self.per_factor * factor
+        in_reach = self.allowance < self.per_factor
+        return Excess(used - self.allowance, used - self.due, self.scale, in_reach)
+
+
+class ContentCosts:
+    """Reckons the costs of frames, one after the other.
+
+    A budget in watts allows each frame the factor at which the content so far would meet it, but no more
+    than 1: what it takes on average over the horizon, or of late (3 T of the governor) where that is more.
+    By the horizon alone a day that comes after a night would shine for most of a horizon before it counts.
+    An OLED's share of full power is that of the same content.
+
+    Parameters
+    ----------
+    settings : GovernorSettings
+        The budget.
+    model : PowerModel
+        Of the panel.
+    """
+
+    def __init__(self, settings: GovernorSettings, model: PowerModel) -> None:
+        self._settings, self._base = settings, model.base_power
+        self._least_scale = LEAST_SCALE * float(power_per_factor(model, np.ones((1, 3)))[0])
+        self._over_horizon, self._of_late = _MeanSoFar(), _MeanSoFar()
+
+    def of(self, slope: float, duration: float) -> FrameCost:
+        """Return the costs of the next frame.
+
+        Parameters
+        ----------
+        slope : float
+            `power_per_factor` of it [W].
+        duration : float
+            How long it is shown [s].
+        """
+        unit, budget, horizon = self._settings.budget_unit, self._settings.budget, self._settings.horizon
+        if unit is BudgetUnit.FACTOR:
+            return FrameCost(1.0, budget, budget, 1.0)
+        constant = time_constant(horizon, duration)
+        mean = max(
+            self._over_horizon.with_next(slope, duration, horizon),
+            self._of_late.with_next(slope, duration, LATE * constant),
+        )
+        # With the last of them the answer to a frame never leads beyond the factor at which it is allowed.
+        scale = max(mean, self._least_scale, slope * duration / constant)
+        if unit is BudgetUnit.POWER:
+            allowed = budget * (self._base + slope) - self._base
+            return FrameCost(slope, allowed, allowed, scale)
+        due = budget - self._base
+        return FrameCost(slope, slope * due / mean if mean > due else slope, due, scale)
+
+
+class _MeanSoFar:
+    """The mean over what came so far, of older than some time ever less."""
+
+    def __init__(self) -> None:
+        self._mean = self._passed = 0.0
+
+    def with_next(self, value: float, duration: float, over: float) -> float:
+        """Return the mean with one more value, over some time [s]."""
+        self._passed = min(self._passed + duration, max(over, duration))
+        self._mean += (value - self._mean) * duration / self._passed
+        return self._mean
+
+
+def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel) -> list[FrameCost]:
+    """Return what the N frames of a video use and may use.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        Of the video.
+    settings : GovernorSettings
+        The budget.
+    model : PowerModel
+        Of the panel.
+    """
+    costs, slopes = ContentCosts(settings, model), power_per_factor(model, curves.channel_means)
+    frames = zip(slopes.tolist(), curves.durations.tolist(), strict=True)
+    return [costs.of(slope, duration) for slope, duration in frames]
