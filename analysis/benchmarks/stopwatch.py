@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,13 +51,25 @@ def timed_in_turn(approaches: Mapping[str, Callable[[], object]], repeats: int) 
     """
     wall = np.empty((repeats, len(approaches)))
     processor = np.empty_like(wall)
-    for turn in range(-1, repeats):
-        for k, run in enumerate(approaches.values()):
-            gc.collect()
-            began, used = time.perf_counter(), time.process_time()
-            run()
-            if turn >= 0:
-                wall[turn, k] = time.perf_counter() - began
-                processor[turn, k] = time.process_time() - used
+    with _without_the_garbage_of_others():
+        for turn in range(-1, repeats):
+            for k, run in enumerate(approaches.values()):
+                gc.collect()
+                began, used = time.perf_counter(), time.process_time()
+                run()
+                if turn >= 0:
+                    wall[turn, k] = time.perf_counter() - began
+                    processor[turn, k] = time.process_time() - used
     ratio = wall / wall[:, :1]
     return {name: Times(wall[:, k], processor[:, k], ratio[:, k]) for k, name in enumerate(approaches)}
+
+
+@contextmanager
+def _without_the_garbage_of_others() -> Iterator[None]:
+    """Let the search for garbage pass over all that was there before: its time grows with their number."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
