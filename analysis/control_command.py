@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from data_schema.control import TargetRow
 
 MOST_TARGETS = 200
-HORIZON = 60.0  # [s] if none is given
 CURVES_TOLERANCE = 0.001  # of given loss curves: the default of `optimize`
 
 
@@ -96,7 +95,7 @@ def control(
     from analysis.tracks.optimization import Work
     from data_schema.files import results_folder
     from method.controller import ControllerSettings
-    from method.governor import GovernorSettings
+    from method.governor import HORIZON, HORIZONS, GovernorSettings
     from method.optimize import Request, require_possible
     from method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit_for
     from method.thrift import Thrift
@@ -108,6 +107,8 @@ def control(
     for name, value in (("--target-loss", target_loss), ("--start-factor", start_factor)):
         if value is not None:
             require_between(name, value, (0.0 if name == "--target-loss" else min_factor, 1.0))
+    if curves is not None and (jobs != 1 or device is not Device.CPU):
+        raise InputError("--jobs and --device are for computing loss curves, which --curves gives")
     for name, gain in (
         ("--proportional", proportional), ("--integral", integral), ("--derivative", derivative),
         ("--gain-rate", gain_rate),
@@ -116,7 +117,7 @@ def control(
     if budget is None and (horizon is not None or budget_unit is not None):
         raise InputError("--horizon and --budget-unit are for --budget, which is not given")
     unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
-    require_between("--horizon", seconds, (0.1, 1e6))
+    require_between("--horizon", seconds, HORIZONS)
     panel = load_display(display)
     limit = load_rate_limit_for(panel, rate_limit, other_display_ok)
     power = load_power_model(power_model)
@@ -191,19 +192,19 @@ def _tell(done: Controlled, rows: list[TargetRow], out: Path) -> None:
     """Say how steady the loss was, and what it cost, in a few lines."""
     control, summary, spread = done.control, done.summary, done.spread
     ratio = "" if spread.ratio is None else f", {spread.ratio:.2f} times as much"
+    saved = f", {summary.mean_power / summary.full_power:.1%} of full power" if summary.full_power else ""
     typer.echo(
         f"{control.video}: {summary.frames} frames, contrast loss {control.mean_loss:.4g} on average, target "
         f"{_target(done)}\n"
         f"its SD over time is {control.sd_loss:.4g}, {control.sd_loss_constant:.4g} at constant dimming by "
         f"the same mean factor{ratio}\n"
-        f"mean factor {control.mean_factor:.4g}, {control.mean_power:.4g} W, "
-        f"{summary.mean_power / summary.full_power:.1%} of full power; "
+        f"mean factor {control.mean_factor:.4g}, {control.mean_power:.4g} W{saved}; "
         f"{control.share_limited:.1%} of the time at the rate limit {summary.rate_limit!r} or a bound"
     )
     if control.budget is not None and control.budget_unit is not None and control.horizon is not None:
         typer.echo(_budget_words(done))
-    if done.warning is not None:
-        typer.echo(f"warning: {done.warning}")
+    for warning in done.warnings:
+        typer.echo(f"warning: {warning}")
     if done.tuning is not None:
         before, after = done.tuning.before, done.tuning.after
         typer.echo(

@@ -39,6 +39,9 @@ class LiveRefresh:
         c_r, the contrast loss that was to be held; a budget moves it. None where the first loss is to set it.
     power, full_power : float or None
         Of the panel with this picture, at its factor and at 1 [W]; None without a budget in power or watt.
+    budget_held : bool or None
+        Whether, at the last answer, a bound kept the factor from where the budget would have it; None without
+        a budget.
     """
 
     refresh: int = quantity("1", "number of the refresh, from 0 on", minimum=0)
@@ -63,6 +66,7 @@ class LiveRefresh:
     )
     power: float | None = quantity("W", "power by the model", minimum=0.0, default=None)
     full_power: float | None = quantity("W", "the same at factor 1", minimum=0.0, default=None)
+    budget_held: bool | None = described("whether a bound kept the factor from the budget", default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -91,7 +95,7 @@ class LiveControl:
     measured_by : str
         What measured the loss.
     mean_loss, mean_factor : float or None
-        Over the refreshes whose loss was known; over all. None without any.
+        Over the time in which a loss was known; over all. None without any.
     provenance : Provenance
         Software, and the SHA-256 of display and rate limit.
     budget, budget_unit, horizon : float, BudgetUnit, float
@@ -105,6 +109,15 @@ class LiveControl:
         that are above it, 0 if none is. None for a walk that is shorter.
     final_target_loss : float or None
         Where the target ended.
+    steered_horizon : float or None
+        That the governor steered by, with the median time between two answers [s]; longer than the one asked
+        for where that holds fewer than 200 answers. None where there were no two.
+    achieved : float or None
+        The mean over time, in the budget's unit; None without a budget.
+    share_budget_held : float or None
+        Share of the time in which a bound kept the factor from where the budget would have it.
+    max_rate_ratio : float or None
+        Largest ratio of a rate to its limit; None without two refreshes, or where it is infinite.
     """
 
     scene: str = described("scene that was walked in")
@@ -122,8 +135,8 @@ class LiveControl:
     rate_limit: str = described("name of the rate limit")
     limit_curve: str = described("fitted, or safe: the lower edge of its band")
     measured_by: str = described("what measured the loss")
-    mean_loss: float | None = quantity("1", "mean of the losses known", minimum=0.0, maximum=1.0)
-    mean_factor: float | None = quantity("1", "mean of the factor", minimum=0.0, maximum=1.0)
+    mean_loss: float | None = quantity("1", "mean over time of the losses known", minimum=0.0, maximum=1.0)
+    mean_factor: float | None = quantity("1", "mean of the factor over time", minimum=0.0, maximum=1.0)
     provenance: Provenance = described("how the files were made")
     budget: float | None = quantity("1", "the governor's budget, in its unit", above=0.0, default=None)
     budget_unit: BudgetUnit | None = described("unit of the budget", default=None)
@@ -138,6 +151,20 @@ class LiveControl:
     )
     final_target_loss: float | None = quantity(
         "1", "contrast loss to hold, at the end", minimum=0.0, maximum=1.0, default=None
+    )
+    steered_horizon: float | None = quantity(
+        "s", "horizon that the governor steered by", above=0.0, default=None
+    )
+    achieved: float | None = quantity("1", "mean over time, in the budget's unit", minimum=0.0, default=None)
+    share_budget_held: float | None = quantity(
+        "1",
+        "share of the time in which a bound kept it from the budget",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    max_rate_ratio: float | None = quantity(
+        "1", "largest ratio of a rate to its limit", minimum=0.0, default=None
     )
 
     def __post_init__(self) -> None:

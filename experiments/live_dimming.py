@@ -146,7 +146,9 @@ class LiveDimmer:
             passed = now.flip_time - self._shown.flip_time
             governor.take(PictureUse(self._shown.factor, self._shown.slope, passed))
         used, full = (governor.power_at(factor, now.slope) for factor in (now.factor, 1.0))
-        return replace(row, target_loss=governor.target, power=used, full_power=full)
+        return replace(
+            row, target_loss=governor.target, power=used, full_power=full, budget_held=governor.held
+        )
 
     def _answer(self, loss: float, now: float) -> None:
         """Set out for the factor that the controller wants by the time of its next answer."""

@@ -6,6 +6,7 @@ answer of the controller, by what the refreshes since the last one used too much
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from data_schema.brightness_track import BudgetUnit
 from data_schema.power_model import PowerModel
 from method.controller import Aim, Controller, ControllerState
-from method.frame_costs import ContentCosts
-from method.governor import Excess, GovernorSettings, GovernorState, governor_of
+from method.frame_costs import ContentCosts, FrameCost, first_factor
+from method.governor import Excess, GovernorSettings, GovernorState, governor_of, time_constant
 from method.power import power_per_factor
 
 Array = NDArray[np.float64]
@@ -48,6 +49,15 @@ class PictureUse:
     seconds: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """A picture that no answer has counted yet: seconds shown, its costs, what it used too much."""
+
+    seconds: float
+    cost: FrameCost
+    excess: Excess
+
+
 class LiveGovernor:
     """Moves the target of a live controller so that a budget is met over its horizon.
 
@@ -64,6 +74,8 @@ class LiveGovernor:
     ----------
     target : float or None
         Where it is now; None before the first.
+    held : bool
+        Whether a bound kept the factor from where the budget would have it, at the last answer.
     """
 
     def __init__(self, budget: LiveBudget, controller: Controller, target: float | None) -> None:
@@ -71,9 +83,8 @@ class LiveGovernor:
         self._governor = governor_of(controller, budget.settings)
         self._costs = ContentCosts(budget.settings, budget.model)
         self._state: GovernorState | None = None
-        self._since: list[tuple[float, Excess]] = []
-        self._aim: Aim | None = None
-        self.target = target
+        self._since: list[_Taken] = []
+        self.target, self.held = target, False
 
     def slope_of(self, channel_means: Array) -> float:
         """Return what a factor of 1 adds to the power of a picture [W]."""
@@ -86,9 +97,8 @@ class LiveGovernor:
 
     def first_factor(self, slope: float) -> float:
         """Return the factor at which the first picture meets the budget, within the bounds."""
-        cost = ContentCosts(self._budget.settings, self._budget.model).of(slope, 1.0)
-        wanted = cost.allowance / cost.per_factor if cost.per_factor > 0 else 1.0
-        return min(max(wanted, self._bounds.lowest_factor), self._bounds.highest_factor)
+        bounds = self._bounds.lowest_factor, self._bounds.highest_factor
+        return first_factor(self._budget.settings, self._budget.model, slope, bounds)
 
     def begin(self, factor: float, loss: float) -> float:
         """Return the target to begin with, at the first loss that is measured."""
@@ -99,7 +109,8 @@ class LiveGovernor:
     def take(self, use: PictureUse) -> None:
         """Take note of a picture that was shown."""
         if use.seconds > 0:
-            self._since.append((use.seconds, self._costs.of(use.slope, use.seconds).excess(use.factor)))
+            cost = self._costs.of(use.slope, use.seconds)
+            self._since.append(_Taken(use.seconds, cost, cost.excess(use.factor)))
 
     def aim(self, answer: ControllerState, factor: float, loss: float) -> Aim | None:
         """Return where the controller is to aim with its next answer.
@@ -113,14 +124,29 @@ class LiveGovernor:
         loss : float
             Measured since.
         """
-        if self._state is None or not self._since:
-            return self._aim
-        seconds = sum(passed for passed, _ in self._since)
-        at_once, over_horizon = (
-            sum(passed * excess[part] for passed, excess in self._since) / seconds for part in (0, 1)
-        )
-        excess = self._since[-1][1]._replace(at_once=at_once, over_horizon=over_horizon)
+        if self._state is None or self.target is None:
+            return None
+        if not self._since:
+            return Aim(self.target, 0.0)  # of two answers at one time the second has nothing to count
+        seconds = sum(taken.seconds for taken in self._since)
         shown = ControllerState(factor, 0.0, 0.0, answer.luminance, seconds, answer.limited)
-        self._state, self._aim = self._governor.step(self._state, shown, loss, excess)
-        self._since, self.target = [], self._state.target_loss
-        return self._aim
+        self._state, aim = self._governor.step(self._state, shown, loss, self._excess(seconds))
+        self._since, self.target, self.held = [], self._state.target_loss, self._state.held
+        return aim
+
+    def _excess(self, seconds: float) -> Excess:
+        """Return what the pictures since the last answer used too much on average, over `seconds` in all."""
+
+        def mean(of_each: Iterable[float]) -> float:
+            return sum(one.seconds * part for one, part in zip(self._since, of_each, strict=True)) / seconds
+
+        last = self._since[-1].excess
+        # As for one picture in `ContentCosts`: the answer to what all of them used at once never leads beyond
+        # the factor at which they would be allowed.
+        share = seconds / time_constant(self._budget.settings.horizon, seconds)
+        return Excess(
+            at_once=mean(one.excess.at_once for one in self._since),
+            over_horizon=mean(one.excess.over_horizon for one in self._since),
+            scale=max(last.scale, mean(one.cost.per_factor for one in self._since) * share),
+            in_reach=last.in_reach,
+        )

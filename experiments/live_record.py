@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +18,9 @@ from data_schema.text_files import read_json_record, write_json_record, write_ro
 from experiments.live_governor import LiveBudget
 from method.choices import LimitCurve
 from method.controller import ControllerSettings
+from method.governor import horizon_warning, steered_horizon
 from method.horizon_errors import HorizonErrors, horizon_errors
+from method.modulation import largest_rate_ratio
 
 LOG, RECORD = "live_control.csv", "live_control.json"
 
@@ -59,7 +62,6 @@ def live_control(
         Whether nobody sat at the keys.
     """
     (rate_limit, curve), (scene, display, measured_by) = limit, seen
-    losses = [row.contrast_loss for row in rows if row.contrast_loss is not None]
     inputs = {"display": sha256_of_record(display), "rate_limit": sha256_of_record(rate_limit)}
     return LiveControl(
         scene=scene,
@@ -75,10 +77,39 @@ def live_control(
         rate_limit=rate_limit.name,
         limit_curve=curve.value,
         measured_by=measured_by,
-        mean_loss=sum(losses) / len(losses) if losses else None,
-        mean_factor=sum(row.factor for row in rows) / len(rows) if rows else None,
+        mean_loss=over_time(rows, [row.contrast_loss for row in rows]),
+        mean_factor=over_time(rows, [row.factor for row in rows]),
+        max_rate_ratio=_rate_ratio(rows),
         provenance=provenance_now(inputs=inputs),
     )
+
+
+def over_time(rows: list[LiveRefresh], values: Sequence[float | None]) -> float | None:
+    """Return the mean over time of what each refresh has, where it is known; None if it never is.
+
+    A picture counts until the next one appears. Where only the last one has a value, that is the mean.
+    """
+    seconds = [*np.diff([row.flip_time for row in rows]).tolist(), 0.0]
+    known = [
+        (value, passed)
+        for value, passed in zip(values, seconds[: len(rows)], strict=True)
+        if value is not None
+    ]
+    if not known:
+        return None
+    value, passed = np.array(known).T
+    whole = passed.sum()
+    mean = value @ passed / whole if whole > 0 else value.mean()
+    return float(np.clip(mean, value.min(), value.max()))  # beyond them it is by rounding
+
+
+def _rate_ratio(rows: list[LiveRefresh]) -> float | None:
+    """Return the largest ratio of a rate to its limit, if there is a finite one."""
+    steps = [(row.rate, row.rate_limit) for row in rows if row.rate is not None]
+    if not steps:
+        return None
+    ratio = largest_rate_ratio(*np.array(steps, dtype=float).T)
+    return ratio if np.isfinite(ratio) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,15 +118,15 @@ class BudgetMet:
 
     Attributes
     ----------
-    achieved : float
-        The mean over time, in the budget's unit.
+    achieved : float or None
+        The mean over time, in the budget's unit; None for a share of a panel that took no power at all.
     mean_power : float or None
         [W]; None for a budget in factors.
     errors : HorizonErrors or None
         Over whole horizons; None for a walk that is shorter.
     """
 
-    achieved: float
+    achieved: float | None
     mean_power: float | None
     errors: HorizonErrors | None
 
@@ -115,17 +146,31 @@ def how_met(budget: LiveBudget, rows: list[LiveRefresh]) -> BudgetMet | None:
     if asked.budget_unit is BudgetUnit.POWER:
         whole = np.array([row.full_power for row in shown], dtype=float)
     return BudgetMet(
-        achieved=float(used @ durations / (whole @ durations)),
+        achieved=float(used @ durations / (whole @ durations)) if whole @ durations > 0 else None,
         mean_power=None if in_factors else float(used @ durations / durations.sum()),
         errors=horizon_errors(used, whole, durations, (asked.budget, asked.horizon)),
     )
+
+
+def between_answers(rows: list[LiveRefresh]) -> float | None:
+    """Return the median time from one answer of the controller to the next [s], if there are two."""
+    measured = [(row.measured_refresh, row.flip_time) for row in rows if row.measured_refresh is not None]
+    times = [time for k, (refresh, time) in enumerate(measured) if k == 0 or refresh != measured[k - 1][0]]
+    median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return median if median > 0 else None
+
+
+def said_of_horizon(budget: LiveBudget, rows: list[LiveRefresh]) -> str | None:
+    """Return what is to be said of a horizon that held too few answers to steer by; None if it is fine."""
+    passed = between_answers(rows)
+    return None if passed is None else horizon_warning(budget.settings, passed, "answers")
 
 
 def with_budget(record: LiveControl, budget: LiveBudget, rows: list[LiveRefresh]) -> LiveControl:
     """Return the record of a walk with what a governor was to do, and how near it came."""
     asked, met = budget.settings, how_met(budget, rows)
     targets = [row.target_loss for row in rows if row.target_loss is not None]
-    errors = None if met is None else met.errors
+    errors, passed = None if met is None else met.errors, between_answers(rows)
     return replace(
         record,
         target_loss=targets[0] if targets else None,
@@ -137,6 +182,11 @@ def with_budget(record: LiveControl, budget: LiveBudget, rows: list[LiveRefresh]
         mean_power=None if met is None else met.mean_power,
         horizon_error=None if errors is None else errors.either_way,
         horizon_excess=None if errors is None else errors.above,
+        steered_horizon=None if passed is None else steered_horizon(asked, passed),
+        achieved=None if met is None else met.achieved,
+        share_budget_held=over_time(
+            rows, [None if row.budget_held is None else float(row.budget_held) for row in rows]
+        ),
     )
 
 

@@ -53,6 +53,11 @@ class Walked:
     frames_dropped: int
     way: tuple[tuple[float, Walker], ...]
 
+    @property
+    def went(self) -> bool:
+        """Whether time passed, so that there is a way."""
+        return bool(self.way) and self.way[-1][0] > 0
+
 
 def moved(
     walker: Walker, held: frozenset[str], mouse: tuple[float, float], seconds: float, scene: Scene
@@ -134,11 +139,18 @@ class Walk:
         self._renderer = ImageRenderer(window.context(), display, window.bits(), rig.dither)
         self._black = display.black_level + display.reflected_luminance
         self._screenshots = Screenshots(screenshots)
+        self._refreshes, self._way = Refreshes(rig.refresh_rate), list[tuple[float, Walker]]()
+
+    @property
+    def walked(self) -> Walked:
+        """How it went so far, whatever ended it."""
+        if not self._way:
+            return Walked((), 0, ())
+        return Walked(self._refreshes.times(), self._refreshes.dropped(), tuple(self._way))
 
     def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> Walked:
         """Walk until the pause key is pressed, or for some time [s]."""
-        walker, refreshes = start_in(self._scene), Refreshes(self._devices.rig.refresh_rate)
-        way: list[tuple[float, Walker]] = []
+        walker, refreshes, way = start_in(self._scene), self._refreshes, self._way
         pause = self._devices.rig.keys.pause
         last = onset = None
         while not any(press.name == pause for press in self._devices.keyboard.pressed()):
@@ -153,7 +165,7 @@ class Walk:
             step = 0.0 if last is None else min(flip - last, LONGEST_STEP)
             mouse = (0.0, 0.0) if pointer is None else pointer.moved()
             walker, last = moved(walker, held.held(), mouse, step, self._scene), flip
-        return Walked(refreshes.times(), refreshes.dropped(), tuple(way))
+        return self.walked
 
     def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
         """Show what a walker sees, and return when [s]."""

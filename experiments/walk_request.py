@@ -1,7 +1,8 @@
-"""What `evenlight play SCENE --walk` is asked for, and what it says afterwards."""
+"""What `evenlight play SCENE --walk` is asked for, and what comes of it."""
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,16 +16,17 @@ from data_schema.rate_limit import RateLimit
 from data_schema.rig import Rig
 from experiments.live_dimming import LiveDimmer
 from experiments.live_governor import LiveBudget, LiveGovernor
-from experiments.live_record import LOG, how_met, live_control, settings_of, with_budget, write_live
+from experiments.live_record import LOG, live_control, settings_of, with_budget, write_live
 from experiments.loss_meters import open_meter
 from experiments.play_request import rig_of
 from experiments.playback import open_devices
 from experiments.walk import Walk, Walked, write_path
+from experiments.walk_words import words_of_walk
 from hardware.rig import open_held_keys, open_pointer
 from hardware.simulated_held_keys import SimulatedHeldKeys
 from method.choices import Device, LimitCurve
 from method.controller import Controller
-from method.governor import GovernorSettings
+from method.governor import HORIZON, HORIZONS, GovernorSettings
 from method.optimize import Request, require_possible
 from method.preset_files import load_power_model, load_rate_limit_for
 from method.scalar_rate_limit import scalar_rate_limit
@@ -33,7 +35,7 @@ from stimuli.scenes.scenes import SCENES
 
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
 RATE_LIMIT = POWER_MODEL = "surace2025"
-HORIZON = 60.0  # [s]
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
 
 def budget_asked(
@@ -51,8 +53,8 @@ def budget_asked(
     unit, seconds = unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
     if not 0 < budget < float("inf"):
         raise InputError(f"--budget must be above 0, got {budget:g}")
-    if not 0.1 <= seconds <= 1e6:
-        raise InputError(f"--horizon must lie in 0.1 to 1e+06, got {seconds:g}")
+    if not HORIZONS[0] <= seconds <= HORIZONS[1]:
+        raise InputError(f"--horizon must lie in {HORIZONS[0]:g} to {HORIZONS[1]:g}, got {seconds:g}")
     if unit is BudgetUnit.FACTOR and power_model is not None:
         raise InputError("--power-model is for a budget in power or watt: give --budget-unit with it")
     return LiveBudget(GovernorSettings(budget, unit, seconds), load_power_model(power_model or POWER_MODEL))
@@ -176,21 +178,50 @@ class WalkRequest:
 
 
 def walk_as_asked(asked: WalkRequest) -> str:
-    """Let somebody walk, and return how it went in one line."""
+    """Let somebody walk, and return how it went in one line.
+
+    Whatever ends the walk, its way and its log are written as far as it went.
+    """
     rig, display = rig_of(asked.rig, asked.display, DISPLAY, size_in(asked.size) or SIZE)
     dimming = _Dimming.asked_for(asked.live, display)
+    if dimming is not None and asked.factor is not None:
+        dimming.require_factor(asked.factor)
     if asked.live.out is None:
-        return _walked(asked, rig, display, dimming)[0]
+        return _ended(asked, *_walked(asked, rig, display, dimming))
     with results_folder(asked.live.out) as folder:
-        said, rows, measured_by = _walked(asked, rig, display, dimming)
+        said, outcome = _walked(asked, rig, display, dimming)
+        if outcome.ended_by is not None and not outcome.rows:
+            raise outcome.ended_by
         assert dimming is not None  # `LiveRequest` has seen to it
         limit = asked.live.limit_on(display), asked.live.limit_curve
-        seen = asked.scene, display, measured_by
-        record = live_control(dimming.controller.settings, limit, seen, rows, asked.simulate)
+        seen = asked.scene, display, outcome.measured_by
+        record = live_control(dimming.controller.settings, limit, seen, outcome.rows, asked.simulate)
         if asked.live.budget is not None:
-            record = with_budget(record, asked.live.budget, rows)
-        write_live(folder, record, rows)
-    return f"{said}; the log is in {asked.live.out / LOG}"
+            record = with_budget(record, asked.live.budget, outcome.rows)
+        write_live(folder, record, outcome.rows)
+    return _ended(asked, f"{said}; the log is in {asked.live.out / LOG}", outcome)
+
+
+def _ended(asked: WalkRequest, said: str, outcome: _Outcome) -> str:
+    """Return how a walk went; if something cut it short, say what is kept and end as that has it."""
+    error = outcome.ended_by
+    if error is None:
+        return said
+    kept = asked.live.out is not None or (asked.record is not None and outcome.done.went)
+    if isinstance(error, Exception | SystemExit) or not kept:
+        raise error
+    print(f"evenlight: interrupted; {said}", file=sys.stderr)
+    sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """How a walk went, what the controller did, what measured the loss, and what cut it short, if any."""
+
+    done: Walked
+    rows: list[LiveRefresh]
+    measured_by: str
+    ended_by: BaseException | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,12 +239,16 @@ class _Dimming:
         controller = live.controller(display)
         return cls(controller, live.governor(display, controller))
 
+    def require_factor(self, factor: float) -> None:
+        """Refuse a factor to begin with that the controller may not have."""
+        low, high = self.controller.settings.lowest_factor, self.controller.settings.highest_factor
+        if not low <= factor <= high:
+            raise InputError(f"--factor of a dimmed walk must lie in {low:g} to {high:g}, got {factor:.15g}")
 
-def _walked(
-    asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | None
-) -> tuple[str, list[LiveRefresh], str]:
-    """Let somebody walk, and return how it went, what the controller did, and what measured the loss."""
-    measured_by = ""
+
+def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | None) -> tuple[str, _Outcome]:
+    """Let somebody walk, write the way, and return how it went in words, and what came of it."""
+    measured_by, ended_by = "", None
     with ExitStack() as stack:
         opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
         devices = stack.enter_context(opened)
@@ -227,9 +262,8 @@ def _walked(
             )  # fmt: skip
             stack.callback(meter.close)
             measured_by = meter.name
-            first = None if asked.factor is None else max(asked.factor, lowest)
             refresh = 1 / devices.rig.refresh_rate
-            walk.dimmer = LiveDimmer(dimming.controller, meter, first, refresh, governor)
+            walk.dimmer = LiveDimmer(dimming.controller, meter, asked.factor, refresh, governor)
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
         held = straight_on if asked.simulate else open_held_keys(window)
         if held is None:
@@ -238,42 +272,13 @@ def _walked(
         pointer = None if asked.simulate else open_pointer(window)
         if pointer is not None:
             stack.callback(pointer.close)
-        done = walk.walk(held, pointer, asked.seconds)
-    rows = [] if walk.dimmer is None else walk.dimmer.rows
-    said = _said(asked, done) + _said_of_control(rows) + _said_of_budget(asked.live.budget, rows)
-    if asked.record is not None and done.flip_times and done.flip_times[-1] > 0:
-        write_path(asked.record, asked.scene, done.way)
+        try:
+            walk.walk(held, pointer, asked.seconds)
+        except BaseException as error:  # what there is of the walk is kept; then it goes on its way
+            ended_by = error
+    outcome = _Outcome(walk.walked, [] if walk.dimmer is None else walk.dimmer.rows, measured_by, ended_by)
+    said = words_of_walk(asked.scene, outcome.done, outcome.rows, asked.live.budget)
+    if asked.record is not None and outcome.done.went:
+        write_path(asked.record, asked.scene, outcome.done.way)
         said = f"{said}; the way is in {asked.record}"
-    return said, rows, measured_by
-
-
-def _said(asked: WalkRequest, done: Walked) -> str:
-    """Return how a walk went."""
-    seconds = done.flip_times[-1] if done.flip_times else 0.0
-    return (
-        f"{asked.scene}: {len(done.flip_times)} refreshes in {seconds:.1f} s, {done.frames_dropped} dropped"
-    )
-
-
-def _said_of_control(rows: list[LiveRefresh]) -> str:
-    """Return what the controller did, in words; nothing without one."""
-    known = [row for row in rows if row.contrast_loss is not None]
-    if not known:
-        return "" if not rows else "; no loss was measured"
-    measured = len({row.measured_refresh for row in known})
-    loss = sum(row.contrast_loss or 0.0 for row in known) / len(known)
-    factor = sum(row.factor for row in rows) / len(rows)
-    return f"; contrast loss {loss:.3g} and factor {factor:.3g} on average, {measured} refreshes measured"
-
-
-def _said_of_budget(budget: LiveBudget | None, rows: list[LiveRefresh]) -> str:
-    """Return how a budget was met, in words; nothing without one."""
-    met = None if budget is None else how_met(budget, rows)
-    if budget is None or met is None:
-        return ""
-    asked = budget.settings
-    words = f"; budget {asked.budget:g} ({asked.budget_unit.value}): {met.achieved:.3g} on average"
-    if met.errors is None:
-        return f"{words}, shorter than the horizon of {asked.horizon:g} s"
-    off, above = met.errors
-    return f"{words}, over any {asked.horizon:g} s off by {off:.2g} at most, above it by {above:.2g}"
+    return said, outcome

@@ -119,7 +119,7 @@ def summarize(
     mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
     achieved = {
         BudgetUnit.FACTOR: mean_factor,
-        BudgetUnit.POWER: mean_power / full_power,
+        BudgetUnit.POWER: mean_power / full_power if full_power > 0 else 1.0,  # as with any base power
         BudgetUnit.WATT: mean_power,
     }
     origin: Provenance = header.provenance

@@ -3,9 +3,11 @@
 Losses that rise and fall with the factor leave a search that follows their slopes in the nearest local
 optimum. When each frame's loss costs by itself, whatever its curve, the cheapest track on a grid of factors
 within the rate limit and the budget is found globally (`method.grid_track`). Two such costs are of use. The
-distance from one loss common to all frames gives a first track for each such loss. The mean distance from
-the losses of a track already found is the pair sum itself but for the frame that moves, and improves that
-track: over all factors first, then in ever narrower bands about it with ever finer grids.
+distance from one loss common to all frames gives a first track for each such loss. The mean distance
+from the losses of a track already found improves that track: over all factors first, then in ever narrower
+bands about it with ever finer grids. All frames may move at once: with C(l', l) the mean distance of losses
+l' from losses l, the energy distance 2 C(l', l) - C(l, l) - C(l', l') is never negative (Szekely & Rizzo,
+2013, J. Stat. Plan. Inference 143:1249), so where C(l', l) is below C(l, l), the pair sum C(l', l') is too.
 """
 
 from __future__ import annotations

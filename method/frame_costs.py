@@ -47,6 +47,11 @@ class FrameCost(NamedTuple):
         in_reach = self.allowance < self.per_factor
         return Excess(used - self.allowance, used - self.due, self.scale, in_reach)
 
+    @property
+    def fair_factor(self) -> float:
+        """Factor at which it uses its allowance, bounds aside; 1 for black, which uses nothing at any."""
+        return self.allowance / self.per_factor if self.per_factor > 0 else 1.0
+
 
 class ContentCosts:
     """Reckons the costs of frames, one after the other.
@@ -93,7 +98,33 @@ class ContentCosts:
             allowed = budget * (self._base + slope) - self._base
             return FrameCost(slope, allowed, allowed, scale)
         due = budget - self._base
-        return FrameCost(slope, slope * due / mean if mean > due else slope, due, scale)
+        # Of what has been black throughout all may be used: there is nothing to share out.
+        return FrameCost(slope, slope * due / mean if mean > max(due, 0.0) else slope, due, scale)
+
+
+def first_factor(
+    settings: GovernorSettings, model: PowerModel, slope: float, bounds: tuple[float, float]
+) -> float:
+    """Return the factor at which the first frame meets the budget, as near as the bounds allow.
+
+    Parameters
+    ----------
+    settings : GovernorSettings
+        The budget.
+    model : PowerModel
+        Of the panel.
+    slope : float
+        `power_per_factor` of the frame [W].
+    bounds : (float, float)
+        Lowest and highest factor.
+
+    >>> from data_schema.power_model import PanelKind
+    >>> oled = PowerModel("p", PanelKind.OLED, 0.5, green_power=2.0)
+    >>> first_factor(GovernorSettings(1.25, BudgetUnit.WATT), oled, 1.0, (0.2, 1.0))
+    0.75
+    """
+    cost = ContentCosts(settings, model).of(slope, 1.0)  # the first mean is of it alone, however long it is
+    return min(max(cost.fair_factor, bounds[0]), bounds[1])
 
 
 class _MeanSoFar:

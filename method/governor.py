@@ -6,11 +6,11 @@ weighted mean over the horizon H, and g what a factor of 1 uses. The factor ough
 
     Δb = (u + m H / 4T) Δt / gT,        T = H / 10,
 
-per frame: u would decay with the time constant T, and what has been used too much is paid back (4T gives the
-pair of time constants a damping of 1). The target moves by ŝ Δb, with ŝ the slope of the loss as it shows in
-what is measured anyway, loss / (1 - b); and the controller's integral is moved by Δb itself, so that the
-answer waits for no error. With that the two loops do not wind around each other, however slow the controller
-is: see docs/decisions/budget-governor.md for the argument.
+per frame: u would decay with the time constant T, and what has been used too much is paid back (with m, the
+roots of T H s² + (T + H) s + 1 + H/4T have a damping of 11 / 2√35 = 0.93 at H = 10 T). The target moves by ŝ
+Δb, with ŝ the slope of the loss as it shows in what is measured anyway, loss / (1 - b); and the controller's
+integral is moved by Δb itself, so that the answer waits for no error. With that the two loops do not wind
+around each other, however slow the controller is: see docs/decisions/budget-governor.md for the argument.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from data_schema.brightness_track import BudgetUnit
 from data_schema.quantities import check_limits, quantity
 from method.controller import Aim, Controller, ControllerState
 
+HORIZON = 60.0  # [s] where none is asked for
+HORIZONS = 0.1, 1e6  # [s] from and to: those that may be asked for
 REACTION = 10.0  # horizons hold so many time constants T of the governor
-PAYBACK = 4.0  # times T: a damping of 1
+PAYBACK = 4.0  # times T: a damping of 0.93
 FEWEST_FRAMES = 20.0  # that T lasts at least, so that the delay of a frame costs no phase to speak of
 LEAST_SLOPE = 0.02  # by which the target follows where nothing is lost, so that it does not stand still
 WINDOW = 2.0  # times faster m ages at a bound: a plain mean over H is H/2 old on average, m is H old
@@ -46,7 +48,7 @@ class GovernorSettings:
 
     budget: float = quantity("1", "the budget, in its unit", above=0.0)
     budget_unit: BudgetUnit = BudgetUnit.FACTOR
-    horizon: float = quantity("s", "horizon of the mean", above=0.0, default=60.0)
+    horizon: float = quantity("s", "horizon of the mean", above=0.0, default=HORIZON)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -185,7 +187,7 @@ def steered_horizon(settings: GovernorSettings, duration: float) -> float:
     return steered if steered > settings.horizon * (1 + 1e-9) else settings.horizon
 
 
-def horizon_warning(settings: GovernorSettings, duration: float) -> str | None:
+def horizon_warning(settings: GovernorSettings, duration: float, counted: str = "frames") -> str | None:
     """Return what is to be said of a horizon that holds too few frames for the governor; None if it is fine.
 
     >>> horizon_warning(GovernorSettings(0.5, horizon=20.0), 0.5)
@@ -195,8 +197,8 @@ def horizon_warning(settings: GovernorSettings, duration: float) -> str | None:
     if steered == settings.horizon:
         return None
     return (
-        f"the horizon of {settings.horizon:g} s holds {settings.horizon / duration:.0f} frames, too few to "
-        f"steer by: look for the budget over {steered:.4g} s"
+        f"the horizon of {settings.horizon:g} s holds {settings.horizon / duration:.0f} {counted}, too "
+        f"few to steer by: look for the budget over {steered:.4g} s"
     )
 
 

@@ -127,6 +127,8 @@ def cheapest_track(cost: Array, cells: Cells, bins: int) -> Places | None:
     >>> cheapest_track(np.array([[0.0, 5.0], [0.0, 2.0]]), cells, 4)
     array([0, 1])
     """
+    if cells.used[:, 0].sum() > LEAST_BIN or cells.used[:, -1].sum() < -LEAST_BIN:
+        return None  # even the lowest cells use too much, or the highest too little
     track = _cheapest(cost, cells, bins_within(cells.used, bins))
     return track if track[0] >= 0 else None
 

@@ -270,6 +270,7 @@ def require_possible(request: Request, lowest_factor: float) -> None:
                 "--budget-unit factor says nothing of the power of an OLED panel, which depends on content: "
                 "give power or watt"
             )
+        _require_possible_on_oled(request, lowest_factor)
         return
     full = model.base_power + model.power_per_luminance * model.peak_luminance
     least = model.base_power + lowest_factor * (full - model.base_power)
@@ -279,6 +280,22 @@ def require_possible(request: Request, lowest_factor: float) -> None:
         BudgetUnit.WATT: (least, full),
     }[unit]
     _require_between(request, (low, high), lowest_factor)
+
+
+def _require_possible_on_oled(request: Request, lowest_factor: float) -> None:
+    """Raise `InputError` if no content meets the budget: black uses the base alone, white the most.
+
+    Dimming saves the largest share on white: (base + b s) / (base + s) falls as s grows.
+    """
+    base = request.power_model.base_power
+    white = float(power_per_factor(request.power_model, np.ones((1, 3)))[0])
+    if request.budget_unit is BudgetUnit.POWER:
+        _require_between(request, ((base + lowest_factor * white) / (base + white), 1.0), lowest_factor)
+    elif not base < request.budget <= (base + white) * (1 + 1e-12):
+        raise InputError(
+            f"--budget {request.budget:g} (watt) cannot be met on any content: the panel takes {base:.4g} W "
+            f"for black and up to {base + white:.4g} W for white"
+        )
 
 
 def _require_between(request: Request, limits: tuple[float, float], lowest_factor: float) -> None:

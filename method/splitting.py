@@ -1,8 +1,8 @@
 """The default solver: where the splitting starts, how it looks along the curves, how its answer is polished.
 
 Long videos are first solved with blocks of frames for frames: the rate limit makes the factor smooth, so most
-iterations can be made on an eighth of the frames. Short ones have the coarsest stairs in their loss curves,
-hence many local optima, and can afford more searches.
+iterations can be made on an eighth of the frames. The fewer frames there are, the more searches they can
+afford, and the shortest have the coarsest stairs in their loss curves, hence the most local optima.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ OTHER_SEARCHES = (
 )
 HOP = (Look(0.0, 10, 0.06), *SETTLING)
 
-LONG = 600  # frames above which one search is made, from a coarse start
+LONG = 600  # frames above which the search begins with a coarse start
+SETTLED = 2000  # frames up to which its answer is settled
+MEDIUM = 900  # and up to which another search begins at constant dimming
 SHORT = 500  # frames up to which the best answer is left and sought again
 DENSE = 150  # frames up to which a dense solver is affordable
 SHORTEST = 60  # and up to which it is from many starts
@@ -61,10 +63,15 @@ class SplittingSolver:
         limits. The search from the constant baseline is then left out, the polish of short videos is not.
     looks : tuple of Look or None
         The only looks to take, in place of those that suit the number of frames.
+    searches : int or None
+        How much is done above 600 frames, without a start: 1, one search from a coarse problem; 2, its answer
+        is settled; 3, another search from constant dimming; 4, all those of 501 to 600 frames, which takes
+        seconds. None takes what suits the number of frames.
     """
 
     start: Array | None = None
     looks: tuple[Look, ...] | None = None
+    searches: int | None = None
 
     def solve(self, problem: Problem) -> Solution:
         """Return the best feasible factors of all searches, and the dual variables of the best one."""
@@ -77,10 +84,21 @@ class SplittingSolver:
         if self.start is not None:
             best = _from_start(problem, self.start)
         elif n > LONG:
-            best = _coarse_to_fine(problem)
+            best = _of_a_long_video(problem, self.searches or 1 + (n <= SETTLED) + (n <= MEDIUM))
         else:
             best = search(problem, state_at(problem, baseline), (*FAR_TO_NEAR, *SETTLING))
         return best if n > LONG else _of_a_short_video(problem, best, self.start is None)
+
+
+def _of_a_long_video(problem: Problem, searches: int) -> Solution:
+    """Return the best answer from a coarse start, and of as many searches more; see `SplittingSolver`."""
+    best = _coarse_to_fine(problem)
+    if searches > 1:
+        best = _better(problem, best, search(problem, state_at(problem, best.factors, best), SETTLING))
+    if searches > 2:
+        looks = (*FAR_TO_NEAR, *SETTLING)
+        best = _better(problem, best, search(problem, state_at(problem, problem.baseline()), looks))
+    return _searched_elsewhere(problem, best)[0] if searches > 3 else best
 
 
 def _coarse_to_fine(problem: Problem) -> Solution:

@@ -41,7 +41,7 @@ COLOUR = {
 }
 MARK = {Role.REFERENCE: "s", Role.DEFAULT: "o", Role.VARIANT: "o", Role.PEER: "D", Role.CITED: "x"}
 MEANING = {
-    Role.REFERENCE: "the definition",
+    Role.REFERENCE: "reference",
     Role.DEFAULT: "ours, as it runs by default",
     Role.VARIANT: "ours, one thing changed",
     Role.PEER: "peer, same run",
@@ -69,8 +69,9 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     lines = len(known)
     figure = new_figure(SCREEN, height=4.3 + 0.19 * lines)
     em = SCREEN.em
+    meanings = "; ".join(dict.fromkeys(p.error_of for p in points if p.error is not None))
     title, below = heading_lines(
-        chart.title, f"lower left is better; error: {known[0].error_of}", SCREEN.width - 1.2, em
+        chart.title, f"lower left is better; error: {meanings}", SCREEN.width - 1.2, em
     )
     lines_at(figure, 0.5, title)
     axes = axes_at(figure, 0.9, below + 1.9 * em, SCREEN.width - 1.3, 2.75)

@@ -12,6 +12,9 @@ from scipy import stats
 from analysis.benchmarks.stopwatch import Array, Times
 from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 
+# Of three sizes one degree of freedom is left: an interval of 13 standard errors to each side says nothing.
+LEAST_SIZES = 4
+
 
 @dataclass(frozen=True, slots=True)
 class Pains:
@@ -148,8 +151,15 @@ def not_measured(words: str, target: float, unit: str, why: str) -> BenchmarkCla
     return BenchmarkClaim(words, target, None, unit, None, why)
 
 
-def growth(points: tuple[BenchmarkPoint, ...]) -> BenchmarkGrowth:
+def growth(points: tuple[BenchmarkPoint, ...], task: str = "") -> BenchmarkGrowth:
     """Return how time grows over points of one approach at several sizes: least squares of the logarithms.
+
+    Parameters
+    ----------
+    points : tuple of BenchmarkPoint
+        Of two sizes or more.
+    task : str
+        What all of them are points of, where their tasks name their sizes; else the task of the first.
 
     >>> made = [Approach("t", "ours", Role.DEFAULT, n, "frames") for n in (10, 100, 1000)]
     >>> times = [Times(np.array([n.size / 1e4]), np.zeros(1), np.ones(1)) for n in made]
@@ -159,7 +169,7 @@ def growth(points: tuple[BenchmarkPoint, ...]) -> BenchmarkGrowth:
     sizes = [p.size for p in points]
     exponent, half_width = _slope(np.log(np.array(sizes)), np.log(np.array([p.time for p in points])))
     return BenchmarkGrowth(
-        task=points[0].task,
+        task=task or points[0].task,
         approach=points[0].approach,
         size_of=points[0].size_of,
         smallest=min(sizes),
@@ -172,9 +182,9 @@ def growth(points: tuple[BenchmarkPoint, ...]) -> BenchmarkGrowth:
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float | None]:
-    """Return a least-squares slope, and half of its 95 % interval."""
+    """Return a least-squares slope, and half of its 95 % interval where there are enough points for one."""
     line = stats.linregress(x, y)
     n = len(x)
-    if n < 3:
+    if n < LEAST_SIZES:
         return float(line.slope), None
     return float(line.slope), float(stats.t.ppf(0.975, n - 2) * line.stderr)

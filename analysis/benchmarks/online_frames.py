@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -12,17 +14,20 @@ from numpy.typing import NDArray
 
 from analysis.benchmarks.measured import Approach, Pains, point
 from analysis.benchmarks.online_content import content, layered_pictures, picture
+from analysis.benchmarks.peak_memory import peak_memory
 from analysis.benchmarks.stopwatch import Times, timed_in_turn
 from data_schema.benchmark import BenchmarkPoint, Role
 from data_schema.contrast_model import DEFAULT_MODEL
 from data_schema.display import Display
 from method.contrast_loss import contrast_loss
 from method.control_curves import control_curves
-from method.controller import Controller, FrameSeen
+from method.controller import Controller, ControllerSettings, FrameSeen
 from method.frame_analysis import FrameAnalysis
 from method.loss_curves import brightness_factors
 from method.luminance import emitted_luminance
 from method.one_factor import MANY_PIXELS, OneFactorLoss
+from method.preset_files import load_display, load_rate_limit
+from method.scalar_rate_limit import scalar_rate_limit
 
 SIZES = ((1280, 720), (1920, 1080), (2880, 2720))
 QUICK_SIZES = ((640, 360),)
@@ -158,7 +163,7 @@ def latency_points(
     times = timed_in_turn(
         {name: partial(one.factor, pixels) for name, one in loops.items()}, pains.repeats(15)
     )
-    return [
+    points = [
         point(
             Approach(
                 f"from the pixels of {width} x {height} to the factor", name,
@@ -168,6 +173,24 @@ def latency_points(
         )
         for name, one in loops.items()
     ]  # fmt: skip
+    return [replace(p, peak_memory=_memory(pixels)) if p.approach == WHOLE else p for p in points]
+
+
+def _memory(pixels: NDArray[np.uint8]) -> float | None:
+    """Return the largest memory of a process that reads a picture and finds its factor [MiB]."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.npy"
+        np.save(file, pixels)
+        return peak_memory(f"{__name__}:control_kept", str(file))
+
+
+def control_kept(file: str) -> None:
+    """Find the factor of the picture in a file, twice in a row, for the memory that it takes."""
+    pixels, display = np.load(file), load_display("varjo-xr3")
+    limit = scalar_rate_limit(load_rate_limit("surace2025"))
+    live = _Live(Controller(ControllerSettings(0.05), limit), OneFactorLoss(pixels.shape[:2], display))
+    for _ in range(2):
+        live.factor(pixels)
 
 
 def step_point(display: Display, controller: Controller, pains: Pains) -> BenchmarkPoint:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schema.brightness_track import BudgetUnit
 from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
+from data_schema.power_model import PanelKind, PowerModel
 from data_schema.provenance import Provenance
 from data_schema.rate_limit import RateLimit
+from data_schema.section import AllowanceSection, WeightSection
 from method.loss_curves import analyze_frames, brightness_factors
 from method.lower_bound import lower_bound
 from method.optimize import Problem, Request, optimize, pose
@@ -22,14 +25,24 @@ Array = NDArray[np.float64]
 
 FRAMES_PER_SECOND = 25.0
 SCENE = 150.0  # frames between cuts, on average
+# Its power is what its pixels emit, so that a share of the power at full brightness is a mean factor in which
+# bright frames count more.
+OLED = PowerModel("OLED", PanelKind.OLED, 0.0, red_power=1.0, green_power=0.6, blue_power=1.4)
 
 
 def mean_factor_problem(curves: LossCurves, budget: float, scale: float = 1.0) -> Problem:
     """Return the problem of a mean factor under the published rate limit, or some multiple of it."""
     limit: RateLimit = load_rate_limit("surace2025")
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    problem = pose(curves, request)
-    return problem if scale == 1.0 else replace(problem, allowances=np.full(curves.n_frames - 1, scale))
+    return _scaled(pose(curves, request), scale)
+
+
+def _scaled(problem: Problem, scale: float) -> Problem:
+    """Return a problem under a multiple of its rate limit."""
+    if scale == 1.0:
+        return problem
+    steps = np.ones(problem.curves.n_frames - 1) if problem.allowances is None else problem.allowances
+    return replace(problem, allowances=scale * steps)
 
 
 def made_curves(
@@ -92,6 +105,9 @@ def some_knots(curves: LossCurves, every: int) -> LossCurves:
 def odd_problems(rng: np.random.Generator, frames: tuple[int, int], instances: int) -> list[Problem]:
     """Return problems of few frames: smooth, flickering, jumping, rising curves; any limit and budget.
 
+    Of four in turn one is plain, one has frames that count more or not at all, one has sections that hold
+    still or may change faster, and one has the power budget of an OLED panel; each kind of curves in turn.
+
     Parameters
     ----------
     rng : np.random.Generator
@@ -99,11 +115,12 @@ def odd_problems(rng: np.random.Generator, frames: tuple[int, int], instances: i
     frames : tuple of int
         The least and the most.
     instances : int
-        How many; the last one has curves that rise.
+        How many; the last one has curves that rise, and asks for nothing more.
     """
     least, most = frames
     problems = []
-    for kind in (np.arange(instances) - instances) % 4:
+    for number in range(-instances, 0):
+        kind, asked = number % 4, (number + number // 4 + 2) % 4
         n = int(np.exp(rng.uniform(np.log(least), np.log(most + 1))))
         speed = float(10 ** rng.uniform(-1.5, 1.0))  # steps long enough for the limit to be loose or tight
         if kind < 2:
@@ -111,8 +128,22 @@ def odd_problems(rng: np.random.Generator, frames: tuple[int, int], instances: i
         else:
             curves = _stairs(n, rng, rises=bool(kind == 3), frames_per_second=speed)
         budget = float(rng.choice([0.2 + 1e-6, 0.25, 0.5, 0.8, 1 - 1e-6, rng.uniform(0.2, 1.0)]))
-        problems.append(mean_factor_problem(curves, budget, float(10 ** rng.uniform(-0.5, 1.0))))
+        problems.append(_asked(curves, budget, float(10 ** rng.uniform(-0.5, 1.0)), asked))
     return problems
+
+
+def _asked(curves: LossCurves, budget: float, scale: float, asked: int) -> Problem:
+    """Return a problem that asks for nothing more (0), for weights (1) or allowances (2), or on OLED (3)."""
+    n, end = curves.n_frames, float(curves.times[-1] + curves.durations[-1])
+    first, last = (float(curves.times[k]) for k in (max(n // 3, 1), max(2 * n // 3, 1)))
+    plain = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), load_rate_limit("surace2025"))
+    request = (
+        plain,
+        replace(plain, weights=(WeightSection(0.0, first, 5.0), WeightSection(last, end, 0.0))),
+        replace(plain, allowances=(AllowanceSection(0.0, first, 0.0), AllowanceSection(last, end, 3.0))),
+        replace(plain, budget_unit=BudgetUnit.POWER, power_model=OLED),
+    )[asked]
+    return _scaled(pose(curves, request), scale)
 
 
 def _stairs(n: int, rng: np.random.Generator, rises: bool, frames_per_second: float) -> LossCurves:
@@ -125,12 +156,14 @@ def _stairs(n: int, rng: np.random.Generator, rises: bool, frames_per_second: fl
     return curves_of(loss, rng.uniform(1.0, 90.0, n), knots, frames_per_second)
 
 
-def solve_once(frames: str) -> None:
-    """Make, solve and certify one problem, for the memory that it takes."""
-    problem = mean_factor_problem(made_curves(int(frames), np.random.default_rng(1)), 0.5)
+def keep_made(curves: LossCurves, file: Path) -> None:
+    """Keep made curves in a file, so that another process need not make them."""
+    np.savez(file, loss=curves.loss, luminance=curves.mean_luminance, knots=curves.factors)
+
+
+def solve_kept(file: str) -> None:
+    """Solve and certify the problem of curves in a file, for the memory that it takes."""
+    with np.load(file) as kept:
+        curves = curves_of(kept["loss"], kept["luminance"], kept["knots"], FRAMES_PER_SECOND)
+    problem = mean_factor_problem(curves, 0.5)
     lower_bound(problem, optimize(problem, SplittingSolver()))
-
-
-def make_once(frames: str) -> None:
-    """Make one problem and do nothing with it: the memory of its curves."""
-    mean_factor_problem(made_curves(int(frames), np.random.default_rng(1)), 0.5)

@@ -28,9 +28,18 @@ Array = NDArray[np.float64]
 KNOTS = 257  # of the curves that count as the truth
 SAVED = "objective on the full curves, above that of the answer to them, as a share of constant dimming's"
 AGAIN = "objective above that of a start from constant dimming, as a share of constant dimming's"
-SAVINGS_TASK = "a rendered sequence, fewer knots and frames"
-EDIT_TASKS = {"budget": "3000 frames again, another budget", "content": "3000 frames again, a tenth is new"}
+EDITS = {"budget": "another budget", "content": "a tenth is new"}
 EVERY = 10  # frames, as in the paper
+
+
+def savings_task(frames: int) -> str:
+    """Return the name of the task with so many frames."""
+    return f"a rendered sequence of {frames} frames, fewer knots and frames"
+
+
+def edit_task(frames: int, edit: str) -> str:
+    """Return the name of the task in which so many frames are optimized again."""
+    return f"{frames} made frames again, {EDITS[edit]}"
 
 
 def savings_points(pains: Pains) -> list[BenchmarkPoint]:
@@ -50,7 +59,7 @@ def savings_points(pains: Pains) -> list[BenchmarkPoint]:
     for name, factors in found.items():
         role = Role.REFERENCE if name == "all 257 knots" else Role.VARIANT
         role = Role.DEFAULT if name == "65 knots" else role
-        about = Approach(SAVINGS_TASK, name, role, curves.n_frames, "frames")
+        about = Approach(savings_task(curves.n_frames), name, role, curves.n_frames, "frames")
         error = max((whole.objective(factors) - truth) / base, 0.0)
         points.append(point(about, times[name], error, SAVED, _kept(whole, factors)))
     return points
@@ -104,7 +113,7 @@ def edit_points(pains: Pains) -> list[BenchmarkPoint]:
         base, reference = problem.objective(problem.baseline()), problem.objective(cold())
         for approach, answer in answers.items():
             role = Role.DEFAULT if answer is cold else Role.VARIANT
-            about = Approach(EDIT_TASKS[name], approach, role, frames, "frames")
+            about = Approach(edit_task(frames, name), approach, role, frames, "frames")
             difference = (problem.objective(answer()) - reference) / base
             note = f"objective lower by {-difference:.2g}" if difference < 0 else ""
             points.append(point(about, times[approach], max(difference, 0.0), AGAIN, note))

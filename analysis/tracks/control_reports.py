@@ -23,6 +23,8 @@ from method.tuning import Demands, Tuned, content_slopes, rms_error
 
 Array = NDArray[np.float64]
 
+MUCH_OUT_OF_REACH = 0.5  # of the time: beyond, a target says more of the bounds than of the video
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -144,6 +146,18 @@ def loop_report(settings: ControllerSettings, margin: Margins, run: ControlledTr
         sd_loss=sd,
         rms_error=rms_error(run),
         share_limited=time_share(run, run.limited),
+    )
+
+
+def out_of_reach(run: ControlledTrack, settings: ControllerSettings) -> str | None:
+    """Return what is to be said of a target that most of the video never loses; None if it does."""
+    at_bound = np.asarray(run.factors) <= settings.lowest_factor
+    share = time_share(run, at_bound & (np.asarray(run.contrast_loss) < settings.target_loss))
+    if share <= MUCH_OUT_OF_REACH:
+        return None
+    return (
+        f"the target of {settings.target_loss:g} is out of reach for {share:.1%} of the time: the video "
+        f"loses less even at the lowest factor, {settings.lowest_factor:g}"
     )
 
 

@@ -9,11 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reproduction.online_spread import SpreadRatio, spread_ratio
-from analysis.tracks.control_reports import Outcome, PowerUse, control_summary, time_share, tuning_report
+from analysis.tracks.control_reports import (
+    Outcome,
+    PowerUse,
+    control_summary,
+    out_of_reach,
+    time_share,
+    tuning_report,
+)
 from analysis.tracks.optimization import Work
 from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
 from data_schema.control import ONLINE, ControlSummary, TargetRow, TuningReport
 from data_schema.display import Display
+from data_schema.errors import InputError
 from data_schema.loss_curves import LossCurves
 from data_schema.provenance import Provenance, provenance_now, sha256_of_record
 from method.choices import ModulatedLuminance
@@ -21,9 +29,10 @@ from method.control_curves import ControlledTrack, Governed, control_curves
 from method.controller import Controller, ControllerSettings
 from method.curve_lookup import factor_at_loss, loss_and_slope
 from method.evaluate import Answer, Effort, summarize, track_of
-from method.frame_costs import frame_costs
+from method.frame_costs import first_factor, frame_costs
 from method.governor import GovernorSettings, governor_of, horizon_warning
-from method.optimize import Problem, budget_as_factor
+from method.optimize import Problem
+from method.power import power_per_factor
 from method.rate_limit import rate_limit_at
 from method.scalar_rate_limit import scalar_rate_limit
 from method.tuning import tune
@@ -46,7 +55,8 @@ class Control:
     budget : GovernorSettings or None
         A budget for the target to follow.
     target_is_given : bool
-        Whether the target was asked for; if not, the budget sets the first one too.
+        Whether the target was asked for; if not, the first one is what the first frame loses where it meets
+        the budget.
     tuned : bool
         Whether to choose the gains for this video; the search leaves a budget aside.
     sweep : tuple of float
@@ -88,8 +98,8 @@ class Controlled:
         If the gains were tuned.
     tuning_runs : (ControlledTrack, ControlledTrack) or None
         With the gains before and after that, at the first target: the search leaves a budget aside.
-    warning : str or None
-        What is amiss with the horizon of the budget.
+    warnings : tuple of str
+        What is amiss with the horizon of the budget, or with the target.
     """
 
     settings: ControllerSettings
@@ -102,7 +112,7 @@ class Controlled:
     baseline_loss: Array
     tuning: TuningReport | None = None
     tuning_runs: tuple[ControlledTrack, ControlledTrack] | None = None
-    warning: str | None = None
+    warnings: tuple[str, ...] = ()
 
 
 class ControlledVideo:
@@ -129,6 +139,7 @@ class ControlledVideo:
 
     def controlled(self) -> Controlled:
         """Return what the controller does, with tuned gains if that is asked."""
+        self._require_power()
         began = time.perf_counter()
         settings, start = self._start()
         given, tuned = settings, None
@@ -156,7 +167,7 @@ class ControlledVideo:
             baseline_loss=loss,
             tuning=tuning,
             tuning_runs=runs,
-            warning=self._warning(),
+            warnings=self._warnings(run, settings),
         )
 
     def sweep(self, settings: ControllerSettings) -> list[TargetRow]:
@@ -196,20 +207,41 @@ class ControlledVideo:
         settings, start, curves = self.asked.settings, self.asked.start_factor, self.curves
         first = np.full(curves.n_frames, settings.target_loss)
         if not self.asked.target_is_given:
-            # Where every frame has the factor of the budget, the first one has this loss.
-            constant, _ = budget_as_factor(curves, self.asked.work.request)
-            start = constant if start is None else start
-            first = loss_and_slope(curves, np.full(curves.n_frames, constant))[0]
+            fair = self._first_factor(settings)
+            start = fair if start is None else start
+            first = loss_and_slope(curves, np.full(curves.n_frames, fair))[0]
             settings = replace(settings, target_loss=float(first[0]))
         if start is None:
             start = float(factor_at_loss(curves, first)[0])
             start = min(max(start, settings.lowest_factor), settings.highest_factor)
         return settings, start
 
-    def _warning(self) -> str | None:
-        """Return what is amiss with the horizon of the budget."""
+    def _first_factor(self, settings: ControllerSettings) -> float:
+        """Return where the first frame meets the budget, with nothing known of those to come."""
+        assert self.asked.budget is not None
+        use = self._use
+        slope = float(power_per_factor(use.model, use.channel_means[:1])[0])
+        return first_factor(
+            self.asked.budget, use.model, slope, (settings.lowest_factor, settings.highest_factor)
+        )
+
+    def _warnings(self, run: ControlledTrack, settings: ControllerSettings) -> tuple[str, ...]:
+        """Return what is amiss with the horizon of the budget, or with a target that is to stay."""
         budget = self.asked.budget
-        return None if budget is None else horizon_warning(budget, float(np.median(self.curves.durations)))
+        if budget is None:
+            said = out_of_reach(run, settings)
+        else:
+            said = horizon_warning(budget, float(np.median(self.curves.durations)))
+        return () if said is None else (said,)
+
+    def _require_power(self) -> None:
+        """Raise `InputError` if a power budget is asked for and the video takes no power at any factor."""
+        unit = None if self.asked.budget is None else self.asked.budget.budget_unit
+        if unit in (BudgetUnit.POWER, BudgetUnit.WATT) and not self._use.watts(np.array(1.0)).any():
+            raise InputError(
+                f"the video is black throughout, for which the panel {self._use.model.name!r} takes no "
+                "power: there is nothing to hold a budget with"
+            )
 
     def _run(self, settings: ControllerSettings, start: float, *, governs: bool = True) -> ControlledTrack:
         """Return what the controller makes of the video; unless `governs`, without a budget."""

@@ -1,5 +1,6 @@
 """The frame of the benchmarks: times in turn, memory, growth, claims, the page and its figures."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,12 +75,18 @@ def test_growth_finds_the_exponent_that_times_were_made_with_and_its_interval_ho
     assert held >= 178
 
 
-def test_two_sizes_give_an_exponent_without_an_interval() -> None:
-    fitted = growth(
-        (a_point("ours", Role.DEFAULT, 1.0, None, 10), a_point("ours", Role.DEFAULT, 8.0, None, 20))
-    )
+@pytest.mark.parametrize("sizes", [(10, 20), (10, 20, 40)])
+def test_fewer_than_four_sizes_give_an_exponent_without_an_interval(sizes: tuple[int, ...]) -> None:
+    rows = tuple(a_point("ours", Role.DEFAULT, (n / 10) ** 3, None, n) for n in sizes)
+    fitted = growth(rows)
     assert fitted.exponent == pytest.approx(3.0)
     assert fitted.exponent_low is None
+
+
+def test_growth_over_tasks_that_name_their_sizes_has_a_name_without_one() -> None:
+    rows = (a_point("ours", Role.DEFAULT, 1.0, None, 10), a_point("ours", Role.DEFAULT, 8.0, None, 20))
+    assert growth(rows).task == "one frame"
+    assert growth(rows, "frames, by size").task == "frames, by size"
 
 
 def test_a_claim_says_itself_whether_it_is_met_and_cannot_say_otherwise() -> None:
@@ -116,6 +123,17 @@ def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_d
     assert any("one pass | all knots: 50 ms, error 2e-05" in w for w in words)
     drawn = [line.get_xydata()[0] for line in figure.axes[0].lines if len(line.get_xydata()) == 1]
     np.testing.assert_allclose(drawn, [(2e-6, 0.9), (2e-5, 0.05), (4e-3, 0.01)])  # none: a tenth of the least
+
+
+def test_a_figure_says_what_each_kind_of_error_is_and_calls_a_reference_no_definition() -> None:
+    rows = [*POINTS[1:], replace(POINTS[0], error_of="distance from the finest grid")]
+    with look(SCREEN):
+        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
+        marks = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    words = " ".join(text.get_text() for text in figure.texts).replace("\n", " ")
+    assert "error: difference of loss; distance from the finest grid" in words
+    assert "reference" in marks
+    assert not any("definition" in mark for mark in marks)
 
 
 def test_points_on_one_another_share_a_label_and_the_others_have_their_own() -> None:

@@ -10,7 +10,7 @@ from data_schema.errors import InputError
 from data_schema.live_control import LiveRefresh
 from data_schema.provenance import Provenance
 from data_schema.text_files import write_json_record
-from experiments.live_record import live_control, settings_of
+from experiments.live_record import between_answers, live_control, over_time, settings_of
 from method.choices import LimitCurve
 from method.preset_files import load_rate_limit
 
@@ -36,12 +36,19 @@ def test_a_tuning_that_is_none_is_told(tmp_path: Path) -> None:
         settings_of(0.03, tmp_path / "nope.json")
 
 
-def test_means_are_over_the_refreshes_whose_loss_was_known() -> None:
-    rows = [LiveRefresh(0, 0.0, 0.5), LiveRefresh(1, 0.1, 0.7, contrast_loss=0.2)]
+def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
+    """Pictures of 1, 3 and 2 s, the last of which nobody knows: (0.5 + 3 · 0.7 + 2 · 0.6) / 6."""
+    rows = [
+        LiveRefresh(0, 0.0, 0.5),
+        LiveRefresh(1, 1.0, 0.7, contrast_loss=0.2, rate=-3.0, rate_limit=4.0),
+        LiveRefresh(2, 4.0, 0.6, contrast_loss=0.1, rate=1.0, rate_limit=2.0),
+        LiveRefresh(3, 6.0, 1.0, contrast_loss=1.0, rate=0.0, rate_limit=0.0),
+    ]
     limit = load_rate_limit("surace2025"), LimitCurve.SAFE
     kept = live_control(settings_of(0.03, None), limit, ("house", BENCH, "cpu"), rows, simulated=True)
-    assert kept.mean_loss == 0.2
-    assert kept.mean_factor == pytest.approx(0.6)
+    assert kept.mean_loss == pytest.approx(0.8 / 5)
+    assert kept.mean_factor == pytest.approx(3.8 / 6)
+    assert kept.max_rate_ratio == 0.75
     assert (kept.limit_curve, kept.rate_limit, kept.simulated) == ("safe", "surace2025", True)
     assert set(kept.provenance.inputs) == {"display", "rate_limit"}
 
@@ -49,4 +56,16 @@ def test_means_are_over_the_refreshes_whose_loss_was_known() -> None:
 def test_a_walk_that_ended_at_once_has_no_means() -> None:
     limit = load_rate_limit("surace2025"), LimitCurve.FITTED
     kept = live_control(settings_of(0.03, None), limit, ("house", BENCH, "cpu"), [], simulated=False)
-    assert (kept.mean_loss, kept.mean_factor) == (None, None)
+    assert (kept.mean_loss, kept.mean_factor, kept.max_rate_ratio) == (None, None, None)
+
+
+def test_the_mean_of_a_single_picture_is_its_own() -> None:
+    assert over_time([LiveRefresh(0, 0.0, 0.5)], [0.5]) == 0.5
+
+
+def test_the_time_between_answers_is_from_one_that_is_new_to_the_next() -> None:
+    """Answers appear at 0.1, 0.2 and 0.5 s: 0.1 and 0.3 s apart."""
+    measured = [None, 0, 1, 1, 1, 4, 4]
+    rows = [LiveRefresh(k, k / 10, 0.5, measured_refresh=one) for k, one in enumerate(measured)]
+    assert between_answers(rows) == pytest.approx(0.2)
+    assert between_answers(rows[:2]) is None

@@ -177,7 +177,7 @@ def test_a_black_video_on_an_oled_panel(make_curves, unit, base_power) -> None:
         shares = curves.channel_means[:, 0] / curves.channel_means[:, 0].sum()
     assert np.isnan(shares).all()  # of the budget, for each frame
     with pytest.raises(InputError, match="the video is black throughout: dimming an OLED panel saves no"):
-        pose(curves, Request(0.1, unit, panel, limit_of(5.0)))
+        pose(curves, Request(0.6, unit, panel, limit_of(5.0)))
 
 
 def test_a_video_that_is_black_in_part_on_an_oled_panel(make_curves) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from data_schema.power_model import PanelKind, PowerModel
 from method.control_curves import ControlledTrack, Governed, control_curves
 from method.controller import Aim, Controller, ControllerSettings, ControllerState
 from method.curve_lookup import loss_and_slope
-from method.frame_costs import ContentCosts, FrameCost, frame_costs
+from method.frame_costs import ContentCosts, FrameCost, first_factor, frame_costs
 from method.governor import (
+    PAYBACK,
     Excess,
     Governor,
     GovernorSettings,
@@ -81,6 +83,17 @@ def test_the_mean_over_every_horizon_meets_the_budget(
     assert np.std(track.contrast_loss[600:]) < 0.9 * np.std(constant[600:])
 
 
+@cache
+def deepest_swing(share: float) -> float:
+    """How far below 0 the two equations of the governor go from u = 1, answered by a share of it."""
+    constant, excess, mean, lowest = 100.0, 1.0, 0.0, 0.0  # frames; H = 10 T
+    for _ in range(round(1000 / share)):
+        mean += (excess - mean) / (10 * constant)
+        excess -= share * (excess + mean * 10 / PAYBACK) / constant
+        lowest = min(lowest, excess)
+    return -lowest
+
+
 @settings(max_examples=30)
 @given(
     st.floats(0.02, 1.0),
@@ -97,7 +110,9 @@ def test_the_two_loops_do_not_swing_however_slow_the_controller_is(
 ) -> None:
     """From 0.7 to a budget of 0.5: below it once, to pay back, and to rest. No second time above.
 
-    By six horizons of 200 frames at least: over fewer it is met later than asked.
+    By six horizons of 200 frames at least: over fewer it is met later than asked. The factor answers with a
+    share of s'/s: 1 where the loss is a straight line, and 1/3 where it is the cube of 1 - b; while s' still
+    remembers less of it at 0.7, (0.3 / 0.5)^2 / 3. It goes no further below than with the worst of these.
     """
     n = round(6 * max(horizon * 10, 200))
     curves = make_curves(np.full(n, strength), exponent, frames_per_second=10.0)
@@ -106,7 +121,9 @@ def test_the_two_loops_do_not_swing_however_slow_the_controller_is(
     away = track.factors - 0.5
     below = int(np.argmax(away < -0.004)) if (away < -0.004).any() else -1
     assert away[below:].max() < 0.004
-    assert away.min() > -0.075
+    assert (
+        away.min() > -0.2 * max(deepest_swing(share) for share in (0.12, 0.17, 0.25, 0.35, 0.5, 1.0)) - 0.004
+    )
     assert abs(away[-1]) < 0.004
 
 
@@ -193,7 +210,7 @@ def test_what_stays_out_of_reach_is_forgotten_and_never_grows() -> None:
 
 @settings(max_examples=25)
 @given(
-    st.floats(0.25, 0.95),
+    st.floats(0.25, 0.85),
     st.floats(0.0, 2.0),
     st.sampled_from([20.0, 30.0]),
     st.sampled_from([free, PAPER]),
@@ -210,8 +227,9 @@ def test_of_a_day_after_a_night_no_horizon_uses_a_tenth_too_much(
     """A horizon of night, of which full brightness takes next to nothing; then day at 50 cd/m^2.
 
     A tenth of what full brightness takes; see docs/decisions/budget-governor.md for why. Beyond that only
-    what the rate limit takes until the factor has fallen to `fair`, at which the day meets the budget: a
-    triangle of (1 - fair) by (1 - fair) / fall. From three horizons into the day on each meets the budget.
+    what the rate limit takes until the factor has fallen to `fair`, at which the day meets the budget: the
+    integral of what is above it, over a fall as fast as the limit lets it. From three horizons into the day
+    on each meets the budget.
     """
     night, frames = round(horizon * 10), round(6 * horizon * 10)
     light_of = np.where(np.arange(frames) < night, light, 50.0)
@@ -221,15 +239,18 @@ def test_of_a_day_after_a_night_no_horizon_uses_a_tenth_too_much(
     track = governed(curves, asked, Controller(ControllerSettings(0.03), limit), 0.5, OLED)
     used = (power(OLED, track.factors, curves.channel_means) - OLED.base_power) / day
     windows = np.convolve(used, np.ones(night) / night, "valid")
-    fall = min(limit(b * 50.0) for b in np.linspace(fair, 1, 20)) / 50.0  # at its slowest, per second
-    assert windows.max() < fair + 0.1 + (1 - fair) ** 2 / (2 * fall * horizon)
+    above = np.linspace(0, 1 - fair, 200)
+    waiting = np.array([50.0 / limit((fair + b) * 50.0) for b in above])  # seconds per unit of the factor
+    most = fair + 0.1 + float(np.trapezoid(above * waiting, above)) / horizon
+    assert most < 0.99  # no horizon could use more than 1
+    assert windows.max() < most
     assert np.abs(windows[4 * night :] - fair).max() < 0.03
 
 
 @settings(max_examples=25)
 @given(
     st.lists(st.tuples(st.floats(0.02, 1.5), st.floats(0.0, 100.0)), min_size=2, max_size=12),
-    st.floats(0.25, 0.95),
+    st.floats(0.25, 0.7),
 )
 def test_no_horizon_uses_three_tenths_of_full_brightness_too_much(
     make_curves: Callable[..., LossCurves], scenes: list[tuple[float, float]], share: float
@@ -237,7 +258,8 @@ def test_no_horizon_uses_three_tenths_of_full_brightness_too_much(
     """Scenes of any luminance and length, in horizons; nothing but the governor sets the pace.
 
     Along a fair factor of D / M, with M the mean over 3 T, a horizon uses 3 T / H · D (1 + ln(S / D)) too
-    much at most, whatever comes; S is what full brightness takes. That is 0.3 S or less.
+    much at most, whatever comes; S is what full brightness takes. That is 0.3 S or less; of budgets above
+    0.7 S it would allow S and more, which says nothing.
     """
     light = np.concatenate([np.full(max(round(length * 200), 1), level) for length, level in scenes])[:1200]
     light = np.append(light, np.full(200, light[-1]))
@@ -265,6 +287,32 @@ def test_costs_by_hand() -> None:
         late = 3.0 * (1 - (1 - 0.1 / 6) ** k)
         assert cost.allowance == pytest.approx(3.0 * min(0.75 / late, 1.0), rel=1e-6)
         assert cost.scale == pytest.approx(max(late, 3.0 * 0.1 / 2), rel=1e-6)
+
+
+@pytest.mark.parametrize("watts", [0.1, 0.2, 0.95])
+def test_black_to_begin_with_may_be_shown_at_any_factor(watts: float) -> None:
+    """Even of a budget below what black takes already: there is nothing to share out."""
+    settings_ = GovernorSettings(watts, BudgetUnit.WATT, 20.0)
+    cost = ContentCosts(settings_, OLED).of(0.0, 0.1)
+    assert (cost.per_factor, cost.allowance, cost.fair_factor) == (0.0, 0.0, 1.0)
+    assert first_factor(settings_, OLED, 0.0, (0.2, 1.0)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "budget", "model", "expected"),
+    [
+        (BudgetUnit.FACTOR, 0.4, LCD, 0.4),
+        (BudgetUnit.WATT, 0.8, OLED, 0.4),  # 0.2 W and 0.4 of 1.5 W
+        (BudgetUnit.POWER, 0.7, OLED, (0.7 * 1.7 - 0.2) / 1.5),
+        (BudgetUnit.WATT, 0.25, OLED, 0.2),  # nearest to 0.05 of 1.5 W
+        (BudgetUnit.WATT, 2.5, OLED, 1.0),
+    ],
+)
+def test_the_first_factor_is_where_the_first_frame_meets_the_budget(
+    unit: BudgetUnit, budget: float, model: PowerModel, expected: float
+) -> None:
+    found = first_factor(GovernorSettings(budget, unit, 20.0), model, 1.5, (0.2, 1.0))
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("unit", [BudgetUnit.POWER, BudgetUnit.WATT])

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from method.grid_track import Cells, bins_within, cheapest_track
@@ -40,13 +40,16 @@ def cost_by_trying_all(cost, cells: Cells, miss: float) -> float:
 
 
 @given(st.integers(0, 10**6))
+@example(7712)  # even the lowest cells use more than the budget
+@example(8141)
+@example(16979)
 def test_no_track_that_uses_the_budget_is_cheaper(seed: int) -> None:
     cells, frame = made_cells(seed), np.arange(FRAMES)
     cost = np.random.default_rng([seed, 1]).random((FRAMES, CHOICES))
     size = bins_within(cells.used, FINE).size
     track = cheapest_track(cost, cells, FINE)
     if track is None:
-        assert cost_by_trying_all(cost, cells, 0.0) == np.inf
+        assert cost_by_trying_all(cost, cells, size) == np.inf
         return
     assert is_within_limits(cells, track)
     assert abs(cells.used[frame, track].sum()) <= 3 * size
@@ -114,6 +117,13 @@ def test_where_no_step_is_long_enough_there_is_no_track() -> None:
     factors = np.array([[0.2, 0.3], [0.8, 0.9]])
     cells = Cells(factors, factors - 0.55, np.ones((2, 2)), np.array([0.1]))
     assert cheapest_track(np.zeros((2, 2)), cells, 16) is None
+
+
+@pytest.mark.parametrize("budget", [0.19, 1.01])
+def test_a_budget_beyond_all_cells_has_no_track(budget: float) -> None:
+    factors = np.tile(np.linspace(0.2, 1.0, 5), (6, 1))
+    cells = Cells(factors, factors - budget, np.ones((6, 5)), np.ones(5))
+    assert cheapest_track(np.zeros((6, 5)), cells, 32) is None
 
 
 @pytest.mark.parametrize("budget", [0.2, 1.0])

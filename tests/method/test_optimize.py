@@ -11,7 +11,7 @@ from data_schema.power_model import PanelKind, PowerModel
 from data_schema.rate_limit import RateLimit, RateLimitForm
 from method.choices import ModulatedLuminance, SolverName
 from method.lower_bound import lower_bound
-from method.optimize import Problem, Request, Solution, feasible_blend, optimize, pose
+from method.optimize import Problem, Request, Solution, feasible_blend, optimize, pose, require_possible
 from method.preset_files import load_power_model
 from method.solvers import make_solver
 
@@ -180,6 +180,18 @@ def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_prob
     assert lower_bound(problem, backwards) <= problem.objective(ours.factors)
 
 
+def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
+    make_curves, make_problem, monkeypatch
+) -> None:
+    problem = make_problem(two_scenes(make_curves), 0.5)
+    ours = solve(problem, SolverName.SPLITTING)
+    assert ours.frame_weights is not None
+    poor = dataclasses.replace(ours, frame_weights=0.5 * ours.frame_weights)
+    both = lower_bound(problem, poor)
+    monkeypatch.setattr("method.lower_bound.ENOUGH", -np.inf)  # the first will do
+    assert lower_bound(problem, poor) < both <= problem.objective(ours.factors)
+
+
 def test_the_frame_weights_lie_in_the_permutahedron(make_curves, make_problem) -> None:
     # Sums of the k largest entries are at most those of the k largest order weights, and all add up to 0.
     problem = make_problem(two_scenes(make_curves), 0.5)
@@ -219,6 +231,34 @@ def test_an_impossible_budget_says_which_are_possible(
     request = Request(budget, unit, load_power_model("surace2025"), make_weber_limit(0.03))
     with pytest.raises(InputError, match=says):
         pose(make_curves([0.2, 0.3]), request)
+
+
+WHITE_OF_3_W = PowerModel("o", PanelKind.OLED, 0.2, red_power=0.5, green_power=1.0, blue_power=1.5)
+
+
+@pytest.mark.parametrize(
+    ("budget", "unit"),
+    [
+        (0.2, BudgetUnit.WATT),  # black alone
+        (0.1, BudgetUnit.WATT),
+        (3.201, BudgetUnit.WATT),
+        (0.249, BudgetUnit.POWER),  # (0.2 + 0.2 · 3) / 3.2, of white
+        (1.001, BudgetUnit.POWER),
+        (0.5, BudgetUnit.FACTOR),
+    ],
+)
+def test_on_an_oled_what_no_content_meets_is_refused_at_once(make_weber_limit, budget, unit) -> None:
+    with pytest.raises(InputError, match=f"--budget {budget:g}|--budget-unit factor") as refused:
+        require_possible(Request(budget, unit, WHITE_OF_3_W, make_weber_limit(0.03)), 0.2)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("budget", "unit"),
+    [(0.201, BudgetUnit.WATT), (3.2, BudgetUnit.WATT), (0.25, BudgetUnit.POWER), (1.0, BudgetUnit.POWER)],
+)
+def test_on_an_oled_what_some_content_meets_is_not(make_weber_limit, budget, unit) -> None:
+    require_possible(Request(budget, unit, WHITE_OF_3_W, make_weber_limit(0.03)), 0.2)
 
 
 def test_on_an_oled_a_bright_frame_costs_more_of_the_budget(make_curves, make_weber_limit) -> None:

@@ -9,7 +9,8 @@ import pytest
 from data_schema.brightness_track import read_track
 from data_schema.control import TargetRow
 from data_schema.loss_curves import read_loss_curves
-from data_schema.text_files import read_rows
+from data_schema.power_model import PanelKind, PowerModel
+from data_schema.text_files import read_rows, write_toml_record
 from experiments.track_fit import load_track, require_fit
 from method.control_curves import control_curves
 from method.controller import Controller, ControllerSettings
@@ -41,6 +42,11 @@ def room(seed: int, light: float) -> np.ndarray:
     )
     gray = np.clip(light * (1 + 0.4 * picture / picture.std()), 0, 1)
     return np.repeat((255 * gray).round().astype(np.uint8)[..., None], 3, axis=2)
+
+
+def oled(base_power: float) -> PowerModel:
+    """A panel that takes 3 W more for white."""
+    return PowerModel("oled", PanelKind.OLED, base_power, red_power=0.5, green_power=1.0, blue_power=1.5)
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +98,17 @@ def test_the_results_say_what_the_controller_did(command, tmp_path: Path, walk: 
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("budget", "unit", "panel"),
+    [(0.6, "factor", None), (0.7, "power", oled(0.2)), (0.8, "watt", oled(0.2)), (0.5, "power", oled(0.0))],
+)
 def test_nothing_of_the_frames_to_come_is_known(
-    command, tmp_path: Path, walk: Path, another_end: Path
+    command, tmp_path: Path, walk: Path, another_end: Path, budget: float, unit: str, panel: PowerModel | None
 ) -> None:
-    options = ("--budget", 0.6, "--horizon", 10)
+    options = ("--budget", budget, "--budget-unit", unit, "--horizon", 10)
+    if panel is not None:
+        write_toml_record(tmp_path / "oled.power.toml", panel)
+        options = (*options, "--power-model", tmp_path / "oled.power.toml")
     tracks = [
         controlled(command, tmp_path / name, video, *options)[0]
         for name, video in (("one", walk), ("other", another_end))
@@ -160,6 +173,39 @@ def test_a_budget_leaves_the_tuning_as_it_is(command, tmp_path: Path, walk: Path
     assert beside["after"]["rms_error"] == alone["after"]["rms_error"]
 
 
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("base_power", "budget", "unit"), [(0.2, 0.9, "power"), (0.2, 1.0, "watt")])
+def test_a_black_video_on_an_oled_panel_is_shown_as_it_comes(
+    command, tmp_path: Path, base_power: float, budget: float, unit: str
+) -> None:
+    """It uses less than the budget of watts, and at any factor all of its full power."""
+    write_video(tmp_path / "night.mkv", [np.zeros((36, 48, 3), np.uint8)] * 60, 5.0)
+    write_toml_record(tmp_path / "oled.power.toml", oled(base_power))
+    track, summary, control, _ = controlled(
+        command, tmp_path / "out", tmp_path / "night.mkv", "--budget", budget, "--budget-unit", unit,
+        "--horizon", 5, "--power-model", tmp_path / "oled.power.toml",
+    )  # fmt: skip
+    assert unit == "power" or (track.factors == 1).all()
+    assert summary["mean_power_w"] == pytest.approx(base_power)
+    assert control["horizon_excess"] == pytest.approx(0.1 if unit == "power" else 0.0)
+    write_toml_record(tmp_path / "none.power.toml", oled(0.0))
+    refused = command(
+        "control", tmp_path / "night.mkv", "--out", tmp_path / "no", "--budget", budget,
+        "--budget-unit", unit, "--power-model", tmp_path / "none.power.toml",
+    )  # fmt: skip
+    assert refused.code == 2
+    assert "the video is black throughout" in refused.err
+    assert not (tmp_path / "no").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_target_that_is_out_of_reach_is_told(command, tmp_path: Path, walk: Path) -> None:
+    *_, control, said = controlled(command, tmp_path / "out", walk, "--target-loss", 0.9)
+    assert control["mean_loss"] < 0.9
+    assert said.count("warning: the target of 0.9 is out of reach for") == 1
+    assert "less even at the lowest factor, 0.2" in said
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -171,6 +217,8 @@ def test_a_budget_leaves_the_tuning_as_it_is(command, tmp_path: Path, walk: Path
         (("--target-loss", 0.1, "--sweep", "0.1"), "give LOWEST:HIGHEST:HOW_MANY"),
         (("--target-loss", 0.1, "--sweep", "0.2:0.1:5"), "LOWEST < HIGHEST"),
         (("--budget", 0.1), "--budget 0.1 (factor) cannot be met"),
+        (("--budget", 0.5, "--curves", "x.npz", "--jobs", 3), "--jobs and --device are for computing loss"),
+        (("--budget", 0.5, "--curves", "x.npz", "--device", "gpu"), "--jobs and --device are for computing"),
         (("--budget", 0.5, "--horizon", 0), "--horizon must lie in 0.1 to 1e+06, got 0"),
         (("--target-loss", 0.1, "--jobs", -1), "--jobs must be 0 (all cores) or more, got -1"),
     ],

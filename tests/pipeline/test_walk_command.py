@@ -3,6 +3,8 @@
 import json
 import os
 import re
+import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +13,10 @@ import pytest
 from warm_evenlight import Run
 
 from data_schema.brightness_track import BudgetUnit
+from data_schema.errors import InputError
 from data_schema.live_control import LiveControl, LiveRefresh
 from data_schema.text_files import read_json_record, read_rows
+from experiments.walk_request import LiveRequest, WalkRequest, walk_as_asked
 from stimuli.scenes.camera_path import path_named
 from stimuli.video_source import open_video
 
@@ -50,7 +54,15 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     assert 0.2 < share - 0.5 - 0.02 < kept.horizon_excess == kept.horizon_error < share - 0.5
     assert all(row.full_power == rows[0].full_power for row in rows)
     assert kept.power_model == "surace2025"
-    assert kept.mean_factor == pytest.approx(np.mean([row.factor for row in rows]))
+    seconds = np.diff([row.flip_time for row in rows])
+    assert kept.mean_factor == pytest.approx(np.average([row.factor for row in rows[:-1]], weights=seconds))
+    used, full = (np.array([getattr(row, name) for row in rows[:-1]]) for name in ("power", "full_power"))
+    assert kept.achieved == pytest.approx(used @ seconds / (full @ seconds))
+    assert f"budget 0.5 (power): {kept.achieved:.3g} on average" in said
+    assert kept.steered_horizon == pytest.approx(200 / 60)  # as many answers, of 1/60 s each
+    assert "the horizon of 0.5 s holds 30 answers, too few to steer by" in said
+    assert 0 < kept.max_rate_ratio <= 1
+    assert kept.share_budget_held == 0
     assert len(rows) in (61, 62)
     assert [row.measured_refresh for row in rows[1:]] == list(range(len(rows) - 1))
     moving = [row for row in rows if row.rate]
@@ -70,3 +82,32 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     pictures = [frame.pixel_values.copy() for frame in open_video(str(video)).frames()]
     assert [picture.shape for picture in pictures] == [(36, 64, 3)] * 25
     assert (pictures[0] != pictures[-1]).mean() > 0.5  # the view has changed
+
+
+def test_what_was_walked_until_an_interruption_is_kept(
+    virtual_screen: Callable[[], str], tmp_path: Path
+) -> None:
+    way, log, seen = tmp_path / "way.json", tmp_path / "log", tmp_path / "seen"
+    words = ["play", "house", "--walk", "--simulate", "--seconds", "1e5", "--size", "64x36"]
+    words += ["--target-loss", "0.5", "--budget", "0.5", "--record", str(way), "--out", str(log)]
+    run = Run([*words, "--screenshots", str(seen)], os.environ | {"DISPLAY": virtual_screen()})
+    end = time.monotonic() + 120
+    while run.poll() is None and not any(seen.glob("*.png")) and time.monotonic() < end:
+        time.sleep(0.01)
+    time.sleep(1.0)  # some refreshes more: the picture was saved before the first appeared
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    assert (run.returncode, out, err.count("\n")) == (130, "", 1)
+    assert re.match("evenlight: interrupted; house: .* in .* s, .*; the way is in .*; the log is in ", err)
+    rows = read_rows(LiveRefresh, log / "live_control.csv")
+    kept = read_json_record(LiveControl, log / "live_control.json")
+    assert len(rows) > 1
+    assert (kept.budget, kept.max_rate_ratio <= 1) == (0.5, True)
+    assert path_named(str(way)).duration == pytest.approx(rows[-1].flip_time, abs=0.02)
+
+
+def test_a_first_factor_that_the_controller_may_not_have_is_refused() -> None:
+    live = LiveRequest(target_loss=0.05)
+    asked = WalkRequest("house", None, None, None, 0.1, None, 2.0, None, simulate=True, live=live)
+    with pytest.raises(InputError, match=r"--factor of a dimmed walk must lie in 0\.2 to 1, got 0\.1"):
+        walk_as_asked(asked)
