@@ -25,6 +25,7 @@ from analysis.track_options import (
     VideoArgument,
     check_video,
     require_between,
+    require_curves_to_compute,
 )
 from data_schema.brightness_track import BudgetUnit
 from data_schema.errors import InputError
@@ -107,8 +108,7 @@ def control(
     for name, value in (("--target-loss", target_loss), ("--start-factor", start_factor)):
         if value is not None:
             require_between(name, value, (0.0 if name == "--target-loss" else min_factor, 1.0))
-    if curves is not None and (jobs != 1 or device is not Device.CPU):
-        raise InputError("--jobs and --device are for computing loss curves, which --curves gives")
+    require_curves_to_compute(curves, jobs, device)
     for name, gain in (
         ("--proportional", proportional), ("--integral", integral), ("--derivative", derivative),
         ("--gain-rate", gain_rate),

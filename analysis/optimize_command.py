@@ -25,6 +25,7 @@ from analysis.track_options import (
     RateLimitOption,
     VideoArgument,
     check_video,
+    require_curves_to_compute,
     require_there,
 )
 from data_schema.brightness_track import BudgetUnit
@@ -93,6 +94,7 @@ def optimize(
     from stimuli.video_source import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
+    require_curves_to_compute(curves, jobs, device)
     if not 0 <= calm <= 1:
         raise InputError(f"--calm must lie between 0 and 1, got {calm:g}")
     if not 0 <= tolerance < 1:

@@ -78,6 +78,12 @@ def check_video(video: str, min_factor: float, field_of_view: float | None, jobs
         raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
 
 
+def require_curves_to_compute(curves: Path | None, jobs: int, device: Device) -> None:
+    """Refuse options of how loss curves are computed where they are given."""
+    if curves is not None and (jobs != 1 or device is not Device.CPU):
+        raise InputError("--jobs and --device are for computing loss curves, which --curves gives")
+
+
 def require_there(option: str, path: Path | None, expected: str) -> None:
     """Refuse a file or folder that is not there, before anything is analysed.
 

@@ -69,6 +69,12 @@ def test_a_negative_number_of_jobs(command, tmp_path, clip) -> None:
     assert "--jobs must be 0 (all cores) or more, got -1" in line
 
 
+@pytest.mark.parametrize("option", [("--jobs", 3), ("--device", "gpu")])
+def test_options_of_computing_curves_that_are_given(command, tmp_path, clip, option) -> None:
+    line = refused(command, tmp_path, clip, "--budget", 0.5, "--curves", "loss_curves.npz", *option)
+    assert "--jobs and --device are for computing loss curves, which --curves gives" in line
+
+
 def test_a_video_damaged_in_its_middle_is_told_alike_for_any_number_of_jobs(command, tmp_path, clip) -> None:
     content = bytearray(clip.read_bytes())
     middle = len(content) // 2
