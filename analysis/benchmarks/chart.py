@@ -47,6 +47,7 @@ MEANING = {
     Role.PEER: "peer, same run",
     Role.CITED: "published, another machine",
 }
+LINE = 0.19  # [inch] of the list of approaches
 LEAST_GAP = 1.7  # lines of text between two labels
 NEAR = 0.25  # [inch] points nearer than this in both directions share a label
 
@@ -66,13 +67,13 @@ def chart_figure(chart: Chart, points: Sequence[BenchmarkPoint]) -> Figure:
 def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     """Return time over error, a numbered point for each approach, and a list of what the numbers are."""
     known = sorted((p for p in points if p.error is not None), key=lambda p: (p.error, p.time))
-    lines = len(known)
-    figure = new_figure(SCREEN, height=4.3 + 0.19 * lines)
     em = SCREEN.em
     meanings = "; ".join(dict.fromkeys(p.error_of for p in points if p.error is not None))
     title, below = heading_lines(
         chart.title, f"lower left is better; error: {meanings}", SCREEN.width - 1.2, em
     )
+    top = below + 1.9 * em + 2.75 + 4.2 * em  # of the list
+    figure = new_figure(SCREEN, height=top + LINE * (len(known) + 1))
     lines_at(figure, 0.5, title)
     axes = axes_at(figure, 0.9, below + 1.9 * em, SCREEN.width - 1.3, 2.75)
     positive = [p.error for p in known if p.error]
@@ -92,11 +93,10 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     _tick_often_enough(axes)
     _number(axes, [(p.error or none_at, p.time) for p in known])
     _role_legend(axes, known)
-    top = below + 1.9 * em + 2.75 + 4.2 * em
     for number, p in enumerate(known, start=1):
         words = f"{number}  {p.approach}: {duration(p.time)}, {_error(p.error)}"
         text_at(figure, 0.75, top, words, color=COLOUR[p.role])
-        top += 0.19
+        top += LINE
     return figure
 
 

@@ -125,6 +125,16 @@ def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_d
     np.testing.assert_allclose(drawn, [(2e-6, 0.9), (2e-5, 0.05), (4e-3, 0.01)])  # none: a tenth of the least
 
 
+def test_all_words_of_a_figure_lie_within_it_however_long_its_heading_is() -> None:
+    meaning = "largest difference of contrast loss from what a very long explanation names at great length"
+    rows = [replace(p, error_of=f"{meaning}, {k}") for k, p in enumerate(POINTS)]
+    with look(SCREEN):
+        figure = chart_figure(Chart("x", "A frame of a rendered sequence " * 4, ("one frame",)), rows)
+        figure.canvas.draw()
+        lowest = min(text.get_window_extent().y0 for text in figure.texts)
+    assert lowest > 0
+
+
 def test_a_figure_says_what_each_kind_of_error_is_and_calls_a_reference_no_definition() -> None:
     rows = [*POINTS[1:], replace(POINTS[0], error_of="distance from the finest grid")]
     with look(SCREEN):
