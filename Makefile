@@ -33,6 +33,6 @@ format: setup
 
 # The page of speed against error, on this machine: half an hour, in which it should have nothing else to do.
 benchmarks: lab
-	$(BIN)/evenlight bench all --out benchmarks
+	$(BIN)/evenlight bench all --out out/benchmarks
 	mkdir -p docs/benchmarks
-	cp benchmarks/benchmarks.md benchmarks/*.png docs/benchmarks/
+	cp out/benchmarks/benchmarks.md out/benchmarks/*.png docs/benchmarks/

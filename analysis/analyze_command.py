@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from analysis.dataset_findings import AnalysisOptions, DatasetFindings
+    from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings
 
 REPORT, SUMMARY = "report.html", "analysis.json"
 
@@ -32,12 +32,12 @@ def analyze(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
 ) -> None:
     """Make the statistics of a data set: ratings, comparisons, search times, calibration."""
-    from analysis.dataset_findings import AnalysisOptions
-    from analysis.earlier_results import earlier_files, remove_stale
-    from data_schema.dataset_layout import require_apart
-    from data_schema.errors import InputError
-    from data_schema.files import results_folder
-    from data_schema.record_kinds import TRIALS_OF_TASK
+    from evenlight.analysis.dataset_findings import AnalysisOptions
+    from evenlight.analysis.earlier_results import earlier_files, remove_stale
+    from evenlight.data_schema.dataset_layout import require_apart
+    from evenlight.data_schema.errors import InputError
+    from evenlight.data_schema.files import results_folder
+    from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
 
     for name in task or ():
         if name not in TRIALS_OF_TASK:
@@ -65,7 +65,7 @@ def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -
     """Return what the data set shows, under a progress line."""
     from rich.console import Console
 
-    from analysis.dataset_findings import find_in_dataset
+    from evenlight.analysis.dataset_findings import find_in_dataset
 
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
@@ -76,13 +76,13 @@ def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -
 
 def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tuple[str, ...]:
     """Write the tables and figures of each task, the report and the summary, and return the files' names."""
-    from analysis.dataset_report import dataset_report
-    from analysis.earlier_results import files_in
-    from analysis.findings import write_findings
-    from analysis.report import write_report
-    from data_schema.analysis_summary import AnalysisSummary
-    from data_schema.provenance import provenance_now
-    from data_schema.text_files import write_json_record
+    from evenlight.analysis.dataset_report import dataset_report
+    from evenlight.analysis.earlier_results import files_in
+    from evenlight.analysis.findings import write_findings
+    from evenlight.analysis.report import write_report
+    from evenlight.data_schema.analysis_summary import AnalysisSummary
+    from evenlight.data_schema.provenance import provenance_now
+    from evenlight.data_schema.text_files import write_json_record
 
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
     for findings in found.findings.values():

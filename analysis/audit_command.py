@@ -15,10 +15,10 @@ def audit(
     """Audit the paper's published numbers: what they can and cannot support."""
     from rich.console import Console
 
-    from analysis.audit.audit_findings import TITLE, audit_findings
-    from analysis.findings import write_findings
-    from analysis.report import Report, write_report
-    from data_schema.files import results_folder
+    from evenlight.analysis.audit.audit_findings import TITLE, audit_findings
+    from evenlight.analysis.findings import write_findings
+    from evenlight.analysis.report import Report, write_report
+    from evenlight.data_schema.files import results_folder
 
     console = Console(stderr=True)
     console.quiet = quiet or not console.is_terminal

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.track_options import (
+from evenlight.analysis.track_options import (
     ContrastModelOption,
     CurvesOption,
     DeviceOption,
@@ -27,13 +27,13 @@ from analysis.track_options import (
     require_between,
     require_curves_to_compute,
 )
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from method.choices import Device, LimitCurve, ModulatedLuminance
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
 
 if TYPE_CHECKING:
-    from analysis.tracks.control_run import Controlled
-    from data_schema.control import TargetRow
+    from evenlight.analysis.tracks.control_run import Controlled
+    from evenlight.data_schema.control import TargetRow
 
 MOST_TARGETS = 200
 CURVES_TOLERANCE = 0.001  # of given loss curves: the default of `optimize`
@@ -89,18 +89,23 @@ def control(
     quiet: QuietOption = False,
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
-    from analysis.device_choice import chosen_device
-    from analysis.earlier_results import files_in, remove_earlier_track
-    from analysis.tracks.control_results import run_control
-    from analysis.tracks.control_run import Control
-    from analysis.tracks.optimization import Work
-    from data_schema.files import results_folder
-    from method.controller import ControllerSettings
-    from method.governor import HORIZON, HORIZONS, GovernorSettings
-    from method.optimize import Request, require_possible
-    from method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit_for
-    from method.thrift import Thrift
-    from stimuli.video_source import open_video
+    from evenlight.analysis.device_choice import chosen_device
+    from evenlight.analysis.earlier_results import files_in, remove_earlier_track
+    from evenlight.analysis.tracks.control_results import run_control
+    from evenlight.analysis.tracks.control_run import Control
+    from evenlight.analysis.tracks.optimization import Work
+    from evenlight.data_schema.files import results_folder
+    from evenlight.method.controller import ControllerSettings
+    from evenlight.method.governor import HORIZON, HORIZONS, GovernorSettings
+    from evenlight.method.optimize import Request, require_possible
+    from evenlight.method.preset_files import (
+        load_contrast_model,
+        load_display,
+        load_power_model,
+        load_rate_limit_for,
+    )
+    from evenlight.method.thrift import Thrift
+    from evenlight.stimuli.video_source import open_video
 
     check_video(video, min_factor, field_of_view, jobs)
     if target_loss is None and budget is None:

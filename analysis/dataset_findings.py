@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.findings import Findings
-from analysis.inference.binomial_tests import DEFAULT_MARGIN
-from analysis.session_loading import load_task, tasks_in
-from data_schema.dataset_layout import DESCRIPTION
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit
-from data_schema.search import SearchTrial
-from data_schema.seeds import require_seed
-from data_schema.viewing import ComparisonTrial, RatingTrial
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
+from evenlight.analysis.session_loading import load_task, tasks_in
+from evenlight.data_schema.dataset_layout import DESCRIPTION
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.seeds import require_seed
+from evenlight.data_schema.viewing import ComparisonTrial, RatingTrial
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +139,10 @@ _Analysed = tuple[Findings, bool, str, int]
 
 
 def _ramp(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.calibration.calibration import calibrate, write_calibration
-    from analysis.calibration.ramp_findings import ramp_findings
-    from analysis.loading import load_ramp_data
-    from data_schema.provenance import provenance_now
+    from evenlight.analysis.calibration.calibration import calibrate, write_calibration
+    from evenlight.analysis.calibration.ramp_findings import ramp_findings
+    from evenlight.analysis.loading import load_ramp_data
+    from evenlight.data_schema.provenance import provenance_now
 
     data = load_ramp_data(dataset)
     calibration = calibrate(data)
@@ -156,14 +156,14 @@ def _ramp(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
 
 
 def _rating(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.rating.rating_findings import rating_findings
+    from evenlight.analysis.rating.rating_findings import rating_findings
 
     data = load_task(dataset, "rating", RatingTrial)
     return rating_findings(data, options.seed), data.simulated, data.sha256, len(data.participant_ids)
 
 
 def _comparison(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.comparison.comparison_findings import comparison_findings
+    from evenlight.analysis.comparison.comparison_findings import comparison_findings
 
     data = load_task(dataset, "comparison", ComparisonTrial)
     findings = comparison_findings(data, options.seed, options.margin)
@@ -171,7 +171,7 @@ def _comparison(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analy
 
 
 def _search(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from analysis.search.search_findings import search_findings
+    from evenlight.analysis.search.search_findings import search_findings
 
     data = load_task(dataset, "search", SearchTrial)
     findings = search_findings(data, options.seed, options.slowing)

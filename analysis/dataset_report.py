@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from analysis.dataset_findings import DatasetFindings
-from analysis.report import Report, Section
-from analysis.report_sections import files_section, provenance_section
-from data_schema.provenance import Provenance
+from evenlight.analysis.dataset_findings import DatasetFindings
+from evenlight.analysis.report import Report, Section
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.data_schema.provenance import Provenance
 
 TITLES = {
     "ramp": "How fast a change is noticed",

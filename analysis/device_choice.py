@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import typer
 
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from method.analysis_device import make_frame_analysis
-from method.choices import Device
-from method.loss_curves import SMALLEST_SIDE, brightness_factors
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.analysis_device import make_frame_analysis
+from evenlight.method.choices import Device
+from evenlight.method.loss_curves import SMALLEST_SIDE, brightness_factors
 
 
 def chosen_device(device: Device, display: Display, model: ContrastModel, quiet: bool) -> Device:

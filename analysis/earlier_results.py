@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from data_schema.analysis_summary import AnalysisSummary
-from data_schema.errors import InputError
-from data_schema.text_files import read_json_record
+from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.text_files import read_json_record
 
 
 def files_in(folder: Path) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
-from data_schema.files import write_whole
+from evenlight.data_schema.files import write_whole
 
 # After Tol (2021), "Colour schemes": told apart with any colour vision, and in print without colour.
 OURS = "#004488"  # the brightness track

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.report import Picture, Section
-from data_schema.files import write_whole
-from data_schema.statistic import PlottedPoint, Statistic
-from data_schema.text_files import write_rows
+from evenlight.analysis.report import Picture, Section
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.statistic import PlottedPoint, Statistic
+from evenlight.data_schema.text_files import write_rows
 
 
 @dataclass(frozen=True, slots=True)

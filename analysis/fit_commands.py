@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from data_schema.ramp import Direction, Procedure
-from data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.rate_limit import RateLimitForm
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from analysis.calibration.calibration import Calibration
-    from analysis.calibration.limit_choices import LimitChoices
-    from analysis.calibration.rate_limit_curve import RateLimitOptions
-    from analysis.loading import RampData
-    from analysis.measurement.sweep_loading import ChosenSweep
-    from analysis.measurement.sweep_results import SweepOutcome
-    from stimuli.video_source import VideoSource
+    from evenlight.analysis.calibration.calibration import Calibration
+    from evenlight.analysis.calibration.limit_choices import LimitChoices
+    from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+    from evenlight.analysis.loading import RampData
+    from evenlight.analysis.measurement.sweep_loading import ChosenSweep
+    from evenlight.analysis.measurement.sweep_results import SweepOutcome
+    from evenlight.stimuli.video_source import VideoSource
 
 
 def fit(
@@ -60,17 +60,17 @@ def fit(
     from rich.console import Console
     from rich.progress import Progress
 
-    from analysis.calibration.choice_on_clip import open_clip, require_budget
-    from analysis.calibration.rate_limit_curve import RateLimitOptions
-    from analysis.loading import has_ramp_sessions, load_ramp_data
-    from analysis.measurement.sweep_loading import newest_sweeps
-    from data_schema.dataset_layout import POWER_LOG
-    from data_schema.errors import InputError
-    from data_schema.files import results_folder
+    from evenlight.analysis.calibration.choice_on_clip import open_clip, require_budget
+    from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+    from evenlight.analysis.loading import has_ramp_sessions, load_ramp_data
+    from evenlight.analysis.measurement.sweep_loading import newest_sweeps
+    from evenlight.data_schema.dataset_layout import POWER_LOG
+    from evenlight.data_schema.errors import InputError
+    from evenlight.data_schema.files import results_folder
 
     if (dataset / POWER_LOG).is_file():
-        from analysis.measurement.power_table import write_power_results
-        from method.preset_files import load_power_model
+        from evenlight.analysis.measurement.power_table import write_power_results
+        from evenlight.method.preset_files import load_power_model
 
         model = load_power_model(power_model) if power_model else None
         said = write_power_results(dataset, out, model)
@@ -107,7 +107,7 @@ def fit(
 
 def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepOutcome:
     """Fit the sweeps and write their files."""
-    from analysis.measurement.sweep_results import write_chosen_sweeps
+    from evenlight.analysis.measurement.sweep_results import write_chosen_sweeps
 
     return write_chosen_sweeps(sweeps, folder, needed=needed)
 
@@ -133,14 +133,14 @@ class _Results:
 
 def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     """Fit, compare the curves, and write every file."""
-    from analysis.calibration.calibration import calibrate, write_calibration
-    from analysis.calibration.calibration_figures import write_figures
-    from analysis.calibration.choice_on_clip import compare_on_clip, curves_of, in_words
-    from analysis.calibration.fit_report import FitResults, write_fit_report
-    from analysis.calibration.limit_choices import limit_choices
-    from analysis.calibration.limit_choices_files import write_limit_choices
-    from data_schema.provenance import provenance_now
-    from method.preset_files import load_power_model
+    from evenlight.analysis.calibration.calibration import calibrate, write_calibration
+    from evenlight.analysis.calibration.calibration_figures import write_figures
+    from evenlight.analysis.calibration.choice_on_clip import compare_on_clip, curves_of, in_words
+    from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
+    from evenlight.analysis.calibration.limit_choices import limit_choices
+    from evenlight.analysis.calibration.limit_choices_files import write_limit_choices
+    from evenlight.data_schema.provenance import provenance_now
+    from evenlight.method.preset_files import load_power_model
 
     bar = progress.add_task("fitting thresholds", total=None)
     calibration = calibrate(

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from analysis.session_loading import Session, has_sessions, load_task
-from data_schema.dataset_layout import MANIFEST, TRIALS
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import RampDesign, RampTrial
-from data_schema.session import SessionManifest
-from method.luminance import dimmed_luminance, displayed_luminance
+from evenlight.analysis.session_loading import Session, has_sessions, load_task
+from evenlight.data_schema.dataset_layout import MANIFEST, TRIALS
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import RampDesign, RampTrial
+from evenlight.data_schema.session import SessionManifest
+from evenlight.method.luminance import dimmed_luminance, displayed_luminance
 
 ROUNDING = 1e-6  # relative, of a luminance that was computed and written
 TASK = "ramp"

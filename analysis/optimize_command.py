@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.track_options import (
+from evenlight.analysis.track_options import (
     BudgetUnitOption,
     ContrastModelOption,
     CurvesOption,
@@ -28,13 +28,13 @@ from analysis.track_options import (
     require_curves_to_compute,
     require_there,
 )
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.seeds import require_seed
-from method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.seeds import require_seed
+from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 
 if TYPE_CHECKING:
-    from data_schema.brightness_track import OptimizationSummary
+    from evenlight.data_schema.brightness_track import OptimizationSummary
 
 
 def optimize(
@@ -82,16 +82,21 @@ def optimize(
     quiet: QuietOption = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
-    from analysis.device_choice import chosen_device
-    from analysis.earlier_results import files_in, remove_earlier_track
-    from analysis.tracks.optimization import Work, run_optimization
-    from data_schema.files import results_folder
-    from data_schema.section import AllowanceSection, WeightSection
-    from data_schema.text_files import read_rows
-    from method.optimize import Request, require_possible
-    from method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit_for
-    from method.thrift import Thrift
-    from stimuli.video_source import open_videos
+    from evenlight.analysis.device_choice import chosen_device
+    from evenlight.analysis.earlier_results import files_in, remove_earlier_track
+    from evenlight.analysis.tracks.optimization import Work, run_optimization
+    from evenlight.data_schema.files import results_folder
+    from evenlight.data_schema.section import AllowanceSection, WeightSection
+    from evenlight.data_schema.text_files import read_rows
+    from evenlight.method.optimize import Request, require_possible
+    from evenlight.method.preset_files import (
+        load_contrast_model,
+        load_display,
+        load_power_model,
+        load_rate_limit_for,
+    )
+    from evenlight.method.thrift import Thrift
+    from evenlight.stimuli.video_source import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
     require_curves_to_compute(curves, jobs, device)

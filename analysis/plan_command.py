@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.calibration.planning import Plan, PlanRequest
-    from analysis.calibration.planning_pool import SimulateRamps
-    from data_schema.ramp import RampDesign
+    from evenlight.analysis.calibration.planning import Plan, PlanRequest
+    from evenlight.analysis.calibration.planning_pool import SimulateRamps
+    from evenlight.data_schema.ramp import RampDesign
 
 OPTIONS_OF_TASK = {  # beside those that go with every task
     "ramp": ("precision", "trials", "design", "display"),
@@ -154,8 +154,8 @@ def _ramp_request(
     given: Mapping[str, Any], participants: str, seed: int, load_design: Callable[[str], RampDesign]
 ) -> PlanRequest:
     """Return what is to be planned of a calibration."""
-    from analysis.calibration.planning import PlanRequest
-    from method.preset_files import load_display
+    from evenlight.analysis.calibration.planning import PlanRequest
+    from evenlight.method.preset_files import load_display
 
     return PlanRequest(
         designs={name: load_design(name) for name in given.get("design") or STANDARD_DESIGNS},
@@ -169,7 +169,7 @@ def _ramp_request(
 
 def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet: bool) -> None:
     """Plan a calibration, write the plan and tell it."""
-    from data_schema.files import results_folder
+    from evenlight.data_schema.files import results_folder
 
     with results_folder(out) as folder:
         plan = _planned(request, simulate, quiet)
@@ -182,8 +182,8 @@ def _plan_viewing(
     task: str, given: dict[str, Any], participants: str | None, settings: Mapping[str, Any], out: Path
 ) -> None:
     """Plan a viewing experiment, write the plan and tell it."""
-    from analysis import viewing_plan_command as viewing
-    from data_schema.files import results_folder
+    from evenlight.analysis import viewing_plan_command as viewing
+    from evenlight.data_schema.files import results_folder
 
     truth = dict(given)
     wanted = {"power": truth.pop("power")} if "power" in truth else {}
@@ -219,13 +219,13 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
 
 def write_plan(folder: Path, plan: Plan) -> None:
     """Write `plan.csv`, `plan.json` and `plan.png`."""
-    from analysis.calibration.planning import in_words
-    from analysis.calibration.planning_figure import planning_figure
-    from analysis.figure_style import write_png
-    from data_schema.mapping import mapping_from_record
-    from data_schema.plan import RampPlanRow
-    from data_schema.provenance import provenance_now, sha256_of_record
-    from data_schema.text_files import write_json, write_rows
+    from evenlight.analysis.calibration.planning import in_words
+    from evenlight.analysis.calibration.planning_figure import planning_figure
+    from evenlight.analysis.figure_style import write_png
+    from evenlight.data_schema.mapping import mapping_from_record
+    from evenlight.data_schema.plan import RampPlanRow
+    from evenlight.data_schema.provenance import provenance_now, sha256_of_record
+    from evenlight.data_schema.text_files import write_json, write_rows
 
     request = plan.request
     inputs = {f"design {name}": sha256_of_record(design) for name, design in request.designs.items()}
@@ -248,7 +248,7 @@ def write_plan(folder: Path, plan: Plan) -> None:
 
 def _planned(request: PlanRequest, simulate: SimulateRamps, quiet: bool) -> Plan:
     """Return the plan, its work shared among processes, under a progress bar."""
-    from analysis.calibration.planning import plan_ramps
+    from evenlight.analysis.calibration.planning import plan_ramps
 
     with _processes() as mapped, _bar(quiet) as report:
         return plan_ramps(request, simulate, mapped, report)
@@ -293,7 +293,7 @@ def _single_threaded() -> None:
 
 def _tell(plan: Plan, out: Path) -> None:
     """Print the table and what it comes to."""
-    from analysis.calibration.planning import in_words
+    from evenlight.analysis.calibration.planning import in_words
 
     rows = [[heading for heading, _ in SHOWN]]
     rows += [[cell.format(row) for _, cell in SHOWN] for row in plan.rows]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
-from data_schema.files import write_whole
+from evenlight.data_schema.files import write_whole
 
 Cell = str | int | float | None
 

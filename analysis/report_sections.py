@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from analysis.figure_style import short
-from analysis.report import Cell, Picture, Section, Table
-from data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from data_schema.provenance import Provenance
+from evenlight.analysis.figure_style import short
+from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.provenance import Provenance
 
 
 def introduction_section() -> Section:

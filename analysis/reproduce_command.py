@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from analysis.reproduction.reproduction import ReproductionPlan, Simulate
+    from evenlight.analysis.reproduction.reproduction import ReproductionPlan, Simulate
 
 REPORT = "report.html"
 QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0}
@@ -42,7 +42,7 @@ def reproduce_command(simulate: Simulate) -> Callable[..., None]:
         quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
     ) -> None:
         """Make every table and figure of the paper anew, published numbers beside our own."""
-        from analysis.reproduction.reproduction import ReproductionPlan
+        from evenlight.analysis.reproduction.reproduction import ReproductionPlan
 
         smaller = QUICK if quick else {}
         plan = ReproductionPlan(seed=seed, data=data, display=display, **smaller)  # type: ignore[arg-type] # a table of options of several types
@@ -58,12 +58,12 @@ def reproduce_command(simulate: Simulate) -> Callable[..., None]:
 
 def _made(plan: ReproductionPlan, simulate: Simulate, out: Path, quiet: bool) -> tuple[str, tuple[str, ...]]:
     """Run the pipeline, write everything, and return what came out and what is amiss."""
-    from analysis.earlier_results import earlier_files, remove_stale
-    from analysis.reproduction.reproduction import PIPELINE, run_pipeline
-    from analysis.reproduction.reproduction_files import SUMMARY, write_reproduction
-    from data_schema.dataset_layout import require_apart
-    from data_schema.files import results_folder
-    from data_schema.sealed_folder import require_sealed, seal
+    from evenlight.analysis.earlier_results import earlier_files, remove_stale
+    from evenlight.analysis.reproduction.reproduction import PIPELINE, run_pipeline
+    from evenlight.analysis.reproduction.reproduction_files import SUMMARY, write_reproduction
+    from evenlight.data_schema.dataset_layout import require_apart
+    from evenlight.data_schema.files import results_folder
+    from evenlight.data_schema.sealed_folder import require_sealed, seal
 
     require_sealed(out / PIPELINE, "reproduction")
     if plan.data is not None:

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
-from data_schema.errors import InputError
-from data_schema.mapping import record_from_mapping
-from data_schema.provenance import sha256_of_bytes, sha256_of_file
-from data_schema.ramp import RampTrial
-from data_schema.record_kinds import TRIALS_OF_TASK
-from data_schema.search import SearchTrial
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.text_files import read_json, read_text
-from data_schema.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
+from evenlight.data_schema.ramp import RampTrial
+from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import read_json, read_text
+from evenlight.data_schema.viewing import ComparisonTrial, RatingTrial
 
 Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from method.choices import Device, LimitCurve, ModulatedLuminance
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
 
 MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
 WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from analysis.plans.viewing_plan import Truth, ViewingPlan, ViewingRequest
+    from evenlight.analysis.plans.viewing_plan import Truth, ViewingPlan, ViewingRequest
 
 TABLE, SUMMARY, FIGURE = "plan.csv", "plan.json", "plan.png"
 PARTICIPANTS = {"rating": "10,17,25,40,60", "comparison": "17,30,50,70,100,150", "search": "8,12,17,25"}
@@ -41,7 +41,7 @@ def viewing_request(
     settings : mapping of str to float or int
         Power and seed, as far as they were said, and "runs".
     """
-    from analysis.plans.viewing_plan import ViewingRequest
+    from evenlight.analysis.plans.viewing_plan import ViewingRequest
 
     return ViewingRequest(task, _truth(task, truth), participants, **settings)
 
@@ -49,14 +49,14 @@ def viewing_request(
 def _truth(task: str, options: Mapping[str, Any]) -> Truth:
     """Return what is true of the people of a task."""
     if task == "rating":
-        from analysis.plans.viewing_plan_rating import RatingTruth
+        from evenlight.analysis.plans.viewing_plan_rating import RatingTruth
 
         return RatingTruth(**options)
     if task == "comparison":
-        from analysis.plans.viewing_plan_comparison import ComparisonTruth
+        from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth
 
         return ComparisonTruth(**options)
-    from analysis.plans.viewing_plan_search import SearchTruth
+    from evenlight.analysis.plans.viewing_plan_search import SearchTruth
 
     return SearchTruth(**options)
 
@@ -74,20 +74,20 @@ def planned(
     request: ViewingRequest, mapped: Callable[..., Iterable[Any]], report: Callable[[int, int], None]
 ) -> ViewingPlan:
     """Return a plan, its work shared among what `mapped` stands for."""
-    from analysis.plans.viewing_plan import plan_viewing
+    from evenlight.analysis.plans.viewing_plan import plan_viewing
 
     return plan_viewing(request, mapped, report)
 
 
 def write_viewing_plan(folder: Path, plan: ViewingPlan) -> None:
     """Write `plan.csv`, `plan.json` and `plan.png`."""
-    from analysis.figure_style import write_png
-    from analysis.plans.viewing_plan import in_words
-    from analysis.plans.viewing_plan_figure import viewing_plan_figure
-    from data_schema.mapping import mapping_from_record
-    from data_schema.plan import ViewingPlanRow
-    from data_schema.provenance import provenance_now
-    from data_schema.text_files import write_json, write_rows
+    from evenlight.analysis.figure_style import write_png
+    from evenlight.analysis.plans.viewing_plan import in_words
+    from evenlight.analysis.plans.viewing_plan_figure import viewing_plan_figure
+    from evenlight.data_schema.mapping import mapping_from_record
+    from evenlight.data_schema.plan import ViewingPlanRow
+    from evenlight.data_schema.provenance import provenance_now
+    from evenlight.data_schema.text_files import write_json, write_rows
 
     request = plan.request
     write_rows(folder / TABLE, ViewingPlanRow, plan.rows)
@@ -108,7 +108,7 @@ def write_viewing_plan(folder: Path, plan: ViewingPlan) -> None:
 
 def tell_viewing_plan(plan: ViewingPlan, out: Path) -> None:
     """Print the table, what was assumed, and what it comes to."""
-    from analysis.plans.viewing_plan import in_words
+    from evenlight.analysis.plans.viewing_plan import in_words
 
     rows = [[heading for heading, _ in SHOWN]]
     rows += [[cell.format(row) if row.runs or heading != "(95 %)" else "exact" for heading, cell in SHOWN]

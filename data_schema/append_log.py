@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from data_schema.errors import InputError
-from data_schema.mapping import mapping_from_record
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record
 
 
 class AppendLog:

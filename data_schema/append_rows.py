@@ -8,9 +8,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from data_schema.errors import InputError
-from data_schema.mapping import mapping_from_record
-from data_schema.text_files import columns_of, csv_text
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.text_files import columns_of, csv_text
 
 
 class AppendedRows(AbstractContextManager["AppendedRows"]):

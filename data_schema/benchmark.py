@@ -5,8 +5,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 
 class Role(enum.Enum):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from data_schema.dataset_checks import personal_columns
-from data_schema.dataset_layout import BEHAVIOUR_FOLDER, DESCRIPTION, PARTICIPANTS
-from data_schema.errors import InputError
-from data_schema.files import results_folder, write_whole
-from data_schema.text_files import read_text
+from evenlight.data_schema.dataset_checks import personal_columns
+from evenlight.data_schema.dataset_layout import BEHAVIOUR_FOLDER, DESCRIPTION, PARTICIPANTS
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder, write_whole
+from evenlight.data_schema.text_files import read_text
 
 
 def export_bids(dataset: Path, folder: Path) -> int:

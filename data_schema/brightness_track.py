@@ -6,13 +6,13 @@ import enum
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.files import write_whole
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance
-from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
-from data_schema.ramp import Procedure
-from data_schema.text_files import csv_rows, csv_text, number_in, read_json_record, write_json
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
+from evenlight.data_schema.ramp import Procedure
+from evenlight.data_schema.text_files import csv_rows, csv_text, number_in, read_json_record, write_json
 
 ASKED = "what the participants were asked whom the rate limit rests on"
 

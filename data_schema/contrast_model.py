@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 LOWEST_FREQUENCY = 0.5  # [cpd] FovVideoVDP's lowest band, Mantiuk et al. (2021)
 FIELD_SIZE = 60.0  # X0 [deg]; ITU-R BT.2246 and the authors' script

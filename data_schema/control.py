@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 ONLINE = "pid"  # the solver of tracks that nobody planned
 

@@ -7,9 +7,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
-from data_schema.record_kind import FileFormat, RecordKind
-from data_schema.record_kinds import KINDS, LOSS_CURVES
+from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
+from evenlight.data_schema.record_kind import FileFormat, RecordKind
+from evenlight.data_schema.record_kinds import KINDS, LOSS_CURVES
 
 Schema = dict[str, Any]
 
@@ -18,7 +18,8 @@ _INTRODUCTION = """\
 
 Every file that Evenlight's parts hand to each other, with its keys or columns, their units and limits.
 This page and the JSON Schemas in `data_schema/schemas/` are generated from the records of `data_schema/`;
-`python -m data_schema.json_schema` writes both anew. `evenlight validate PATH` checks files against them.
+`python -m evenlight.data_schema.json_schema` writes both anew. `evenlight validate PATH` checks files against
+them.
 
 A unit is part of the key in files (`_cd_m2` is cd/m², `_cd_m2_s` is cd/m²/s, `_w` is W, `_s` is s). A key
 without a default must be there; an unknown key is refused. Numbers are finite: NaN and Infinity are refused.

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from data_schema.dataset_layout import (
+from evenlight.data_schema.dataset_layout import (
     DESCRIPTION,
     FRAMES,
     MANIFEST,
@@ -16,17 +16,17 @@ from data_schema.dataset_layout import (
     TRIALS,
     behaviour_file,
 )
-from data_schema.errors import InputError
-from data_schema.file_checks import CheckedFile, check_file
-from data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
-from data_schema.provenance import Provenance
-from data_schema.ramp import TrialFlag
-from data_schema.record_kind import RecordKind
-from data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.sweep_checks import check_sweep
-from data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
-from data_schema.viewing import Version
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.file_checks import CheckedFile, check_file
+from evenlight.data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import TrialFlag
+from evenlight.data_schema.record_kind import RecordKind
+from evenlight.data_schema.record_kinds import FRAMES_OF_TASK, SESSION_MANIFEST, TRIALS_OF_TASK
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.sweep_checks import check_sweep
+from evenlight.data_schema.text_files import columns_of, csv_rows, plain_cell, read_json, read_text
+from evenlight.data_schema.viewing import Version
 
 SUBJECT = re.compile("sub-[0-9A-Za-z]+")
 SESSION = re.compile("ses-[0-9A-Za-z]+")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 DESCRIPTION = "dataset_description.json"
 PARTICIPANTS = "participants.tsv"

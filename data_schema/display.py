@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance, sha256_of_bytes
-from data_schema.quantities import MOMENT, check_limits, described, quantity
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
+from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
 
 # Beyond these a number is a slip of the pen or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc

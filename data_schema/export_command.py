@@ -25,8 +25,8 @@ def export(
     quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
 ) -> None:
     """Export a data set in the layout of a standard, to share it."""
-    from data_schema.bids import export_bids
-    from data_schema.psych_ds import export_psych_ds
+    from evenlight.data_schema.bids import export_bids
+    from evenlight.data_schema.psych_ds import export_psych_ds
 
     tables = (export_psych_ds if to is Standard.PSYCH_DS else export_bids)(dataset, out)
     if not quiet:

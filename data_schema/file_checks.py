@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from data_schema.brightness_track import TRACK_COLUMNS, read_track
-from data_schema.errors import InputError
-from data_schema.line_numbers import Place, json_line_numbers, line_of, toml_line_numbers
-from data_schema.loss_curves import read_loss_curves
-from data_schema.mapping import record_from_mapping, refuse_newer_schema, type_hints
-from data_schema.quantities import file_key
-from data_schema.record_kind import FileFormat, RecordKind
-from data_schema.record_kinds import BRIGHTNESS_TRACK
-from data_schema.schema_problems import schema_problems
-from data_schema.text_files import (
+from evenlight.data_schema.brightness_track import TRACK_COLUMNS, read_track
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.line_numbers import Place, json_line_numbers, line_of, toml_line_numbers
+from evenlight.data_schema.loss_curves import read_loss_curves
+from evenlight.data_schema.mapping import record_from_mapping, refuse_newer_schema, type_hints
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.record_kind import FileFormat, RecordKind
+from evenlight.data_schema.record_kinds import BRIGHTNESS_TRACK
+from evenlight.data_schema.schema_problems import schema_problems
+from evenlight.data_schema.text_files import (
     columns_of,
     csv_rows,
     optional_columns,

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 
 def write_whole(path: Path, content: bytes | str) -> None:

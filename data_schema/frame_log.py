@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, quantity
+from evenlight.data_schema.quantities import check_limits, quantity
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """JSON Schemas (draft 2020-12), generated from the records.
 
-`python -m data_schema.json_schema` writes `data_schema/schemas/*.json` and `docs/data-dictionary.md` anew; a
-test holds that both are up to date.
+`python -m evenlight.data_schema.json_schema` writes `data_schema/schemas/*.json` and
+`docs/data-dictionary.md`; a test holds that both are up to date.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from data_schema.brightness_track import BrightnessTrack
-from data_schema.loss_curves import LossCurves
-from data_schema.mapping import plain_value, type_hints
-from data_schema.provenance import SCHEMA_VERSION
-from data_schema.quantities import Array, file_key
-from data_schema.record_kind import RecordKind
-from data_schema.record_kinds import KINDS
+from evenlight.data_schema.brightness_track import BrightnessTrack
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.mapping import plain_value, type_hints
+from evenlight.data_schema.provenance import SCHEMA_VERSION
+from evenlight.data_schema.quantities import Array, file_key
+from evenlight.data_schema.record_kind import RecordKind
+from evenlight.data_schema.record_kinds import KINDS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-FOLDER = Path(__file__).parent / "schemas"
-DICTIONARY = Path(__file__).parents[1] / "docs" / "data-dictionary.md"
+FOLDER = Path(__file__).resolve().parent / "schemas"
+DICTIONARY = Path(__file__).resolve().parents[1] / "docs" / "data-dictionary.md"
 _PLAIN = {int: "integer", float: "number", str: "string", bool: "boolean"}
 _LIMITS = {"above": "exclusiveMinimum", "minimum": "minimum", "maximum": "maximum"}
 
@@ -154,8 +154,8 @@ def committed_schema(name: str) -> Schema:
 
 def main() -> None:
     """Write the schemas and the data dictionary anew."""
-    from data_schema.data_dictionary import data_dictionary
-    from data_schema.files import write_whole
+    from evenlight.data_schema.data_dictionary import data_dictionary
+    from evenlight.data_schema.files import write_whole
 
     made = schemas()
     for name, schema in made.items():

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from data_schema.brightness_track import TRACK_COLUMNS
-from data_schema.mapping import keys_of
-from data_schema.record_kind import FileFormat, RecordKind
-from data_schema.record_kinds import BRIGHTNESS_TRACK, KINDS
+from evenlight.data_schema.brightness_track import TRACK_COLUMNS
+from evenlight.data_schema.mapping import keys_of
+from evenlight.data_schema.record_kind import FileFormat, RecordKind
+from evenlight.data_schema.record_kinds import BRIGHTNESS_TRACK, KINDS
 
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
 

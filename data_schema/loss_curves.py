@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.files import write_whole
-from data_schema.mapping import mapping_from_record, record_from_mapping
-from data_schema.provenance import Provenance
-from data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import Array, check_limits, described, quantity, read_only, rises
 
 ARRAY_SHAPES = {  # N frames, K brightness factors
     "times": ("N",),

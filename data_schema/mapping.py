@@ -11,9 +11,9 @@ from collections.abc import Hashable, Iterable, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-from data_schema.errors import InputError
-from data_schema.provenance import SCHEMA_VERSION
-from data_schema.quantities import file_key
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import SCHEMA_VERSION
+from evenlight.data_schema.quantities import file_key
 
 Record = TypeVar("Record")
 

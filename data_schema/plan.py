@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 MOST_PARTICIPANTS = 1000  # a plan that needs more is no plan
 

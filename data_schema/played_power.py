@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.frame_energy import ClockFit, SampleCount
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.frame_energy import ClockFit, SampleCount
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 VERSION = "^(ours|baseline|full)$"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.provenance import Provenance
-from data_schema.quantities import MOMENT, check_limits, described, quantity
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
 
 LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a slip of the pen, and products of them overflow
 

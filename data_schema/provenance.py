@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from data_schema.errors import InputError
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 SCHEMA_VERSION = 2
 _PACKAGES = ("numpy", "scipy", "numba", "av")
@@ -82,7 +82,7 @@ def sha256_of_bytes(content: bytes) -> str:
 
 def sha256_of_record(record: Any) -> str:
     """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
-    from data_schema.mapping import mapping_from_record  # imported late: it needs this module
+    from evenlight.data_schema.mapping import mapping_from_record  # imported late: it needs this module
 
     content = json.dumps(mapping_from_record(record), sort_keys=True)
     return sha256_of_bytes(content.encode())
@@ -136,7 +136,7 @@ def _source_revision() -> str:
 
     It is "unknown" where this module is installed as a package, even inside the checkout of something else.
     """
-    own = Path(__file__)
+    own = Path(__file__).resolve()
     if _git("ls-files", "--error-unmatch", own.name, folder=own.parent) is None:
         return "unknown"
     return _git("describe", "--always", "--dirty", "--abbrev=12", folder=own.parent) or "unknown"

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from data_schema.bids import exported_tables, refuse_personal_data, refuse_used_folder
-from data_schema.dataset_layout import DESCRIPTION, PARTICIPANTS
-from data_schema.files import results_folder, write_whole
-from data_schema.text_files import csv_text, read_json, read_text, write_json
+from evenlight.data_schema.bids import exported_tables, refuse_personal_data, refuse_used_folder
+from evenlight.data_schema.dataset_layout import DESCRIPTION, PARTICIPANTS
+from evenlight.data_schema.files import results_folder, write_whole
+from evenlight.data_schema.text_files import csv_text, read_json, read_text, write_json
 
 FILE_NAME = re.compile(r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
 MISSING_CODES = ("n/a",)

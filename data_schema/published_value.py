@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described
+from evenlight.data_schema.quantities import check_limits, described
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.ramp import Direction, Procedure
 
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow

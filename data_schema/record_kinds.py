@@ -2,40 +2,53 @@
 
 from __future__ import annotations
 
-from data_schema.analysis_summary import AnalysisSummary
-from data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
-from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader
-from data_schema.contrast_model import ContrastModel
-from data_schema.control import ControlSummary, TargetRow, TuningReport
-from data_schema.display import Display
-from data_schema.frame_energy import FrameEnergy
-from data_schema.frame_log import FrameLog
-from data_schema.live_control import LiveControl, LiveRefresh
-from data_schema.loss_curves import LossCurves
-from data_schema.meter_reading import MeterReading
-from data_schema.plan import RampPlanRow, ViewingPlanRow
-from data_schema.played_power import PlayedPower, VersionPower
-from data_schema.power_log import BacklightSetting, ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
-from data_schema.power_model import PowerModel
-from data_schema.published_value import PublishedValue
-from data_schema.ramp import RampDesign, RampTrial
-from data_schema.rate_limit import RateLimit
-from data_schema.record_kind import FileFormat, RecordKind
-from data_schema.rig import Rig
-from data_schema.search import SearchDesign, SearchTrial, ViewLog
-from data_schema.section import AllowanceSection, WeightSection
-from data_schema.session import SessionEvent, SessionManifest
-from data_schema.statistic import PlottedPoint, Statistic
-from data_schema.sweep import (
+from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
+from evenlight.data_schema.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.control import ControlSummary, TargetRow, TuningReport
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame_energy import FrameEnergy
+from evenlight.data_schema.frame_log import FrameLog
+from evenlight.data_schema.live_control import LiveControl, LiveRefresh
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.meter_reading import MeterReading
+from evenlight.data_schema.plan import RampPlanRow, ViewingPlanRow
+from evenlight.data_schema.played_power import PlayedPower, VersionPower
+from evenlight.data_schema.power_log import (
+    BacklightSetting,
+    ClockPing,
+    FlashMark,
+    PlayedFlip,
+    PowerLog,
+    PowerSample,
+)
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.published_value import PublishedValue
+from evenlight.data_schema.ramp import RampDesign, RampTrial
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.record_kind import FileFormat, RecordKind
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.search import SearchDesign, SearchTrial, ViewLog
+from evenlight.data_schema.section import AllowanceSection, WeightSection
+from evenlight.data_schema.session import SessionEvent, SessionManifest
+from evenlight.data_schema.statistic import PlottedPoint, Statistic
+from evenlight.data_schema.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
     PowerReading,
     PowerSweepDesign,
     SweepManifest,
 )
-from data_schema.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
-from data_schema.threshold import Threshold
-from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign, RatingTrial
+from evenlight.data_schema.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
+from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.viewing import (
+    ClipLog,
+    ComparisonDesign,
+    ComparisonTrial,
+    RatingDesign,
+    RatingTrial,
+)
 
 DISPLAY = RecordKind(
     "display", Display, FileFormat.TOML, ("display.toml", "*.display.toml"), "a luminance sweep, or by hand"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from data_schema.brightness_track import BrightnessTrack, OptimizationSummary
-from data_schema.control import ONLINE
-from data_schema.file_checks import CheckedFile
-from data_schema.loss_curves import LossCurves
-from data_schema.quantities import Array
+from evenlight.data_schema.brightness_track import BrightnessTrack, OptimizationSummary
+from evenlight.data_schema.control import ONLINE
+from evenlight.data_schema.file_checks import CheckedFile
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.quantities import Array
 
 TOLERANCE = 1e-6  # relative; the order of summation is not the writer's
 

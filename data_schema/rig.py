@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 # Names of keys as PsychoPy has them; a name that no key has would never be answered with.
 KEY = (

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from data_schema.json_schema import committed_schema
-from data_schema.line_numbers import Place
-from data_schema.mapping import shown, unknown_key
+from evenlight.data_schema.json_schema import committed_schema
+from evenlight.data_schema.line_numbers import Place
+from evenlight.data_schema.mapping import shown, unknown_key
 
 if TYPE_CHECKING:
     from jsonschema import Draft202012Validator, ValidationError

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.files import write_whole
-from data_schema.provenance import sha256_of_file
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.provenance import sha256_of_file
 
 SEAL = ".sha256"
 

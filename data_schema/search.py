@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.ramp import TrialFlag
-from data_schema.viewing import NAME, PAPER_SEQUENCES, Version, require_names
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.ramp import TrialFlag
+from evenlight.data_schema.viewing import NAME, PAPER_SEQUENCES, Version, require_names
 
 # Gap directions of ISO 8596: degrees counter-clockwise from the right.
 ORIENTATIONS = (0, 45, 90, 135, 180, 225, 270, 315)

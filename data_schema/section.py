@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, quantity
+from evenlight.data_schema.quantities import check_limits, quantity
 
 MOST = 1e6  # weights or multiples of the rate limit: beyond, a section means "no other" or "no limit"
 

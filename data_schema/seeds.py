@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 
 def require_seed(seed: int) -> None:

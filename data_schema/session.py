@@ -5,13 +5,13 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from data_schema.display import Display
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.ramp import RampDesign
-from data_schema.rig import Rig
-from data_schema.search import SearchDesign
-from data_schema.viewing import ComparisonDesign, RatingDesign, Stimulus
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.search import SearchDesign
+from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign, Stimulus
 
 Design = RampDesign | RatingDesign | ComparisonDesign | SearchDesign
 DESIGN_OF_TASK: dict[str, type[Design]] = {

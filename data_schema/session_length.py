@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from data_schema.ramp import Procedure, RampDesign
+from evenlight.data_schema.ramp import Procedure, RampDesign
 
 ANSWER_TIME = 1.5  # [s] from the question to the answer, of a practised person (choice)
 BREAK_TIME = 60.0  # [s] a break (choice)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 
 class Origin(enum.Enum):

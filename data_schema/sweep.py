@@ -5,11 +5,11 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from data_schema.display import HIGHEST_LUMINANCE, Display
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.rig import Rig
-from data_schema.session import SessionStatus
+from evenlight.data_schema.display import HIGHEST_LUMINANCE, Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session import SessionStatus
 
 FEWEST_READINGS = 3  # of each level: fewer do not tell noise from a slip
 SIXTEENTHS = tuple(step / 16 for step in range(17))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from data_schema.dataset_layout import READINGS, SWEEP_MANIFEST
-from data_schema.file_checks import CheckedFile, check_file
-from data_schema.record_kinds import READINGS_OF_SWEEP
-from data_schema.record_kinds import SWEEP_MANIFEST as MANIFEST_KIND
-from data_schema.session import SessionStatus
-from data_schema.sweep import SweepManifest
+from evenlight.data_schema.dataset_layout import READINGS, SWEEP_MANIFEST
+from evenlight.data_schema.file_checks import CheckedFile, check_file
+from evenlight.data_schema.record_kinds import READINGS_OF_SWEEP
+from evenlight.data_schema.record_kinds import SWEEP_MANIFEST as MANIFEST_KIND
+from evenlight.data_schema.session import SessionStatus
+from evenlight.data_schema.sweep import SweepManifest
 
 
 def check_sweep(folder: Path) -> Iterator[CheckedFile]:

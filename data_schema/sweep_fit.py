@@ -5,10 +5,10 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
-from data_schema.power_model import LARGEST
-from data_schema.provenance import Provenance
-from data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
+from evenlight.data_schema.power_model import LARGEST
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
 
 
 class SweepFlag(enum.Enum):

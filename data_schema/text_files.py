@@ -14,10 +14,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from data_schema.errors import InputError
-from data_schema.files import write_whole
-from data_schema.line_numbers import line_of_token
-from data_schema.mapping import (
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.line_numbers import line_of_token
+from evenlight.data_schema.mapping import (
     keys_of,
     mapping_from_record,
     record_from_mapping,
@@ -25,7 +25,7 @@ from data_schema.mapping import (
     type_hints,
     unknown_key,
 )
-from data_schema.quantities import file_key
+from evenlight.data_schema.quantities import file_key
 
 Record = TypeVar("Record")
 MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS

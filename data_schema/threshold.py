@@ -5,8 +5,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.ramp import Direction, Procedure
 
 
 class ThresholdFlag(enum.Enum):

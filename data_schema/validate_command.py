@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from data_schema.file_checks import CheckedFile
+    from evenlight.data_schema.file_checks import CheckedFile
 
 MOST_SHOWN = 20  # problems of one file, files not checked: a thousand of the same help nobody
 
@@ -20,8 +20,8 @@ def validate(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show the problems only.")] = False,
 ) -> None:
     """Check files against data_schema; end with 1 if something is wrong with them."""
-    from data_schema.validation import KNOWN
-    from data_schema.validation import validate as checked_files
+    from evenlight.data_schema.validation import KNOWN
+    from evenlight.data_schema.validation import validate as checked_files
 
     ok, wrong, problems = 0, 0, 0
     unknown = []

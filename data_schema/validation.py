@@ -7,13 +7,13 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from data_schema.dataset_checks import check_dataset, is_dataset
-from data_schema.errors import InputError
-from data_schema.file_checks import CheckedFile, check_file
-from data_schema.kind_recognition import kind_by_keys, kinds_by_name, likeliest
-from data_schema.record_kind import FileFormat, RecordKind
-from data_schema.results_checks import compare_results
-from data_schema.text_files import parse_json, read_text, read_toml
+from evenlight.data_schema.dataset_checks import check_dataset, is_dataset
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.file_checks import CheckedFile, check_file
+from evenlight.data_schema.kind_recognition import kind_by_keys, kinds_by_name, likeliest
+from evenlight.data_schema.record_kind import FileFormat, RecordKind
+from evenlight.data_schema.results_checks import compare_results
+from evenlight.data_schema.text_files import parse_json, read_text, read_toml
 
 KNOWN = (
     "a data set (dataset_description.json, sub-* folders), results of `evenlight optimize` or "

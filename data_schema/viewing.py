@@ -6,8 +6,8 @@ import enum
 import itertools
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.ramp import Response, TrialFlag
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.ramp import Response, TrialFlag
 
 NAME = "^[A-Za-z0-9][A-Za-z0-9_-]*$"
 PAPER_SEQUENCES = ("library", "gym", "living_room", "basement")

@@ -6,13 +6,13 @@ import functools
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 
-from data_schema.rig import Rig
-from experiments.clip_recording import ClipRecording, frames_of_refreshes
-from experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording
-from experiments.refreshes import DECIMALS
-from experiments.ring_views import RingPainter
-from experiments.searching import Searching
-from experiments.stage import (
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.clip_recording import ClipRecording, frames_of_refreshes
+from evenlight.experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording
+from evenlight.experiments.refreshes import DECIMALS
+from evenlight.experiments.ring_views import RingPainter
+from evenlight.experiments.searching import Searching
+from evenlight.experiments.stage import (
     KEY_DECIMALS,
     Clip,
     PausePressed,
@@ -22,10 +22,10 @@ from experiments.stage import (
     ShownClip,
     ShownInterval,
 )
-from hardware.clocks import RefreshClock
-from hardware.protocols import KeyPress
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.ramp import frame_count, ramp_luminance
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.protocols import KeyPress
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.ramp import frame_count, ramp_luminance
 
 OpenPainter = Callable[[], AbstractContextManager[RingPainter]]
 

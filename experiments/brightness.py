@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from data_schema.display import Display
-from data_schema.rig import Actuator
-from hardware.protocols import Backlight
-from method.luminance import dimmed_luminance, displayed_luminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator
+from evenlight.hardware.protocols import Backlight
+from evenlight.method.luminance import dimmed_luminance, displayed_luminance
 
 ROUNDING = 1e-9  # of a time or a factor that was computed
 IMAGE = -1.0  # in place of a pixel value, of an image: no uniform screen has it

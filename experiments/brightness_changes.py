@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import BrightnessTrack
-from data_schema.display import Display
-from data_schema.ramp import Direction
-from data_schema.viewing import Version
-from experiments.stimulus_folder import LoadedStimulus
-from experiments.viewing_schedule import PlannedComparison
-from method.modulation import step_luminance
+from evenlight.data_schema.brightness_track import BrightnessTrack
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import Direction
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing_schedule import PlannedComparison
+from evenlight.method.modulation import step_luminance
 
 STRETCH = 5.0  # [s] of the paper's ramps, in which the thresholds were measured
 SPANS = (1.25, 2.5, 5.0)  # [s] over which a change within a stretch is seen as one

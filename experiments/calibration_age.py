@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.power_model import PowerModel
-from experiments.timed_logs import utc_now
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.experiments.timed_logs import utc_now
 
 SECONDS_A_DAY = 86400.0
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from experiments.clip_recording import frames_of_refreshes
-from experiments.scene_feed import SceneFeed
-from experiments.stage import Clip
-from experiments.video_feed import Feed, VideoFeed
-from stimuli.image_renderer import ImageRenderer
-from stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.experiments.clip_recording import frames_of_refreshes
+from evenlight.experiments.scene_feed import SceneFeed
+from evenlight.experiments.stage import Clip
+from evenlight.experiments.video_feed import Feed, VideoFeed
+from evenlight.stimuli.image_renderer import ImageRenderer
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 
 if TYPE_CHECKING:
     import moderngl

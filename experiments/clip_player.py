@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from experiments.clip_feeds import ClipFeeds
-from experiments.clip_recording import ClipRecording, Probe, frames_of_refreshes
-from experiments.ramp_recording import probe_places
-from experiments.showing import Showing, settle
-from experiments.stage import Clip, ShownClip
-from experiments.video_feed import Feed, part_of
-from hardware.protocols import Window
-from method.luminance import dimmed_luminance
-from stimuli.field_renderer import Field, FieldRenderer
-from stimuli.image_codes import level_luminance, mean_of_codes, mean_of_levels
-from stimuli.image_renderer import ImageRenderer, Picture
-from stimuli.legibility import ink_on
-from stimuli.page_image import centred_image
-from stimuli.ramp import frame_count
+from evenlight.data_schema.errors import InputError
+from evenlight.experiments.clip_feeds import ClipFeeds
+from evenlight.experiments.clip_recording import ClipRecording, Probe, frames_of_refreshes
+from evenlight.experiments.ramp_recording import probe_places
+from evenlight.experiments.showing import Showing, settle
+from evenlight.experiments.stage import Clip, ShownClip
+from evenlight.experiments.video_feed import Feed, part_of
+from evenlight.hardware.protocols import Window
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.image_codes import level_luminance, mean_of_codes, mean_of_levels
+from evenlight.stimuli.image_renderer import ImageRenderer, Picture
+from evenlight.stimuli.legibility import ink_on
+from evenlight.stimuli.page_image import centred_image
+from evenlight.stimuli.ramp import frame_count
 
 if TYPE_CHECKING:
     import moderngl

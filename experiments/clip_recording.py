@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.ramp_recording import LUMINANCE_DECIMALS
-from experiments.refreshes import DECIMALS, Refreshes
-from experiments.stage import Clip, ShownClip
-from stimuli.ramp import frame_count
+from evenlight.experiments.ramp_recording import LUMINANCE_DECIMALS
+from evenlight.experiments.refreshes import DECIMALS, Refreshes
+from evenlight.experiments.stage import Clip, ShownClip
+from evenlight.stimuli.ramp import frame_count
 
 ROUNDING = 1e-6  # [s] of a time that was computed
 

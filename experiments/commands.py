@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from data_schema.errors import InputError
-from data_schema.seeds import require_seed
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.seeds import require_seed
 
 SIMULATED_TASKS = ("ramp", "rating", "comparison", "search")
 MAX_PARTICIPANTS = 9999
@@ -62,10 +62,10 @@ Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set,
 
 def _ramps(participants: int, seed: int, display: str, design: str) -> Simulation:
     """Return the simulation of ramp sessions."""
-    from experiments.design_files import load_design
-    from experiments.simulate_ramp import RampSimulation, simulate_dataset
-    from experiments.simulated_observers import ObserverPopulation
-    from method.preset_files import load_display, load_rate_limit
+    from evenlight.experiments.design_files import load_design
+    from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
+    from evenlight.experiments.simulated_observers import ObserverPopulation
+    from evenlight.method.preset_files import load_display, load_rate_limit
 
     simulation = RampSimulation(
         participants=participants,
@@ -80,7 +80,7 @@ def _ramps(participants: int, seed: int, display: str, design: str) -> Simulatio
 
 def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str], Simulation]:
     """Return what makes the simulation of a viewing experiment on some stimuli."""
-    from experiments.simulate_viewing import load_simulation, simulate_viewing
+    from evenlight.experiments.simulate_viewing import load_simulation, simulate_viewing
 
     def simulation(participants: int, seed: int, display: str, design: str) -> Simulation:
         loaded = load_simulation(task, stimuli, (participants, seed), display, design)

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from data_schema.ramp import Direction, Procedure, Response
-from data_schema.rate_limit import RateLimit
-from experiments.brightness_changes import STRETCH, LuminanceCourse, changes_in_thresholds
-from experiments.simulated_observers import ObserverPopulation, SimulatedObserver, draw_observer
-from method.psychometric import WIDTH_LOGITS, PsychometricFunction
-from method.rate_limit import rate_limit_at
+from evenlight.data_schema.ramp import Direction, Procedure, Response
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.experiments.brightness_changes import STRETCH, LuminanceCourse, changes_in_thresholds
+from evenlight.experiments.simulated_observers import ObserverPopulation, SimulatedObserver, draw_observer
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
+from evenlight.method.rate_limit import rate_limit_at
 
 REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
 
@@ -107,7 +107,7 @@ def d_prime(multiples: Array, function: PsychometricFunction) -> Array:
 
     P(right) of who looks is 1/2 + F/2, F the rise of the psychometric function, and Φ(d'/√2) as well.
 
-    >>> from method.psychometric import WIDTH_LOGITS, PsychometricFunction
+    >>> from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
     >>> d_prime(np.array([0.0, 1.0]), PsychometricFunction(2.0, 1.6, guess_rate=0.5)).round(3).tolist()
     [0.0, 0.954]
     """

@@ -5,17 +5,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from data_schema.ramp import Response, TrialFlag
-from data_schema.rig import Rig
-from data_schema.viewing import ComparisonDesign, ComparisonTrial, Version
-from experiments.fixed_order import FixedOrder
-from experiments.pages import Pages
-from experiments.session_minutes import viewing_minutes
-from experiments.stage import Stage
-from experiments.stimulus_folder import LoadedStimulus, neutral_luminance
-from experiments.task import Conducted, Participant, TrialPlace
-from experiments.viewing_schedule import PlannedComparison, comparison_order, comparison_practice
-from experiments.viewing_trials import clip_log, noise_seed_of, require_room, shown_columns, stimulus_clip
+from evenlight.data_schema.ramp import Response, TrialFlag
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.viewing import ComparisonDesign, ComparisonTrial, Version
+from evenlight.experiments.fixed_order import FixedOrder
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.session_minutes import viewing_minutes
+from evenlight.experiments.stage import Stage
+from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
+from evenlight.experiments.task import Conducted, Participant, TrialPlace
+from evenlight.experiments.viewing_schedule import PlannedComparison, comparison_order, comparison_practice
+from evenlight.experiments.viewing_trials import (
+    clip_log,
+    noise_seed_of,
+    require_room,
+    shown_columns,
+    stimulus_clip,
+)
 
 
 class ComparisonTask:

@@ -9,14 +9,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from data_schema.errors import InputError
-from data_schema.provenance import provenance_now
-from data_schema.rig import Keys
-from data_schema.session import EventKind, SessionStatus
-from experiments.pages import Pages
-from experiments.session_store import SessionStore
-from experiments.stage import PausePressed, Stage
-from experiments.task import Participant, Task, TrialPlace
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.rig import Keys
+from evenlight.data_schema.session import EventKind, SessionStatus
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.session_store import SessionStore
+from evenlight.experiments.stage import PausePressed, Stage
+from evenlight.experiments.task import Participant, Task, TrialPlace
 
 LONGEST_REASON = 200  # letters of an error's message, in the log of events
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from filelock import FileLock
 
-from data_schema.append_log import record_line
-from data_schema.dataset_layout import (
+from evenlight.data_schema.append_log import record_line
+from evenlight.data_schema.dataset_layout import (
     DATASET_LOCK,
     DESCRIPTION,
     EVENTS,
@@ -28,13 +28,13 @@ from data_schema.dataset_layout import (
     behaviour_file,
     session_folder,
 )
-from data_schema.errors import InputError
-from data_schema.files import results_folder, write_whole
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance
-from data_schema.quantities import file_key
-from data_schema.session import SessionManifest
-from data_schema.text_files import read_json, read_text, write_json, write_json_record
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder, write_whole
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.session import SessionManifest
+from evenlight.data_schema.text_files import read_json, read_text, write_json, write_json_record
 
 BIDS_VERSION = "1.10.0"
 MISSING = "n/a"  # BIDS: how a table says that there is no value

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from data_schema.display import Display
-from data_schema.ramp import Direction, Placement, Procedure, RampDesign
-from method.luminance import dimmed_luminance, displayed_luminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import Direction, Placement, Procedure, RampDesign
+from evenlight.method.luminance import dimmed_luminance, displayed_luminance
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from data_schema.display import Display
-from data_schema.rig import Rig
-from data_schema.session import SessionManifest
-from experiments.stimulus_folder import LoadedStimulus
-from experiments.task import Task
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session import SessionManifest
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.task import Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def experiment(name: str) -> Experiment:
 
 
 def _ramp(setting: Setting) -> Task:
-    from experiments.ramp_task import RampTask
+    from evenlight.experiments.ramp_task import RampTask
 
     return RampTask(
         setting.manifest.design,  # type: ignore[arg-type] # the manifest checks that it is the task's
@@ -82,21 +82,21 @@ def _ramp(setting: Setting) -> Task:
 
 
 def _rating(setting: Setting) -> Task:
-    from experiments.rating_task import RatingTask
+    from evenlight.experiments.rating_task import RatingTask
 
     design: Any = setting.manifest.design
     return RatingTask(design, setting.stimuli, setting.session, setting.rig)
 
 
 def _comparison(setting: Setting) -> Task:
-    from experiments.comparison_task import ComparisonTask
+    from evenlight.experiments.comparison_task import ComparisonTask
 
     design: Any = setting.manifest.design
     return ComparisonTask(design, setting.stimuli, setting.session, setting.rig)
 
 
 def _search(setting: Setting) -> Task:
-    from experiments.search_task import SearchTask
+    from evenlight.experiments.search_task import SearchTask
 
     design: Any = setting.manifest.design
     return SearchTask(design, setting.stimuli, setting.session, setting.rig, setting.display)

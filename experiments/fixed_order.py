@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
-from data_schema.errors import InputError
-from data_schema.ramp import TrialFlag
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import TrialFlag
 
 MAX_SHOWINGS = 3  # of a trial that is flagged each time
 SAME = 1e-9  # relative, of a number that was computed and written

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from experiments.showing import Showing
-from method.luminance import dimmed_luminance
-from stimuli.field_renderer import Field, FieldRenderer
-from stimuli.ramp import frame_count
+from evenlight.experiments.showing import Showing
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.ramp import frame_count
 
 FLASHES = 3
 FLASH_SECONDS = 0.5  # bright, and dark between

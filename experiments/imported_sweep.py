@@ -6,13 +6,13 @@ import dataclasses
 from collections import Counter
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.session import EventKind, SessionStatus
-from data_schema.sweep import FEWEST_READINGS, LuminanceReading, LuminanceSweepDesign, SweepManifest
-from experiments.dataset import require_dataset
-from experiments.sweep_store import begin_sweep, resume_sweep
-from hardware.luminance_table import luminance_readings_from_csv
-from hardware.rig_files import TABLE
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.session import EventKind, SessionStatus
+from evenlight.data_schema.sweep import FEWEST_READINGS, LuminanceReading, LuminanceSweepDesign, SweepManifest
+from evenlight.experiments.dataset import require_dataset
+from evenlight.experiments.sweep_store import begin_sweep, resume_sweep
+from evenlight.hardware.luminance_table import luminance_readings_from_csv
+from evenlight.hardware.rig_files import TABLE
 
 
 def is_imported(luminance_meter: str, task: str) -> bool:

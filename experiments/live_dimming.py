@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from data_schema.live_control import LiveRefresh
-from experiments.live_governor import LiveGovernor, PictureUse
-from experiments.loss_meters import LossMeter
-from method.controller import Controller, ControllerState, FrameSeen
+from evenlight.data_schema.live_control import LiveRefresh
+from evenlight.experiments.live_governor import LiveGovernor, PictureUse
+from evenlight.experiments.loss_meters import LossMeter
+from evenlight.method.controller import Controller, ControllerState, FrameSeen
 
 LONGEST = 0.25  # [s] since the last loss, or the last refresh, that a step may make up for
 JITTER = 1e-3  # [s] that two flip times may be nearer to each other than a refresh lasts: that of clocks

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.power_model import PowerModel
-from method.controller import Aim, Controller, ControllerState
-from method.frame_costs import ContentCosts, FrameCost, first_factor
-from method.governor import Excess, GovernorSettings, GovernorState, governor_of, time_constant
-from method.power import power_per_factor
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.method.controller import Aim, Controller, ControllerState
+from evenlight.method.frame_costs import ContentCosts, FrameCost, first_factor
+from evenlight.method.governor import Excess, GovernorSettings, GovernorState, governor_of, time_constant
+from evenlight.method.power import power_per_factor
 
 Array = NDArray[np.float64]
 

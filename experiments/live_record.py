@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.control import TuningReport
-from data_schema.display import Display
-from data_schema.live_control import LiveControl, LiveRefresh
-from data_schema.provenance import provenance_now, sha256_of_record
-from data_schema.rate_limit import RateLimit
-from data_schema.text_files import read_json_record, write_json_record, write_rows
-from experiments.live_governor import LiveBudget
-from method.choices import LimitCurve
-from method.controller import ControllerSettings
-from method.governor import horizon_warning, steered_horizon
-from method.horizon_errors import HorizonErrors, horizon_errors
-from method.modulation import largest_rate_ratio
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.control import TuningReport
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.live_control import LiveControl, LiveRefresh
+from evenlight.data_schema.provenance import provenance_now, sha256_of_record
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.text_files import read_json_record, write_json_record, write_rows
+from evenlight.experiments.live_governor import LiveBudget
+from evenlight.method.choices import LimitCurve
+from evenlight.method.controller import ControllerSettings
+from evenlight.method.governor import horizon_warning, steered_horizon
+from evenlight.method.horizon_errors import HorizonErrors, horizon_errors
+from evenlight.method.modulation import largest_rate_ratio
 
 LOG, RECORD = "live_control.csv", "live_control.json"
 

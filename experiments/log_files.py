@@ -7,11 +7,11 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from data_schema.append_log import sync_folder
-from data_schema.dataset_layout import LOCK
-from data_schema.errors import InputError
-from data_schema.mapping import record_from_mapping
-from data_schema.text_files import parse_json, read_text
+from evenlight.data_schema.append_log import sync_folder
+from evenlight.data_schema.dataset_layout import LOCK
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.text_files import parse_json, read_text
 
 
 def hold_folder(folder: Path) -> FileLock:

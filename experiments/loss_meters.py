@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from experiments.picture_luminance import PictureLuminance
-from method.choices import Device
-from stimuli.scenes import graphics_state
-from stimuli.scenes.renderer import SceneRenderer
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.experiments.picture_luminance import PictureLuminance
+from evenlight.method.choices import Device
+from evenlight.stimuli.scenes import graphics_state
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 
 if TYPE_CHECKING:
     import moderngl
 
-    from method.gpu_loss import GpuLoss
+    from evenlight.method.gpu_loss import GpuLoss
 
 CODES = 1024  # levels of the renderer's codes
 ONE_STRIP_IN = 4  # strips of rows that the processor counts, others each time (bench online: the error)
@@ -88,7 +88,7 @@ def open_meter(
     """
     light = PictureLuminance(context, pictures, display)
     if _on_gpu(context, device):
-        from method.gpu_loss import GpuLoss
+        from evenlight.method.gpu_loss import GpuLoss
 
         width, height = pictures.size
         with graphics_state.own(context):
@@ -101,7 +101,7 @@ def _on_gpu(context: moderngl.Context, device: Device) -> bool:
     """Return whether the graphics processor is to measure."""
     if device is Device.CPU:
         return False
-    from method.gpu_context import is_software, renderer_name, require_compute
+    from evenlight.method.gpu_context import is_software, renderer_name, require_compute
 
     try:
         require_compute(context)
@@ -141,7 +141,7 @@ class ProcessorMeter:
         *,
         patient: bool,
     ) -> None:
-        from method.one_factor import OneFactorLoss
+        from evenlight.method.one_factor import OneFactorLoss
 
         width, height = pictures.size
         self._pictures, self._light, self._patient = pictures, light, patient
@@ -219,7 +219,7 @@ class GpuMeter:
     @property
     def name(self) -> str:
         """What measures, and its name."""
-        from method.gpu_context import renderer_name
+        from evenlight.method.gpu_context import renderer_name
 
         return f"gpu: {renderer_name(self._context)}"
 
@@ -233,7 +233,7 @@ class GpuMeter:
 
     def begin(self, factor: float) -> bool:
         """Begin with the texture of codes."""
-        from method.gpu_frame import FrameTexture, TextureContent
+        from evenlight.method.gpu_frame import FrameTexture, TextureContent
 
         if self._under_way:
             return False

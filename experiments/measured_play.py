@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from data_schema.errors import InputError
-from data_schema.power_log import PlayedFlip, PowerLog
-from data_schema.provenance import provenance_now
-from data_schema.rig import Rig
-from experiments.dataset import make_folder
-from experiments.flash_marker import flash
-from experiments.playback import Devices, Dimming, Playback, Player
-from experiments.power_recording import RATES, PowerRecording
-from experiments.stage import PausePressed
-from experiments.timed_logs import utc_now
-from hardware.protocols import InstrumentError
-from hardware.rig import is_simulated, open_power_meter
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PlayedFlip, PowerLog
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.dataset import make_folder
+from evenlight.experiments.flash_marker import flash
+from evenlight.experiments.playback import Devices, Dimming, Playback, Player
+from evenlight.experiments.power_recording import RATES, PowerRecording
+from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.timed_logs import utc_now
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.rig import is_simulated, open_power_meter
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 if TYPE_CHECKING:
     import moderngl

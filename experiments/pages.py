@@ -12,12 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.mapping import unknown_key
-from data_schema.provenance import sha256_of_bytes
-from data_schema.rig import Keys
-from data_schema.search import ORIENTATIONS
-from data_schema.text_files import read_text
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import unknown_key
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.rig import Keys
+from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.data_schema.text_files import read_text
 
 SHIPPED = Path(__file__).with_name("pages")
 SUFFIX = ".txt"

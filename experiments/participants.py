@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from data_schema.rig import Keys
-from experiments.keyed_chance import Purpose, generator_for
-from stimuli.looking import steps_to
+from evenlight.data_schema.rig import Keys
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.stimuli.looking import steps_to
 
 READING_TIME = 0.5  # [s] a simulated participant looks at a page
 ANSWERING_TIME = (0.4, 0.9)  # [s] shortest, and mean of what comes on top (choice: practised people)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from method.luminance import LUMINANCE_WEIGHTS
-from stimuli.image_codes import GRID_LEVELS
-from stimuli.scenes import graphics_state
-from stimuli.scenes.graphics_scene import set_uniforms
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.shaders import WHOLE_VERTEX
+from evenlight.data_schema.display import Display
+from evenlight.method.luminance import LUMINANCE_WEIGHTS
+from evenlight.stimuli.image_codes import GRID_LEVELS
+from evenlight.stimuli.scenes import graphics_state
+from evenlight.stimuli.scenes.graphics_scene import set_uniforms
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.shaders import WHOLE_VERTEX
 
 if TYPE_CHECKING:
     import moderngl

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from data_schema.ramp import Placement
-from experiments.placement_grid import CANDIDATES, PlacementGrid
+from evenlight.data_schema.ramp import Placement
+from evenlight.experiments.placement_grid import CANDIDATES, PlacementGrid
 
 JITTER_STEPS = 3  # at most, either way, around the 75 % point; see docs/decisions/placement.md
 
@@ -27,7 +27,7 @@ class AdaptivePlacement:
     grid : PlacementGrid
         Nodes and candidates.
 
-    >>> from experiments.placement_grid import placement_grid
+    >>> from evenlight.experiments.placement_grid import placement_grid
     >>> adaptive = AdaptivePlacement(Placement.TARGETED, placement_grid(15.0, two_interval=False))
     >>> first = adaptive.candidate("level", jitter=0.5)
     >>> adaptive.take("level", first, success=True)

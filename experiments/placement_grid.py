@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
 CANDIDATES = 27  # over the default rates, a factor of 15, a step of 11 %
 STEPS_BEYOND = 9  # nodes of the threshold below the lowest and above the highest candidate

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from method.choices import Device, LimitCurve
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import Device, LimitCurve
 
 if TYPE_CHECKING:
-    from data_schema.display import Display
-    from data_schema.rig import Rig
-    from experiments.measured_play import Measurement
-    from experiments.play_log import Pass
-    from experiments.playback import Playback
+    from evenlight.data_schema.display import Display
+    from evenlight.data_schema.rig import Rig
+    from evenlight.experiments.measured_play import Measurement
+    from evenlight.experiments.play_log import Pass
+    from evenlight.experiments.playback import Playback
 
 DEFAULT_PASSES = 3
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
@@ -166,7 +166,13 @@ def play(
         _refuse(
             of_videos, "--walk takes no {}, which is for videos; --record keeps the way, --factor dims it"
         )
-        from experiments.walk_request import RATE_LIMIT, LiveRequest, WalkRequest, budget_asked, walk_as_asked
+        from evenlight.experiments.walk_request import (
+            RATE_LIMIT,
+            LiveRequest,
+            WalkRequest,
+            budget_asked,
+            walk_as_asked,
+        )
 
         measured_by = device or Device.AUTO
         live = LiveRequest(
@@ -189,10 +195,10 @@ def play(
         _refuse(of_power, "{} is for measured power: give it with --measure-power, or leave it out")
     if track is None:
         raise InputError("play needs a TRACK: the folder that `evenlight optimize` wrote, or its track.csv")
-    from experiments.calibration_age import require_young
-    from experiments.play_log import require_log_file
-    from experiments.play_request import playback_of, rig_of, video_of
-    from experiments.track_fit import load_track, require_display, require_fit
+    from evenlight.experiments.calibration_age import require_young
+    from evenlight.experiments.play_log import require_log_file
+    from evenlight.experiments.play_request import playback_of, rig_of, video_of
+    from evenlight.experiments.track_fit import load_track, require_display, require_fit
 
     if loop and simulate:
         raise InputError("--loop goes on until somebody presses escape, and with --simulate nobody does")
@@ -208,8 +214,8 @@ def play(
         require_young(panel, used.calibration_age_limit, accepted=old_calibration_ok)
     if measure_power:
         _refuse(of_passes, "{} does not go with --measure-power, which plays every version in turn")
-        from experiments.measured_play import Measurement, require_output, require_power_meter
-        from method.preset_files import load_power_model
+        from evenlight.experiments.measured_play import Measurement, require_output, require_power_meter
+        from evenlight.method.preset_files import load_power_model
 
         require_power_meter(used, sync_patch=sync_patch)
         if power_model is not None:
@@ -261,11 +267,11 @@ def play_command(write_power: Callable[[Path, str | None], list[str]]) -> Callab
 
 def _measure(playback: Playback, rig: Rig, display: Display, measurement: Measurement, quiet: bool) -> Path:
     """Play every version in turn and record the power; return the folder."""
-    from data_schema.append_rows import AppendedRows
-    from data_schema.dataset_layout import BACKLIGHT_SETTINGS
-    from data_schema.power_log import BacklightSetting
-    from experiments.measured_play import play_measured, with_passes
-    from experiments.playback import Player, open_devices
+    from evenlight.data_schema.append_rows import AppendedRows
+    from evenlight.data_schema.dataset_layout import BACKLIGHT_SETTINGS
+    from evenlight.data_schema.power_log import BacklightSetting
+    from evenlight.experiments.measured_play import play_measured, with_passes
+    from evenlight.experiments.playback import Player, open_devices
 
     playback = with_passes(playback, measurement.passes)
     turn = 0
@@ -318,8 +324,8 @@ class _How:
 
 def _play(playback: Playback, rig: Rig, display: Display, how: _How) -> None:
     """Play, and say how it went; whatever ends it, the log is written."""
-    from experiments.play_log import write_log
-    from experiments.playback import Player, open_devices
+    from evenlight.experiments.play_log import write_log
+    from evenlight.experiments.playback import Player, open_devices
 
     def say(words: str) -> None:
         if not how.quiet:

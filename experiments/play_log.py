@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.errors import InputError
-from data_schema.files import write_whole
-from data_schema.text_files import csv_text
-from experiments.stage import ShownClip
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.text_files import csv_text
+from evenlight.experiments.stage import ShownClip
 
 COLUMNS = (
     "pass",

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from data_schema.brightness_track import BrightnessTrack
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from experiments.playback import Dimming, Playback
-from experiments.track_fit import LoadedTrack, frame_durations
-from hardware.rig_files import load_rig
-from method.preset_files import load_display
-from stimuli.commands import size_in
-from stimuli.sequences import built_in_sequence, is_sequence
-from stimuli.video_source import VideoSource, open_video, size_of
+from evenlight.data_schema.brightness_track import BrightnessTrack
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.playback import Dimming, Playback
+from evenlight.experiments.track_fit import LoadedTrack, frame_durations
+from evenlight.hardware.rig_files import load_rig
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.sequences import built_in_sequence, is_sequence
+from evenlight.stimuli.video_source import VideoSource, open_video, size_of
 
 SMALLEST_WINDOW = 64  # [pixels]
 

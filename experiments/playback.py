@@ -11,23 +11,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.power_log import BacklightSetting
-from data_schema.rig import Rig
-from experiments.brightness import Brightness
-from experiments.clip_player import ClipPlayer, Observer
-from experiments.play_log import Pass
-from experiments.screenshots import Screenshots
-from experiments.showing import Showing
-from experiments.stage import Clip, PausePressed
-from hardware.backlight_log import LoggedBacklight
-from hardware.clocks import RefreshClock
-from hardware.protocols import Backlight, ResponseDevice, Window
-from hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.field_renderer import FieldRenderer
-from stimuli.page_image import centred_image
-from stimuli.video_source import VideoSource
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.power_log import BacklightSetting
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.brightness import Brightness
+from evenlight.experiments.clip_player import ClipPlayer, Observer
+from evenlight.experiments.play_log import Pass
+from evenlight.experiments.screenshots import Screenshots
+from evenlight.experiments.showing import Showing
+from evenlight.experiments.stage import Clip, PausePressed
+from evenlight.hardware.backlight_log import LoggedBacklight
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.protocols import Backlight, ResponseDevice, Window
+from evenlight.hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.field_renderer import FieldRenderer
+from evenlight.stimuli.page_image import centred_image
+from evenlight.stimuli.video_source import VideoSource
 
 NOISE_SEED = 1  # nothing is compared with another playing: any will do
 CAPTION_SIZE = 1.0  # in multiples of a page's text

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 
-from data_schema.append_rows import AppendedRows
-from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
-from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
-from data_schema.text_files import write_json_record
-from hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
-from hardware.simulated_panel import SimulatedPanel
+from evenlight.data_schema.append_rows import AppendedRows
+from evenlight.data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
+from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
+from evenlight.hardware.simulated_panel import SimulatedPanel
 
 PINGS_AT_ONCE = 5  # the one that took the shortest bounds the clocks' difference best
 # [Hz] From 1000 on, the energy of single frames is within 1 % (docs/decisions/power-synchronisation.md).

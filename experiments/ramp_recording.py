@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.refreshes import Refreshes
-from experiments.stage import ShownInterval
+from evenlight.experiments.refreshes import Refreshes
+from evenlight.experiments.stage import ShownInterval
 
 LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves; frames are drawn from what is logged
 PROBES = 12  # frames of an interval that are read back

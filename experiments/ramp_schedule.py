@@ -12,17 +12,17 @@ from functools import cache
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import Placement, Procedure, RampDesign, RampTrial, TrialFlag
-from data_schema.rig import Actuator
-from experiments.counterbalancing import williams_row
-from experiments.design import PlannedRamp, planned_ramp, ramp_conditions, trial_count
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.placement import AdaptivePlacement
-from experiments.placement_grid import CANDIDATES, placement_grid
-from experiments.session_plan import Slot, levels_of, session_plan
-from stimuli.ramp import require_reachable
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Placement, Procedure, RampDesign, RampTrial, TrialFlag
+from evenlight.data_schema.rig import Actuator
+from evenlight.experiments.counterbalancing import williams_row
+from evenlight.experiments.design import PlannedRamp, planned_ramp, ramp_conditions, trial_count
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.placement import AdaptivePlacement
+from evenlight.experiments.placement_grid import CANDIDATES, placement_grid
+from evenlight.experiments.session_plan import Slot, levels_of, session_plan
+from evenlight.stimuli.ramp import require_reachable
 
 MAX_SHOWINGS = 3  # of one trial: a display that drops frames in every trial must not keep anybody for ever
 PRACTICE_CATCH_SHARE = 1 / 3  # more than in the session: nobody should learn that something always changes

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.frame_log import FrameLog
-from data_schema.ramp import Procedure, RampDesign, RampTrial, Response, TrialFlag
-from data_schema.rig import Rig
-from data_schema.session_length import session_minutes
-from experiments.design import PlannedRamp, ramp_levels
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.pages import Pages
-from experiments.ramp_schedule import RampSchedule
-from experiments.stage import RampInterval, ShownInterval, Stage
-from experiments.task import Conducted, Participant, TrialPlace
-from stimuli.ramp import reachable_luminances
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame_log import FrameLog
+from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial, Response, TrialFlag
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session_length import session_minutes
+from evenlight.experiments.design import PlannedRamp, ramp_levels
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.ramp_schedule import RampSchedule
+from evenlight.experiments.stage import RampInterval, ShownInterval, Stage
+from evenlight.experiments.task import Conducted, Participant, TrialPlace
+from evenlight.stimuli.ramp import reachable_luminances
 
 LARGEST_SEED = 2**31
 LARGEST_STEP = 1.5  # either way, between an interval and a gap: far more than the change at any threshold

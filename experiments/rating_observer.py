@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
-from experiments.simulated_observers import MAX_LAPSE_RATE
-from experiments.stimulus_folder import LoadedStimulus
-from experiments.viewing_schedule import PlannedRating
-from method.curve_lookup import loss_and_slope
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
+from evenlight.experiments.simulated_observers import MAX_LAPSE_RATE
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing_schedule import PlannedRating
+from evenlight.method.curve_lookup import loss_and_slope
 
 # The worst stretches of a video weigh more in its quality than its mean (Rimac-Drlje, Vranjes & Zagar 2009):
 # 1 would be the mean, infinity the worst frame alone. 4 is a choice between, usual where what can be seen is

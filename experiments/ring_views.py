@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from data_schema.rig import Actuator
-from experiments.ring_visibility import ring_alone, ring_visibility
-from experiments.search_observer import RingSight
-from experiments.search_schedule import PlannedSearch
-from method.luminance import emitted_luminance
-from stimuli.landolt import GAPS_IN_DIAMETER, Ring, gap_pixels
-from stimuli.ring_light import reachable_light
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Vector, direction_of
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator
+from evenlight.experiments.ring_visibility import ring_alone, ring_visibility
+from evenlight.experiments.search_observer import RingSight
+from evenlight.experiments.search_schedule import PlannedSearch
+from evenlight.method.luminance import emitted_luminance
+from evenlight.stimuli.landolt import GAPS_IN_DIAMETER, Ring, gap_pixels
+from evenlight.stimuli.ring_light import reachable_light
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Vector, direction_of
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 if TYPE_CHECKING:
     import moderngl
 
-    from stimuli.ring_scene import RingScene
+    from evenlight.stimuli.ring_scene import RingScene
 
 SIDE = 4  # of a picture, in diameters of its ring: beyond, nothing changes its visibility
 SMALLEST_SIDE, LARGEST_SIDE = 64, 1024  # [pixels]
@@ -76,7 +76,7 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
     """
 
     def __init__(self, display: Display, side: int = 0) -> None:
-        from stimuli.scenes.offscreen import offscreen_context
+        from evenlight.stimuli.scenes.offscreen import offscreen_context
 
         self._display, self._side = display, side
         self._context: moderngl.Context = offscreen_context()
@@ -99,9 +99,9 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
 
     def _scene(self, name: str, side: int) -> RingScene:
         """Return what draws a scene into pictures of some size or larger."""
-        from stimuli.ring_scene import RingScene
-        from stimuli.scenes.renderer import SceneRenderer
-        from stimuli.scenes.scenes import scene_named
+        from evenlight.stimuli.ring_scene import RingScene
+        from evenlight.stimuli.scenes.renderer import SceneRenderer
+        from evenlight.stimuli.scenes.scenes import scene_named
 
         if name not in self._scenes or self._scenes[name].size[0] < side:
             renderer = SceneRenderer(self._context, scene_named(name), (side, side))

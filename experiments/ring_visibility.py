@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from method.contrast_loss import csf_contrasts
-from method.luminance import dimmed_luminance
-from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
-from stimuli.landolt import Ring, covered
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.contrast_loss import csf_contrasts
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
+from evenlight.stimuli.landolt import Ring, covered
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 SUBSAMPLES = 4  # along each side of a pixel
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from data_schema.errors import InputError
-from data_schema.seeds import require_seed
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.seeds import require_seed
 
 if TYPE_CHECKING:
-    from experiments.conduct_session import Progress as SessionProgress
-    from experiments.run_session import SessionOutcome, SessionRequest
+    from evenlight.experiments.conduct_session import Progress as SessionProgress
+    from evenlight.experiments.run_session import SessionOutcome, SessionRequest
 
 EXPERIMENTS = ("ramp", "rating", "comparison", "search")
 SWEEPS = ("luminance-sweep", "power-sweep")
@@ -96,13 +96,13 @@ def run(
         raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
     if simulate is Simulation.DATA and screenshots is not None:
         raise InputError("--screenshots needs a window, which --simulate data does not open")
-    from experiments.calibration_age import require_young
-    from experiments.design_files import load_task_design
-    from experiments.pages import load_pages
-    from experiments.run_session import SessionRequest
-    from experiments.staging import Staging
-    from hardware.rig_files import load_rig
-    from method.preset_files import load_display
+    from evenlight.experiments.calibration_age import require_young
+    from evenlight.experiments.design_files import load_task_design
+    from evenlight.experiments.pages import load_pages
+    from evenlight.experiments.run_session import SessionRequest
+    from evenlight.experiments.staging import Staging
+    from evenlight.hardware.rig_files import load_rig
+    from evenlight.method.preset_files import load_display
 
     staging = Staging(simulate.value if simulate else None, real_time, screenshots)
     if task in SWEEPS:
@@ -111,7 +111,11 @@ def run(
         for option, given in of_people.items():
             if given is not None:
                 raise InputError(f"{option} is for sessions with people; leave it out of {task}")
-        from experiments.sweep_request import require_young_display, run_sweep_as_asked, sweep_request
+        from evenlight.experiments.sweep_request import (
+            require_young_display,
+            run_sweep_as_asked,
+            sweep_request,
+        )
 
         asked = sweep_request(task, rig, design, staging, (out, session, participant or ""), seed)
         require_young_display(asked, accepted=old_calibration_ok)
@@ -175,7 +179,7 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from experiments.run_session import run_session
+    from evenlight.experiments.run_session import run_session
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -208,8 +212,8 @@ def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
 
 def _close(outcome: SessionOutcome) -> None:
     """Say how a session ended."""
-    from data_schema.dataset_layout import EVENTS
-    from data_schema.session import SessionStatus
+    from evenlight.data_schema.dataset_layout import EVENTS
+    from evenlight.data_schema.session import SessionStatus
 
     flagged = f", {outcome.flagged} flagged" if outcome.flagged else ""
     words = f"{outcome.done} of {outcome.planned} trials{flagged} in {outcome.folder}"

@@ -8,23 +8,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.dataset_layout import MANIFEST, TRIALS, session_folder
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file, sha256_of_record
-from data_schema.rig import Keys, Rig
-from data_schema.session import DESIGN_OF_TASK, Design, EventKind, SessionManifest, SessionStatus
-from data_schema.text_files import read_json_record
-from experiments.conduct_session import Cast, Progress, conduct_session
-from experiments.dataset import enrol
-from experiments.experiment_kinds import Setting, experiment
-from experiments.pages import Pages
-from experiments.participants import Answers, Person, PressKey, SimulatedParticipant
-from experiments.session_store import SessionStore, begin_session, resume_session
-from experiments.simulated_answers import simulated_answers
-from experiments.staging import Staging, open_stage, smallest_factor
-from experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
-from experiments.task import Participant
+from evenlight.data_schema.dataset_layout import MANIFEST, TRIALS, session_folder
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file, sha256_of_record
+from evenlight.data_schema.rig import Keys, Rig
+from evenlight.data_schema.session import DESIGN_OF_TASK, Design, EventKind, SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.experiments.conduct_session import Cast, Progress, conduct_session
+from evenlight.experiments.dataset import enrol
+from evenlight.experiments.experiment_kinds import Setting, experiment
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.participants import Answers, Person, PressKey, SimulatedParticipant
+from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
+from evenlight.experiments.simulated_answers import simulated_answers
+from evenlight.experiments.staging import Staging, open_stage, smallest_factor
+from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
+from evenlight.experiments.task import Participant
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1

@@ -8,24 +8,35 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.dataset_layout import SWEEP_MANIFEST, sweep_folder
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import provenance_now, sha256_of_file, sha256_of_record
-from data_schema.rig import Keys, Rig
-from data_schema.session import EventKind, SessionStatus
-from data_schema.sweep import DESIGN_OF_SWEEP, LuminanceSweepDesign, SweepDesign, SweepManifest, SweepPhase
-from experiments.dataset import require_dataset
-from experiments.imported_sweep import import_sweep, is_imported
-from experiments.stage import PausePressed
-from experiments.staging import Staging
-from experiments.sweep_devices import SweepDevices, SweepSetting, names_of_meters, open_sweep_devices
-from experiments.sweep_readings import Reader
-from experiments.sweep_schedule import Level, PlannedReading, planned_readings
-from experiments.sweep_store import SweepStore, begin_sweep, read_sweep_manifest, resume_sweep
-from hardware.protocols import InstrumentError
-from hardware.rig import is_simulated
-from hardware.rig_files import TABLE
+from evenlight.data_schema.dataset_layout import SWEEP_MANIFEST, sweep_folder
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now, sha256_of_file, sha256_of_record
+from evenlight.data_schema.rig import Keys, Rig
+from evenlight.data_schema.session import EventKind, SessionStatus
+from evenlight.data_schema.sweep import (
+    DESIGN_OF_SWEEP,
+    LuminanceSweepDesign,
+    SweepDesign,
+    SweepManifest,
+    SweepPhase,
+)
+from evenlight.experiments.dataset import require_dataset
+from evenlight.experiments.imported_sweep import import_sweep, is_imported
+from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.staging import Staging
+from evenlight.experiments.sweep_devices import (
+    SweepDevices,
+    SweepSetting,
+    names_of_meters,
+    open_sweep_devices,
+)
+from evenlight.experiments.sweep_readings import Reader
+from evenlight.experiments.sweep_schedule import Level, PlannedReading, planned_readings
+from evenlight.experiments.sweep_store import SweepStore, begin_sweep, read_sweep_manifest, resume_sweep
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.rig import is_simulated
+from evenlight.hardware.rig_files import TABLE
 
 DEFAULT_SEED = 1  # of the order of levels: nobody gets to know it by heart
 LONGEST_REASON = 200  # letters of an error's message, in the log of events

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.image_codes import GRID_LEVELS, levels_of
-from stimuli.image_renderer import Image
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene_sequence import SceneSequence
-from stimuli.scenes.scenes import scene_named
-from stimuli.scenes.walking import check_path
+from evenlight.stimuli.image_codes import GRID_LEVELS, levels_of
+from evenlight.stimuli.image_renderer import Image
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.scenes.walking import check_path
 
 if TYPE_CHECKING:
     import moderngl

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.protocols import Window
+from evenlight.hardware.protocols import Window
 
 
 class Screenshots:

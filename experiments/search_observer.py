@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from data_schema.search import ORIENTATIONS
-from experiments.simulated_observers import MAX_LAPSE_RATE
+from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.experiments.simulated_observers import MAX_LAPSE_RATE
 
 SHORTEST_TIME = 0.25  # [s] nobody sees, decides and presses faster
 REFERENCE_ECCENTRICITY = 25.0  # [deg] where the median times hold; in the middle of a search's default range

@@ -10,17 +10,17 @@ import dataclasses
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing, nullcontext
 
-from experiments.searching import Searching
-from experiments.showing import Showing, settle
-from experiments.stage import Searched, SearchView
-from hardware.protocols import KeyPress, Pointer
-from stimuli.field_renderer import FieldRenderer
-from stimuli.image_renderer import Image, ImageRenderer, Picture
-from stimuli.ring_light import LEVELS_16, PaintedRing
-from stimuli.ring_scene import RingScene
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scenes import scene_named
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.experiments.searching import Searching
+from evenlight.experiments.showing import Showing, settle
+from evenlight.experiments.stage import Searched, SearchView
+from evenlight.hardware.protocols import KeyPress, Pointer
+from evenlight.stimuli.field_renderer import FieldRenderer
+from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
+from evenlight.stimuli.ring_light import LEVELS_16, PaintedRing
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 Presses = Callable[[], list[KeyPress]]
 OpenPointer = Callable[[], Pointer | None]

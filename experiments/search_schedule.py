@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from data_schema.search import ORIENTATIONS, SearchDesign
-from data_schema.viewing import Version
-from experiments.counterbalancing import williams_row
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.stimulus_folder import LoadedStimulus
-from method.luminance import displayed_luminance
-from stimuli.landolt import Ring, require_drawable
-from stimuli.ring_light import Surroundings, painted, shown_contrast
-from stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.camera_path import CameraPath, path_named
-from stimuli.scenes.tone import PEAK
-from stimuli.sequence_format import ENCODING_GAMMA
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments.counterbalancing import williams_row
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.method.luminance import displayed_luminance
+from evenlight.stimuli.landolt import Ring, require_drawable
+from evenlight.stimuli.ring_light import Surroundings, painted, shown_contrast
+from evenlight.stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
+from evenlight.stimuli.scenes.tone import PEAK
+from evenlight.stimuli.sequence_format import ENCODING_GAMMA
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
 VERSIONS = (Version.OURS, Version.BASELINE)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from data_schema.display import Display
-from data_schema.ramp import TrialFlag
-from data_schema.rig import Actuator, Rig
-from data_schema.search import ORIENTATIONS, SearchDesign, SearchTrial, ViewLog
-from experiments.fixed_order import FixedOrder
-from experiments.pages import Pages
-from experiments.search_schedule import PlannedSearch, search_order, search_points, search_practice
-from experiments.session_minutes import viewing_minutes
-from experiments.stage import Searched, SearchView, Stage
-from experiments.stimulus_folder import LoadedStimulus, neutral_luminance
-from experiments.task import Conducted, Participant, TrialPlace
-from experiments.viewing_trials import noise_seed_of, shown_columns
-from stimuli.landolt import gap_pixels
-from stimuli.ring_light import shown_contrast
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import TrialFlag
+from evenlight.data_schema.rig import Actuator, Rig
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign, SearchTrial, ViewLog
+from evenlight.experiments.fixed_order import FixedOrder
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.search_schedule import PlannedSearch, search_order, search_points, search_practice
+from evenlight.experiments.session_minutes import viewing_minutes
+from evenlight.experiments.stage import Searched, SearchView, Stage
+from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
+from evenlight.experiments.task import Conducted, Participant, TrialPlace
+from evenlight.experiments.viewing_trials import noise_seed_of, shown_columns
+from evenlight.stimuli.landolt import gap_pixels
+from evenlight.stimuli.ring_light import shown_contrast
 
 TYPICAL_SHARE = 0.5  # of the time limit that a search takes, for the estimate on the page of consent
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from data_schema.rig import Rig
-from experiments.refreshes import DECIMALS, Refreshes
-from experiments.stage import KEY_DECIMALS, Searched, SearchView
-from hardware.protocols import KeyPress
-from stimuli.looking import LookingAround
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.refreshes import DECIMALS, Refreshes
+from evenlight.experiments.stage import KEY_DECIMALS, Searched, SearchView
+from evenlight.hardware.protocols import KeyPress
+from evenlight.stimuli.looking import LookingAround
 
 ANGLE_DECIMALS = 6  # [deg] a thousandth of a pixel
 

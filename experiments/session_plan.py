@@ -12,10 +12,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from data_schema.display import Display
-from data_schema.ramp import Placement, Procedure, RampDesign
-from experiments.counterbalancing import williams_row
-from experiments.design import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
+from evenlight.experiments.counterbalancing import williams_row
+from evenlight.experiments.design import (
     RampCondition,
     RampLevel,
     ramp_conditions,
@@ -23,7 +23,7 @@ from experiments.design import (
     ramps_per_level,
     trial_count,
 )
-from experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.keyed_chance import Purpose, generator_for
 
 SHORTEST_PASS = 8  # ramps: in shorter ones, the last trials of each could be foretold
 

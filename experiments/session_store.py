@@ -14,15 +14,15 @@ from typing import Any
 
 from filelock import FileLock
 
-from data_schema.append_log import mend_last_line
-from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS, session_folder
-from data_schema.errors import InputError
-from data_schema.record_kinds import TRIALS_OF_TASK
-from data_schema.session import EventKind, SessionEvent, SessionManifest, SessionStatus
-from data_schema.text_files import read_json_record, write_json_record
-from experiments.dataset import export_behaviour
-from experiments.log_files import hold_folder, read_lines
-from experiments.timed_logs import TimedLogs, Utc, utc_now
+from evenlight.data_schema.append_log import mend_last_line
+from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS, session_folder
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
+from evenlight.data_schema.session import EventKind, SessionEvent, SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import read_json_record, write_json_record
+from evenlight.experiments.dataset import export_behaviour
+from evenlight.experiments.log_files import hold_folder, read_lines
+from evenlight.experiments.timed_logs import TimedLogs, Utc, utc_now
 
 
 class SessionStore(TimedLogs):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from data_schema.display import Display
-from data_schema.rig import Rig
-from experiments.brightness import Brightness
-from experiments.screenshots import Screenshots
-from hardware.protocols import Window
-from stimuli.field_renderer import Field, FieldRenderer
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.brightness import Brightness
+from evenlight.experiments.screenshots import Screenshots
+from evenlight.hardware.protocols import Window
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
 
 LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a picture
 

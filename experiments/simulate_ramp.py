@@ -9,25 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.dataset_layout import SIMULATED_TRUTH
-from data_schema.display import Display
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance, provenance_now
-from data_schema.ramp import Procedure, RampDesign, RampTrial, Response
-from data_schema.rate_limit import RateLimit
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.text_files import write_json
-from experiments.dataset import new_dataset, write_description, write_participants, write_session
-from experiments.design import PlannedRamp, RampCondition, RampLevel, ramp_conditions, ramp_levels
-from experiments.ramp_schedule import RampSchedule
-from experiments.session_plan import levels_of
-from experiments.simulated_observers import (
+from evenlight.data_schema.dataset_layout import SIMULATED_TRUTH
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import write_json
+from evenlight.experiments.dataset import new_dataset, write_description, write_participants, write_session
+from evenlight.experiments.design import PlannedRamp, RampCondition, RampLevel, ramp_conditions, ramp_levels
+from evenlight.experiments.ramp_schedule import RampSchedule
+from evenlight.experiments.session_plan import levels_of
+from evenlight.experiments.simulated_observers import (
     ObserverPopulation,
     SimulatedObserver,
     answer_generator,
     draw_observer,
 )
-from method.preset_files import load_rate_limit
+from evenlight.method.preset_files import load_rate_limit
 
 SESSION = "01"
 PUBLISHED = "surace2025"  # whose rate limit is the median person's yes/no threshold

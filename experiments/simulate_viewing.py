@@ -7,25 +7,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from data_schema.dataset_layout import SIMULATED_TRUTH
-from data_schema.display import Display
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance, provenance_now
-from data_schema.search import SearchTrial
-from data_schema.session import DESIGN_OF_TASK, SessionManifest, SessionStatus
-from data_schema.text_files import write_json
-from data_schema.viewing import ComparisonDesign, ComparisonTrial, RatingDesign, RatingTrial, Version
-from experiments.dataset import new_dataset, write_description, write_participants, write_session
-from experiments.design_files import load_task_design
-from experiments.experiment_kinds import experiment
-from experiments.search_schedule import PlannedSearch, search_order, search_points
-from experiments.simulate_ramp import SESSION, participant_id
-from experiments.simulated_viewers import SimulatedViewer, Viewing, ViewingDesign, open_viewing
-from experiments.stimulus_folder import LoadedStimulus, load_stimuli
-from experiments.viewing_schedule import PlannedComparison, PlannedRating, comparison_order, rating_order
-from method.preset_files import load_display
-from stimuli.landolt import gap_pixels
-from stimuli.ring_light import shown_contrast
+from evenlight.data_schema.dataset_layout import SIMULATED_TRUTH
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.session import DESIGN_OF_TASK, SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import write_json
+from evenlight.data_schema.viewing import (
+    ComparisonDesign,
+    ComparisonTrial,
+    RatingDesign,
+    RatingTrial,
+    Version,
+)
+from evenlight.experiments.dataset import new_dataset, write_description, write_participants, write_session
+from evenlight.experiments.design_files import load_task_design
+from evenlight.experiments.experiment_kinds import experiment
+from evenlight.experiments.search_schedule import PlannedSearch, search_order, search_points
+from evenlight.experiments.simulate_ramp import SESSION, participant_id
+from evenlight.experiments.simulated_viewers import SimulatedViewer, Viewing, ViewingDesign, open_viewing
+from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli
+from evenlight.experiments.viewing_schedule import (
+    PlannedComparison,
+    PlannedRating,
+    comparison_order,
+    rating_order,
+)
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.landolt import gap_pixels
+from evenlight.stimuli.ring_light import shown_contrast
 
 TITLES = {"rating": "detail rating", "comparison": "artifact comparison", "search": "Landolt-ring search"}
 Planned = PlannedRating | PlannedComparison | PlannedSearch

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.provenance import sha256_of_bytes
-from data_schema.ramp import Response
-from data_schema.rig import Keys
-from experiments.design import PlannedRamp, ramp_levels
-from experiments.experiment_kinds import Setting
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.participants import Answers
-from experiments.simulated_observers import SimulatedObserver, answer_generator, draw_observer
-from method.preset_files import load_rate_limit
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.ramp import Response
+from evenlight.data_schema.rig import Keys
+from evenlight.experiments.design import PlannedRamp, ramp_levels
+from evenlight.experiments.experiment_kinds import Setting
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.participants import Answers
+from evenlight.experiments.simulated_observers import SimulatedObserver, answer_generator, draw_observer
+from evenlight.method.preset_files import load_rate_limit
 
 POPULATION = "surace2025"  # whose rate limit is the yes/no threshold of the median simulated observer
 
@@ -68,7 +68,7 @@ def _ramp(setting: Setting, rng: np.random.Generator) -> AnswersOf:
 
 def _viewing(setting: Setting, rng: np.random.Generator) -> AnswersOf:
     """Return what answers a viewing experiment."""
-    from experiments.viewing_answers import viewing_answers
+    from evenlight.experiments.viewing_answers import viewing_answers
 
     return viewing_answers(setting, rng)
 

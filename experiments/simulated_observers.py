@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from data_schema.ramp import Direction, Procedure, Response
-from data_schema.rate_limit import RateLimit
-from experiments.design import PlannedRamp
-from experiments.keyed_chance import Purpose, generator_for
-from method.psychometric import PsychometricFunction, yes_probability
-from method.rate_limit import rate_limit_at
-from method.two_intervals import two_interval_function
+from evenlight.data_schema.ramp import Direction, Procedure, Response
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.experiments.design import PlannedRamp
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.two_intervals import two_interval_function
 
 REFERENCE_DURATION = 5.0  # [s] of the paper's ramps, for which the published limit holds
 MAX_GUESS_RATE = 0.5  # who says "yes" more often than not to nothing would be excluded by any experimenter

@@ -13,30 +13,35 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.mapping import mapping_from_record
-from data_schema.ramp import Response
-from data_schema.rate_limit import RateLimit
-from data_schema.rig import Actuator
-from data_schema.search import ORIENTATIONS, SearchDesign
-from data_schema.viewing import ComparisonDesign, RatingDesign
-from experiments.brightness_changes import ChangeViews
-from experiments.comparison_observer import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.ramp import Response
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.rig import Actuator
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign
+from evenlight.experiments.brightness_changes import ChangeViews
+from evenlight.experiments.comparison_observer import (
     ComparisonObserver,
     ComparisonPopulation,
     chance_of_choice,
     draw_comparer,
 )
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.rating_observer import DetailViews, RatingObserver, RatingPopulation, draw_rater
-from experiments.ring_views import OffscreenPainter, RingViews, picture_side
-from experiments.search_observer import SearchAnswer, SearchObserver, SearchPopulation, draw_searcher
-from experiments.search_schedule import PlannedSearch
-from experiments.stimulus_folder import LoadedStimulus
-from experiments.viewing_schedule import PlannedComparison, PlannedRating
-from method.preset_files import load_rate_limit
-from stimuli.landolt import Ring
-from stimuli.ring_place_files import PRACTICE_SIZE
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.rating_observer import DetailViews, RatingObserver, RatingPopulation, draw_rater
+from evenlight.experiments.ring_views import OffscreenPainter, RingViews, picture_side
+from evenlight.experiments.search_observer import (
+    SearchAnswer,
+    SearchObserver,
+    SearchPopulation,
+    draw_searcher,
+)
+from evenlight.experiments.search_schedule import PlannedSearch
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing_schedule import PlannedComparison, PlannedRating
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_place_files import PRACTICE_SIZE
 
 POPULATION = "surace2025"  # whose rate limit is the median person's yes/no threshold
 ViewingDesign = RatingDesign | ComparisonDesign | SearchDesign

@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.protocols import KeyPress
-from stimuli.landolt import Ring
-from stimuli.scenes.camera import Camera
-from stimuli.video_source import VideoSource
+from evenlight.hardware.protocols import KeyPress
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.video_source import VideoSource
 
 KEY_DECIMALS = 6  # of a response time [s]: what a key's time says, without the rounding of a difference
 

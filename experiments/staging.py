@@ -7,17 +7,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.display import Display
-from data_schema.rig import Actuator, Rig
-from experiments.blind_stage import BlindStage
-from experiments.participants import PressKey
-from experiments.ring_views import OffscreenPainter
-from experiments.stage import Stage
-from experiments.timed_logs import utc_now
-from experiments.window_stage import WindowStage
-from hardware.clocks import RefreshClock
-from hardware.rig import backlights_smallest_factor, open_backlight, open_keyboard, open_pointer, open_window
-from hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator, Rig
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.participants import PressKey
+from evenlight.experiments.ring_views import OffscreenPainter
+from evenlight.experiments.stage import Stage
+from evenlight.experiments.timed_logs import utc_now
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.rig import (
+    backlights_smallest_factor,
+    open_backlight,
+    open_keyboard,
+    open_pointer,
+    open_window,
+)
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
 
 
 @dataclass(frozen=True, slots=True)

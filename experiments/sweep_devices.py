@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from experiments.staging import Staging
-from experiments.sweep_screen import SweepScreen
-from hardware.backlights import SimulatedBacklight
-from hardware.clocks import RefreshClock, WaitingClock
-from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, ResponseDevice, Window
-from hardware.rig import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.staging import Staging
+from evenlight.experiments.sweep_screen import SweepScreen
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.clocks import RefreshClock, WaitingClock
+from evenlight.hardware.protocols import Backlight, LuminanceMeter, PowerMeter, ResponseDevice, Window
+from evenlight.hardware.rig import (
     is_simulated,
     open_backlight,
     open_keyboard,
@@ -27,8 +27,8 @@ from hardware.rig import (
     open_swept_backlight,
     open_window,
 )
-from hardware.simulated_keyboard import SimulatedKeyboard
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from data_schema.session import EventKind
-from data_schema.sweep import (
+from evenlight.data_schema.session import EventKind
+from evenlight.data_schema.sweep import (
     LuminanceReading,
     PowerReading,
     PowerSweepDesign,
     ReadingStatus,
     SweepDesign,
 )
-from experiments.sweep_devices import SweepDevices
-from experiments.sweep_schedule import PlannedReading
-from experiments.sweep_screen import Shown
-from experiments.sweep_store import SweepReading, SweepStore
-from hardware.power_average import average_power
-from hardware.protocols import TRANSIENT, Fault, InstrumentError, LuminanceMeter, PowerMeter, Reading
+from evenlight.experiments.sweep_devices import SweepDevices
+from evenlight.experiments.sweep_schedule import PlannedReading
+from evenlight.experiments.sweep_screen import Shown
+from evenlight.experiments.sweep_store import SweepReading, SweepStore
+from evenlight.hardware.power_average import average_power
+from evenlight.hardware.protocols import (
+    TRANSIENT,
+    Fault,
+    InstrumentError,
+    LuminanceMeter,
+    PowerMeter,
+    Reading,
+)
 
 Result = TypeVar("Result")
 TIME_DECIMALS = 6

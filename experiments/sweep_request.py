@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from data_schema.session import SessionStatus
-from experiments.calibration_age import require_young
-from experiments.run_sweep import SweepRequest, run_sweep
+from evenlight.data_schema.session import SessionStatus
+from evenlight.experiments.calibration_age import require_young
+from evenlight.experiments.run_sweep import SweepRequest, run_sweep
 
 if TYPE_CHECKING:
-    from experiments.staging import Staging
+    from evenlight.experiments.staging import Staging
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
@@ -41,9 +41,9 @@ def sweep_request(
     InputError
         If rig or design cannot be used.
     """
-    from experiments.design_files import load_sweep_design
-    from hardware.rig_files import load_rig
-    from method.preset_files import load_display
+    from evenlight.experiments.design_files import load_sweep_design
+    from evenlight.hardware.rig_files import load_rig
+    from evenlight.method.preset_files import load_display
 
     loaded, display_name = load_rig(rig)
     new = display_name.endswith(".toml") and not Path(display_name).exists()  # what the sweep is to measure

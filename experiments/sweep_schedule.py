@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign, SweepDesign, SweepPhase
+from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign, SweepDesign, SweepPhase
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from experiments.stage import PausePressed
-from experiments.sweep_schedule import Level
-from hardware.protocols import Backlight, ResponseDevice, Window
-from hardware.simulated_panel import SimulatedPanel
-from stimuli.dithering import luminance_of_codes
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.sweep_schedule import Level
+from evenlight.hardware.protocols import Backlight, ResponseDevice, Window
+from evenlight.hardware.simulated_panel import SimulatedPanel
+from evenlight.stimuli.dithering import luminance_of_codes
 
 READ_BACK = (16, 16)  # [pixels] of the middle of the screen
 LOOK_EVERY = 0.02  # [s] at the keys, while nothing changes on the screen

@@ -8,15 +8,15 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from data_schema.append_log import mend_last_line
-from data_schema.dataset_layout import EVENTS, READINGS, SWEEP_MANIFEST, sweep_folder
-from data_schema.errors import InputError
-from data_schema.record_kinds import READINGS_OF_SWEEP
-from data_schema.session import EventKind, SessionEvent, SessionStatus
-from data_schema.sweep import LuminanceReading, PowerReading, SweepManifest
-from data_schema.text_files import read_json_record, write_json_record
-from experiments.log_files import hold_folder, read_lines
-from experiments.timed_logs import Clock, TimedLogs, Utc
+from evenlight.data_schema.append_log import mend_last_line
+from evenlight.data_schema.dataset_layout import EVENTS, READINGS, SWEEP_MANIFEST, sweep_folder
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.record_kinds import READINGS_OF_SWEEP
+from evenlight.data_schema.session import EventKind, SessionEvent, SessionStatus
+from evenlight.data_schema.sweep import LuminanceReading, PowerReading, SweepManifest
+from evenlight.data_schema.text_files import read_json_record, write_json_record
+from evenlight.experiments.log_files import hold_folder, read_lines
+from evenlight.experiments.timed_logs import Clock, TimedLogs, Utc
 
 SweepReading = LuminanceReading | PowerReading
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from experiments.pages import Pages
-from experiments.stage import Stage
+from evenlight.experiments.pages import Pages
+from evenlight.experiments.stage import Stage
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ from typing import Self
 
 from filelock import FileLock
 
-from data_schema.append_log import AppendLog
-from data_schema.dataset_layout import EVENTS
-from data_schema.session import EventKind, SessionEvent
+from evenlight.data_schema.append_log import AppendLog
+from evenlight.data_schema.dataset_layout import EVENTS
+from evenlight.data_schema.session import EventKind, SessionEvent
 
 Clock = Callable[[], float]
 Utc = Callable[[], str]

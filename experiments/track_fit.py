@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import BrightnessTrack, OptimizationSummary, read_track
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import sha256_of_file
-from data_schema.text_files import read_json_record
-from experiments.video_feed import LARGEST_DEVIATION, wrong_count, wrong_time
-from stimuli.video_file import VideoFile
-from stimuli.video_source import VideoSource
+from evenlight.data_schema.brightness_track import BrightnessTrack, OptimizationSummary, read_track
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.experiments.video_feed import LARGEST_DEVIATION, wrong_count, wrong_time
+from evenlight.stimuli.video_file import VideoFile
+from evenlight.stimuli.video_source import VideoSource
 
 TRACK, SUMMARY = "track.csv", "summary.json"
 

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from experiments.stage import Clip
-from stimuli.frame_buffer import FrameBuffer, LevelFrame
-from stimuli.image_renderer import Image, ImageRenderer
+from evenlight.data_schema.errors import InputError
+from evenlight.experiments.stage import Clip
+from evenlight.stimuli.frame_buffer import FrameBuffer, LevelFrame
+from evenlight.stimuli.image_renderer import Image, ImageRenderer
 
 AHEAD = 2.0  # [s] of video that is decoded before it begins
 LARGEST_DEVIATION = 1e-3  # [s] of a frame's time from its track's

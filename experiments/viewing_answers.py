@@ -8,14 +8,20 @@ from typing import Any, cast
 
 import numpy as np
 
-from data_schema.ramp import Response
-from data_schema.rig import Keys
-from data_schema.search import ORIENTATIONS, SearchDesign
-from data_schema.viewing import LOWEST_RATING
-from experiments.experiment_kinds import Setting
-from experiments.search_observer import SearchAnswer
-from experiments.search_schedule import VERSIONS, planned_search, search_points
-from experiments.simulated_viewers import SearchViewing, SimulatedViewer, Viewing, ViewingDesign, open_viewing
+from evenlight.data_schema.ramp import Response
+from evenlight.data_schema.rig import Keys
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.viewing import LOWEST_RATING
+from evenlight.experiments.experiment_kinds import Setting
+from evenlight.experiments.search_observer import SearchAnswer
+from evenlight.experiments.search_schedule import VERSIONS, planned_search, search_points
+from evenlight.experiments.simulated_viewers import (
+    SearchViewing,
+    SimulatedViewer,
+    Viewing,
+    ViewingDesign,
+    open_viewing,
+)
 
 
 class ViewingAnswers:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from data_schema.viewing import ComparisonDesign, RatingDesign, Version
-from experiments.counterbalancing import williams_row
-from experiments.keyed_chance import Purpose, generator_for
+from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign, Version
+from evenlight.experiments.counterbalancing import williams_row
+from evenlight.experiments.keyed_chance import Purpose, generator_for
 
 
 @dataclass(frozen=True, slots=True)

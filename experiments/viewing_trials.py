@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
-from data_schema.errors import InputError
-from data_schema.ramp import TrialFlag
-from data_schema.viewing import ClipLog, Version
-from experiments.keyed_chance import Purpose, generator_for
-from experiments.stage import Clip, ShownClip, Stage
-from experiments.stimulus_folder import LoadedStimulus
-from experiments.task import TrialPlace
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import TrialFlag
+from evenlight.data_schema.viewing import ClipLog, Version
+from evenlight.experiments.keyed_chance import Purpose, generator_for
+from evenlight.experiments.stage import Clip, ShownClip, Stage
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.task import TrialPlace
 
 LARGEST_SEED = 2**31
 

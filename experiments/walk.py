@@ -8,21 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.files import write_whole
-from experiments.brightness import Brightness
-from experiments.live_dimming import LiveDimmer
-from experiments.playback import NOISE_SEED, Devices
-from experiments.refreshes import Refreshes
-from experiments.screenshots import Screenshots
-from hardware.protocols import HeldKeys, Pointer
-from stimuli.image_codes import GRID_LEVELS
-from stimuli.image_renderer import Image, ImageRenderer, Picture
-from stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
-from stimuli.scenes.camera_path import PATHS, path_named
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import Scene, Vector
-from stimuli.scenes.scenes import scene_named
-from stimuli.scenes.walking import walked
+from evenlight.data_schema.files import write_whole
+from evenlight.experiments.brightness import Brightness
+from evenlight.experiments.live_dimming import LiveDimmer
+from evenlight.experiments.playback import NOISE_SEED, Devices
+from evenlight.experiments.refreshes import Refreshes
+from evenlight.experiments.screenshots import Screenshots
+from evenlight.hardware.protocols import HeldKeys, Pointer
+from evenlight.stimuli.image_codes import GRID_LEVELS
+from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
+from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
+from evenlight.stimuli.scenes.camera_path import PATHS, path_named
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Scene, Vector
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.scenes.walking import walked
 
 SPEED = 1.4  # [m/s] of a walk (Bohannon 1997: comfortable gait of adults)
 HURRY = 2.0  # times as fast with the shift key

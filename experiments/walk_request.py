@@ -7,31 +7,31 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.files import results_folder
-from data_schema.live_control import LiveRefresh
-from data_schema.rate_limit import RateLimit
-from data_schema.rig import Rig
-from experiments.live_dimming import LiveDimmer
-from experiments.live_governor import LiveBudget, LiveGovernor
-from experiments.live_record import LOG, live_control, settings_of, with_budget, write_live
-from experiments.loss_meters import open_meter
-from experiments.play_request import rig_of
-from experiments.playback import open_devices
-from experiments.walk import Walk, Walked, write_path
-from experiments.walk_words import words_of_walk
-from hardware.rig import open_held_keys, open_pointer
-from hardware.simulated_held_keys import SimulatedHeldKeys
-from method.choices import Device, LimitCurve
-from method.controller import Controller
-from method.governor import HORIZON, HORIZONS, GovernorSettings
-from method.optimize import Request, require_possible
-from method.preset_files import load_power_model, load_rate_limit_for
-from method.scalar_rate_limit import scalar_rate_limit
-from stimuli.commands import size_in
-from stimuli.scenes.scenes import SCENES
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder
+from evenlight.data_schema.live_control import LiveRefresh
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.live_dimming import LiveDimmer
+from evenlight.experiments.live_governor import LiveBudget, LiveGovernor
+from evenlight.experiments.live_record import LOG, live_control, settings_of, with_budget, write_live
+from evenlight.experiments.loss_meters import open_meter
+from evenlight.experiments.play_request import rig_of
+from evenlight.experiments.playback import open_devices
+from evenlight.experiments.walk import Walk, Walked, write_path
+from evenlight.experiments.walk_words import words_of_walk
+from evenlight.hardware.rig import open_held_keys, open_pointer
+from evenlight.hardware.simulated_held_keys import SimulatedHeldKeys
+from evenlight.method.choices import Device, LimitCurve
+from evenlight.method.controller import Controller
+from evenlight.method.governor import HORIZON, HORIZONS, GovernorSettings
+from evenlight.method.optimize import Request, require_possible
+from evenlight.method.preset_files import load_power_model, load_rate_limit_for
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.scenes.scenes import SCENES
 
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
 RATE_LIMIT = POWER_MODEL = "surace2025"

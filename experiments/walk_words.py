@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from data_schema.live_control import LiveRefresh
-from experiments.live_governor import LiveBudget
-from experiments.live_record import how_met, over_time, said_of_horizon
-from experiments.walk import Walked
+from evenlight.data_schema.live_control import LiveRefresh
+from evenlight.experiments.live_governor import LiveBudget
+from evenlight.experiments.live_record import how_met, over_time, said_of_horizon
+from evenlight.experiments.walk import Walked
 
 
 def words_of_walk(scene: str, done: Walked, rows: list[LiveRefresh], budget: LiveBudget | None) -> str:

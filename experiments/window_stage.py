@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.rig import Actuator, Rig
-from experiments.brightness import Brightness
-from experiments.clip_player import ClipPlayer
-from experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording, probe_places
-from experiments.screenshots import Screenshots
-from experiments.search_player import OpenPointer, SearchPlayer
-from experiments.showing import Showing
-from experiments.stage import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator, Rig
+from evenlight.experiments.brightness import Brightness
+from evenlight.experiments.clip_player import ClipPlayer
+from evenlight.experiments.ramp_recording import LUMINANCE_DECIMALS, RampRecording, probe_places
+from evenlight.experiments.screenshots import Screenshots
+from evenlight.experiments.search_player import OpenPointer, SearchPlayer
+from evenlight.experiments.showing import Showing
+from evenlight.experiments.stage import (
     KEY_DECIMALS,
     Clip,
     PausePressed,
@@ -28,12 +28,12 @@ from experiments.stage import (
     ShownClip,
     ShownInterval,
 )
-from hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
-from stimuli.dithering import luminance_of_codes
-from stimuli.field_renderer import Field, FieldRenderer
-from stimuli.legibility import ink_on
-from stimuli.page_image import centred_image, page_image
-from stimuli.ramp import frame_count, ramp_luminance, require_reachable
+from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
+from evenlight.stimuli.dithering import luminance_of_codes
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.legibility import ink_on
+from evenlight.stimuli.page_image import centred_image, page_image
+from evenlight.stimuli.ramp import frame_count, ramp_luminance, require_reachable
 
 # [pixels] of the middle that is read back; the noise leaves the mean of so many within 0.01 cd/m^2 at 100.
 PROBE_SIZE = (256, 256)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 
 def split_address(address: str, driver: str, options: Mapping[str, str]) -> tuple[str, dict[str, float]]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data_schema.errors import InputError
-from data_schema.sweep_fit import LuminanceLevel
-from data_schema.text_files import read_rows
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.sweep_fit import LuminanceLevel
+from evenlight.data_schema.text_files import read_rows
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from data_schema.power_log import BacklightSetting
-from hardware.protocols import Backlight
+from evenlight.data_schema.power_log import BacklightSetting
+from evenlight.hardware.protocols import Backlight
 
 KEPT = 10_000  # settings; at 50 a second, more than three minutes
 
@@ -26,7 +26,7 @@ class LoggedBacklight(AbstractContextManager["LoggedBacklight"]):
     kept : int, optional
         How many of the last settings are remembered.
 
-    >>> from hardware.backlights import SimulatedBacklight
+    >>> from evenlight.hardware.backlights import SimulatedBacklight
     >>> backlight = LoggedBacklight(SimulatedBacklight(lambda: 0.0, steps=100), lambda: 0.0)
     >>> backlight.set_factor(0.503)
     0.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.driver_notes import DriverNote
+from evenlight.hardware.driver_notes import DriverNote
 
 BACKLIGHTS: tuple[DriverNote, ...] = (
     DriverNote(

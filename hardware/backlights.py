@@ -12,9 +12,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from data_schema.errors import InputError
-from hardware.protocols import Fault, InstrumentError
-from hardware.restoring import restore_and_release
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.restoring import restore_and_release
 
 SYSFS = Path("/sys/class/backlight")
 ROUNDING = 1e-9  # of a factor that was computed

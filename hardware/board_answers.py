@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 
-from hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 
 def whole_in(words: list[str], name: str, lowest: int) -> int:

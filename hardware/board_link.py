@@ -8,10 +8,10 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from hardware import board_protocol as protocol
-from hardware.addresses import split_address
-from hardware.protocols import TRANSIENT, Fault, InstrumentError
-from hardware.serial_link import LineSettings, SerialLink
+from evenlight.hardware import board_protocol as protocol
+from evenlight.hardware.addresses import split_address
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
+from evenlight.hardware.serial_link import LineSettings, SerialLink
 
 TIMEOUT = 1.0  # [s] the board answers within milliseconds
 HIGHEST_TAG = 999

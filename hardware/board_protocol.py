@@ -6,7 +6,7 @@ import binascii
 import enum
 from dataclasses import dataclass
 
-from hardware.protocols import Fault
+from evenlight.hardware.protocols import Fault
 
 VERSION = "1"
 FAMILY = "evenlight-power-board"

@@ -9,9 +9,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from hardware.protocols import Fault
-from hardware.serial_link import LineSettings
-from hardware.serial_meter import Found, SerialMeter
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.serial_link import LineSettings
+from evenlight.hardware.serial_meter import Found, SerialMeter
 
 REPLY_TIME = 15.0  # [s]
 IDENTITY_FIELDS = 6  # OK00,1,<rom>,100.10,<serial number>,<build>

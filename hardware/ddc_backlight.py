@@ -19,9 +19,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
-from hardware.backlights import require_factor
-from hardware.protocols import Fault, InstrumentError
-from hardware.restoring import restore_and_release
+from evenlight.hardware.backlights import require_factor
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.restoring import restore_and_release
 
 BRIGHTNESS = 0x10  # VCP code "luminance"
 CONTRAST = 0x12  # VCP code "contrast": any answer to it is told from one to BRIGHTNESS

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from hardware.simulated_panel import Simulation
+    from evenlight.hardware.simulated_panel import Simulation
 
 SIMULATED = "simulated"  # by itself, an instrument in this process; before a driver's name, an emulated one
 
@@ -33,7 +33,7 @@ class Driver:
     Attributes
     ----------
     place : str
-        Module and class, as "hardware.power_board:BoardPowerMeter".
+        Module and class, as "power_board:BoardPowerMeter" in `evenlight.hardware`.
     emulator : str
         Module and class of the emulated instrument; empty where there is none.
     link : LinkKind
@@ -68,7 +68,7 @@ class Driver:
 
     def open_emulated(self, clock: Callable[[], float], simulation: Simulation) -> tuple[Any, Any]:
         """Return the driver on an emulated instrument, and the link between them; both are open."""
-        from hardware.emulators.link import EmulatedLink
+        from evenlight.hardware.emulators.link import EmulatedLink
 
         emulator = self.load_emulator()(simulation)
         if self.link is LinkKind.OWN:
@@ -83,9 +83,9 @@ class Driver:
 
 
 def _named(place: str) -> Any:
-    """Return what a module has under a name."""
+    """Return what a module of `evenlight.hardware` has under a name."""
     module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
+    return getattr(importlib.import_module(f"evenlight.hardware.{module}"), name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def own_simulation(clock: Callable[[], float]) -> Simulation:
 
     import numpy as np
 
-    from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+    from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
     return Simulation(SimulatedPanel(PanelPhysics(), clock), np.random.default_rng(1), clock, time.sleep)
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Any, Generic, Self, TypeVar, cast
 
-from data_schema.power_log import ClockPing, PowerSample
-from hardware.protocols import Backlight, LuminanceMeter, PowerMeter, Reading, ZeroedMeter
+from evenlight.data_schema.power_log import ClockPing, PowerSample
+from evenlight.hardware.protocols import Backlight, LuminanceMeter, PowerMeter, Reading, ZeroedMeter
 
 NOTE = {"instrument": "SIMULATED: the driver on an emulated instrument"}
 

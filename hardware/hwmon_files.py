@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.protocols import Fault, InstrumentError
-from hardware.shunt_range import ShuntRange, hwmon_shunt, iio_shunt
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.shunt_range import ShuntRange, hwmon_shunt, iio_shunt
 
 SYS = Path("/sys")
 FOLDERS = ("class/hwmon", "bus/iio/devices")  # under /sys

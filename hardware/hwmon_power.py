@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.power_log import PowerSample
-from hardware.addresses import split_address
-from hardware.hwmon_files import SYS, find_sensor, read_number
-from hardware.polled_sampling import BACKWARDS, PolledSampling
-from hardware.protocols import Fault, InstrumentError
-from hardware.sample_rate import require_sample_rate
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware.addresses import split_address
+from evenlight.hardware.hwmon_files import SYS, find_sensor, read_number
+from evenlight.hardware.polled_sampling import BACKWARDS, PolledSampling
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.sample_rate import require_sample_rate
 
 SLOWEST, FASTEST = 0.1, 1000.0  # [Hz]
 OPTIONS = {"channel": "which input of the sensor, from 1"}

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from hardware.backlight_notes import BACKLIGHTS
-from hardware.driver_notes import DriverNote
-from hardware.luminance_meters import LUMINANCE_METERS
-from hardware.power_meters import POWER_METERS
+from evenlight.hardware.backlight_notes import BACKLIGHTS
+from evenlight.hardware.driver_notes import DriverNote
+from evenlight.hardware.luminance_meters import LUMINANCE_METERS
+from evenlight.hardware.power_meters import POWER_METERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

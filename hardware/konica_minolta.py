@@ -11,9 +11,9 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable
 
-from hardware.protocols import Fault
-from hardware.serial_link import LineSettings
-from hardware.serial_meter import Found, SerialMeter
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.serial_link import LineSettings
+from evenlight.hardware.serial_meter import Found, SerialMeter
 
 REPLY_TIME = 10.0  # [s] a reading in the dark takes seconds
 SETTLED = "OK00"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from contextlib import AbstractContextManager
 
-from hardware.backlight_curve import BacklightCurve
-from hardware.backlights import ROUNDING, require_factor
-from hardware.protocols import Backlight, InstrumentError
+from evenlight.hardware.backlight_curve import BacklightCurve
+from evenlight.hardware.backlights import ROUNDING, require_factor
+from evenlight.hardware.protocols import Backlight, InstrumentError
 
 TOLERANCE = 1e-12  # of the logarithm of a factor: far finer than any device
 LOOKED_AT = 200  # settings of a device, for its widest step of luminance
@@ -23,7 +23,7 @@ class LinearizedBacklight(AbstractContextManager["LinearizedBacklight"]):
     curve : BacklightCurve
         What luminance it makes of its factors. Below the lowest that was measured nothing is guessed.
 
-    >>> from hardware.backlights import SimulatedBacklight
+    >>> from evenlight.hardware.backlights import SimulatedBacklight
     >>> square = BacklightCurve((0.1, 0.5, 1.0), (2.0, 50.0, 200.0))
     >>> backlight = LinearizedBacklight(SimulatedBacklight(lambda: 0.0, steps=100), square)
     >>> round(backlight.set_factor(0.25), 6), round(backlight.smallest_factor(), 6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.driver_notes import DriverNote
+from evenlight.hardware.driver_notes import DriverNote
 
 REMOTE_7E2 = "4800 baud, 7 data bits, even parity, 2 stop bits; hold F while switching it on"
 PHOTO_RESEARCH = "9600 baud, 8N1"

@@ -16,10 +16,10 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.display import HIGHEST_LUMINANCE
-from data_schema.errors import InputError
-from data_schema.sweep import LuminanceReading, ReadingStatus, SweepPhase
-from data_schema.text_files import csv_rows
+from evenlight.data_schema.display import HIGHEST_LUMINANCE
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.sweep import LuminanceReading, ReadingStatus, SweepPhase
+from evenlight.data_schema.text_files import csv_rows
 
 COLUMNS = ("pixel_value", "luminance_cd_m2", "factor")
 UNDER_RANGE = "u"

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from data_schema.display import HIGHEST_LUMINANCE
-from hardware.protocols import Fault, InstrumentError, Reading
+from evenlight.data_schema.display import HIGHEST_LUMINANCE
+from evenlight.hardware.protocols import Fault, InstrumentError, Reading
 
 QUESTION = "Luminance [cd/m^2] (u: under range, o: over range, stop: end): "
 NUMBER_AND_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")

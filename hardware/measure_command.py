@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
@@ -33,7 +33,7 @@ def list_instruments(
     quiet: Annotated[bool, typer.Option("--quiet", help="Only the names of the drivers.")] = False,
 ) -> None:
     """Show drivers, what is plugged in, and what is not installed; nothing is opened."""
-    from hardware.instrument_list import driver_names, list_lines, what_is_present
+    from evenlight.hardware.instrument_list import driver_names, list_lines, what_is_present
 
     for line in driver_names() if quiet else list_lines(what_is_present()):
         typer.echo(line)
@@ -53,7 +53,7 @@ def luminance(
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
     """Read a luminance meter, and show each reading, their mean and their standard deviation."""
-    from hardware.measuring import measure_luminance
+    from evenlight.hardware.measuring import measure_luminance
 
     name = instrument or _named(rig, "luminance_meter")
     with _saying_what_is_kept(out):
@@ -72,7 +72,7 @@ def power(
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
     """Average the power that a meter measures, and show how many samples were lost or came twice."""
-    from hardware.measuring import measure_power
+    from evenlight.hardware.measuring import measure_power
 
     name = instrument or _named(rig, "power_meter")
     with _saying_what_is_kept(out):
@@ -86,14 +86,14 @@ def zero(
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
     """Set the zero of a meter: asks to cover its sensor, or to unplug the panel, and for Enter."""
-    from hardware.zeroing import measure_zero
+    from evenlight.hardware.zeroing import measure_zero
 
     typer.echo(measure_zero(instrument, None if yes else input, _tell(quiet)))
 
 
 def _named(rig: str | None, key: str) -> str:
     """Return the instrument that a rig names under a key."""
-    from hardware.rig_files import load_rig
+    from evenlight.hardware.rig_files import load_rig
 
     if rig is None:
         raise InputError(

@@ -11,16 +11,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from data_schema.append_rows import AppendedRows
-from data_schema.errors import InputError
-from data_schema.meter_reading import MeterReading
-from data_schema.power_log import PowerSample
-from hardware.clocks import WaitingClock
-from hardware.driver_table import SIMULATED
-from hardware.power_average import PowerAverage, averaged, sampled
-from hardware.protocols import Reading
-from hardware.rig import is_simulated, open_luminance_meter, open_power_meter
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.data_schema.append_rows import AppendedRows
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.meter_reading import MeterReading
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.driver_table import SIMULATED
+from evenlight.hardware.power_average import PowerAverage, averaged, sampled
+from evenlight.hardware.protocols import Reading
+from evenlight.hardware.rig import is_simulated, open_luminance_meter, open_power_meter
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 WARM = 3600.0  # [s] since a simulated panel was switched on: nine times its warm-up time
 SEED = 1  # of simulated noise

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hardware.protocols import Fault
+from evenlight.hardware.protocols import Fault
 
 if TYPE_CHECKING:
     import numpy as np

@@ -9,14 +9,14 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
-from data_schema.errors import InputError
-from data_schema.power_log import PowerSample
-from hardware import ppk2_stream as stream
-from hardware.addresses import split_address
-from hardware.polled_sampling import BACKWARDS
-from hardware.ppk2_port import Ppk2Port
-from hardware.protocols import Fault, InstrumentError
-from hardware.sample_rate import require_sample_rate
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware import ppk2_stream as stream
+from evenlight.hardware.addresses import split_address
+from evenlight.hardware.polled_sampling import BACKWARDS
+from evenlight.hardware.ppk2_port import Ppk2Port
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.sample_rate import require_sample_rate
 
 TIMEOUT = 1.0  # [s]
 SLOWEST, FASTEST = 10.0, 10_000.0  # [Hz]

@@ -10,9 +10,9 @@ import re
 import time
 from collections.abc import Callable
 
-from hardware.protocols import Fault, InstrumentError
-from hardware.serial_link import LineSettings
-from hardware.serial_meter import Found, SerialMeter
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.serial_link import LineSettings
+from evenlight.hardware.serial_meter import Found, SerialMeter
 
 REPLY_TIME = 60.0  # [s] a PR-670 exposes for up to 30 s, and as long again for its dark signal
 ENTERING_TIME = 2.0  # [s] in which it reports remote mode

@@ -10,9 +10,9 @@ import re
 import time
 from collections.abc import Callable
 
-from hardware.protocols import Fault
-from hardware.serial_link import LineSettings
-from hardware.serial_meter import Found, SerialMeter
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.serial_link import LineSettings
+from evenlight.hardware.serial_meter import Found, SerialMeter
 
 REPLY_TIME = 60.0  # [s] it exposes for up to 6 s, more than once, and has been slow since 1993
 BACKLIGHT_ON = b"b1\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from data_schema.power_log import PowerSample
+from evenlight.data_schema.power_log import PowerSample
 
 ROUNDING = 1e-6  # of a period, in a clock that adds up
 BACKWARDS = -0.05  # [W] further below zero than any zero error of a meter for panels

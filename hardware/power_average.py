@@ -8,9 +8,9 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from data_schema.errors import InputError
-from data_schema.power_log import PowerSample
-from hardware.protocols import Fault, InstrumentError, PowerMeter
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware.protocols import Fault, InstrumentError, PowerMeter
 
 POLL = 0.05  # [s] between two looks at the meter, or the time between two samples if that is shorter,
 SHORTEST_POLL = 0.001  # [s] but no shorter than this

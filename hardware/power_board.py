@@ -15,14 +15,14 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
-from data_schema.power_log import ClockPing, PowerSample
-from hardware import board_protocol as protocol
-from hardware.backlights import require_factor
-from hardware.board_answers import number_in, whole_in
-from hardware.board_link import PowerBoard, opened
-from hardware.protocols import Fault, InstrumentError
-from hardware.restoring import restore_and_release
-from hardware.sample_rate import require_sample_rate
+from evenlight.data_schema.power_log import ClockPing, PowerSample
+from evenlight.hardware import board_protocol as protocol
+from evenlight.hardware.backlights import require_factor
+from evenlight.hardware.board_answers import number_in, whole_in
+from evenlight.hardware.board_link import PowerBoard, opened
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.restoring import restore_and_release
+from evenlight.hardware.sample_rate import require_sample_rate
 
 SILENCE = 1.0  # [s] without a sample, or 20 of them, after which a board has stopped sending
 SILENT_SAMPLES = 20

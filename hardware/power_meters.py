@@ -8,7 +8,7 @@ each was tested against an emulator that speaks the same bytes.
 
 from __future__ import annotations
 
-from hardware.driver_notes import DriverNote
+from evenlight.hardware.driver_notes import DriverNote
 
 POWER_METERS: tuple[DriverNote, ...] = (
     DriverNote(

@@ -10,9 +10,9 @@ import re
 import time
 from typing import TYPE_CHECKING, Any
 
-from data_schema.errors import InputError
-from hardware.protocols import Fault, InstrumentError
-from hardware.serial_link import refusal
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.serial_link import refusal
 
 if TYPE_CHECKING:
     import serial

@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # every command imports this module, and shows its help witho
     import numpy as np
     from numpy.typing import NDArray
 
-    from data_schema.power_log import ClockPing, PowerSample
+    from evenlight.data_schema.power_log import ClockPing, PowerSample
 
 
 class Fault(enum.Enum):

@@ -6,7 +6,7 @@ import sys
 from contextlib import AbstractContextManager
 from typing import Any
 
-from hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.psychopy_window import PsychoPyWindow
 
 
 class PsychoPyHeldKeys(AbstractContextManager["PsychoPyHeldKeys"]):

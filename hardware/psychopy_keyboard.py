@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import AbstractContextManager
 
-from hardware.protocols import KeyPress
+from evenlight.hardware.protocols import KeyPress
 
 
 class PsychoPyKeyboard(AbstractContextManager["PsychoPyKeyboard"]):

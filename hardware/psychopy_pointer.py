@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import Any
 
-from hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.psychopy_window import PsychoPyWindow
 
 
 class PsychoPyPointer(AbstractContextManager["PsychoPyPointer"]):

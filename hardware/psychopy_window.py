@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from hardware.clocks import RefreshClock
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.hardware.clocks import RefreshClock
 
 if TYPE_CHECKING:
     import moderngl

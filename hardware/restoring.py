@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from hardware.protocols import InstrumentError
+from evenlight.hardware.protocols import InstrumentError
 
 
 def restore_and_release(restore: Callable[[], object], release: Callable[[], None]) -> None:

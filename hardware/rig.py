@@ -8,11 +8,18 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schema.errors import InputError
-from data_schema.rig import SLOWEST_DISPLAY, Rig
-from hardware.clocks import RefreshClock
-from hardware.driver_table import SIMULATED, Driver, LinkKind, NamedDriver, named_driver, own_simulation
-from hardware.protocols import (
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import SLOWEST_DISPLAY, Rig
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.driver_table import (
+    SIMULATED,
+    Driver,
+    LinkKind,
+    NamedDriver,
+    named_driver,
+    own_simulation,
+)
+from evenlight.hardware.protocols import (
     Backlight,
     HeldKeys,
     LuminanceMeter,
@@ -23,83 +30,90 @@ from hardware.protocols import (
 )
 
 if TYPE_CHECKING:
-    from hardware.board_link import PowerBoard
-    from hardware.simulated_panel import Simulation
+    from evenlight.hardware.board_link import PowerBoard
+    from evenlight.hardware.simulated_panel import Simulation
 
 IMPORTED = "csv"  # in place of a luminance meter: a table, whose readings a sweep imports
 BOARD = "board"  # one link, which a power meter and a backlight share
 
 LUMINANCE_METERS = {  # what they are for the person at the bench stands in hardware/luminance_meters.py
-    "ls100": Driver("hardware.konica_minolta:Ls100", "hardware.emulators.konica_minolta:EmulatedLs100"),
-    "ls110": Driver("hardware.konica_minolta:Ls110", "hardware.emulators.konica_minolta:EmulatedLs110"),
-    "cs100a": Driver("hardware.konica_minolta:Cs100a", "hardware.emulators.konica_minolta:EmulatedCs100a"),
+    "ls100": Driver("konica_minolta:Ls100", "emulators.konica_minolta:EmulatedLs100"),
+    "ls110": Driver("konica_minolta:Ls110", "emulators.konica_minolta:EmulatedLs110"),
+    "cs100a": Driver(
+        "konica_minolta:Cs100a",
+        "emulators.konica_minolta:EmulatedCs100a",
+    ),
     "pr655": Driver(
-        "hardware.photo_research:Pr655",
-        "hardware.emulators.photo_research:EmulatedPr655",
+        "photo_research:Pr655",
+        "emulators.photo_research:EmulatedPr655",
         LinkKind.TERMINAL,
     ),
     "pr670": Driver(
-        "hardware.photo_research:Pr670",
-        "hardware.emulators.photo_research:EmulatedPr670",
+        "photo_research:Pr670",
+        "emulators.photo_research:EmulatedPr670",
         LinkKind.TERMINAL,
     ),
     "pr650": Driver(
-        "hardware.photo_research_650:Pr650",
-        "hardware.emulators.photo_research:EmulatedPr650",
+        "photo_research_650:Pr650",
+        "emulators.photo_research:EmulatedPr650",
         LinkKind.TERMINAL,
     ),
     "colorcal": Driver(
-        "hardware.colorcal:ColorCal", "hardware.emulators.colorcal:EmulatedColorCal", LinkKind.TERMINAL
+        "colorcal:ColorCal",
+        "emulators.colorcal:EmulatedColorCal",
+        LinkKind.TERMINAL,
     ),
     "spotread": Driver(
-        "hardware.spotread:Spotread",
-        "hardware.emulators.spotread:EmulatedSpotread",
+        "spotread:Spotread",
+        "emulators.spotread:EmulatedSpotread",
         LinkKind.OWN,
         needs_address=False,
     ),
-    "manual": Driver("hardware.manual_meter:ManualMeter", needs_address=False),
-    SIMULATED: Driver("hardware.simulated_luminance_meter:SimulatedLuminanceMeter", needs_address=False),
+    "manual": Driver("manual_meter:ManualMeter", needs_address=False),
+    SIMULATED: Driver("simulated_luminance_meter:SimulatedLuminanceMeter", needs_address=False),
 }
 POWER_METERS = {  # hardware/power_meters.py
     BOARD: Driver(
-        "hardware.power_board:BoardPowerMeter",
-        "hardware.emulators.power_board:PowerBoardEmulator",
+        "power_board:BoardPowerMeter",
+        "emulators.power_board:PowerBoardEmulator",
         LinkKind.TERMINAL,
     ),
     "hwmon": Driver(
-        "hardware.hwmon_power:HwmonPowerMeter", "hardware.emulators.hwmon:HwmonEmulator", LinkKind.OWN
+        "hwmon_power:HwmonPowerMeter",
+        "emulators.hwmon:HwmonEmulator",
+        LinkKind.OWN,
     ),
     "ppk2": Driver(
-        "hardware.nordic_ppk2:Ppk2PowerMeter",
-        "hardware.emulators.ppk2:Ppk2Emulator",
+        "nordic_ppk2:Ppk2PowerMeter",
+        "emulators.ppk2:Ppk2Emulator",
         LinkKind.TERMINAL,
         address="{url}?voltage=5.0",
     ),
     "scpi": Driver(
-        "hardware.scpi_power:ScpiPowerMeter",
-        "hardware.emulators.scpi_instrument:ScpiEmulator",
+        "scpi_power:ScpiPowerMeter",
+        "emulators.scpi_instrument:ScpiEmulator",
         address="{host}:{port}",
     ),
     "visa": Driver(
-        "hardware.scpi_power:VisaPowerMeter",
-        "hardware.emulators.scpi_instrument:ScpiEmulator",
+        "scpi_power:VisaPowerMeter",
+        "emulators.scpi_instrument:ScpiEmulator",
         address="TCPIP::{host}::{port}::SOCKET",
     ),
-    SIMULATED: Driver("hardware.simulated_power_meter:SimulatedPowerMeter", needs_address=False),
+    SIMULATED: Driver("simulated_power_meter:SimulatedPowerMeter", needs_address=False),
 }
 BACKLIGHTS = {  # hardware/backlight_notes.py
-    "sysfs": Driver("hardware.backlights:SysfsBacklight"),
+    "sysfs": Driver("backlights:SysfsBacklight"),
     "ddc": Driver(
-        "hardware.ddc_backlight:DdcBacklight",
-        "hardware.emulators.ddc_monitor:EmulatedMonitor",
-        on_link="hardware.emulators.ddc_monitor:backlight_on",
+        "ddc_backlight:DdcBacklight",
+        "emulators.ddc_monitor:EmulatedMonitor",
+        on_link="emulators.ddc_monitor:backlight_on",
     ),
     BOARD: Driver(
-        "hardware.power_board:BoardBacklight",
-        "hardware.emulators.power_board:PowerBoardEmulator",
+        "power_board:BoardBacklight",
+        "emulators.power_board:PowerBoardEmulator",
         LinkKind.TERMINAL,
     ),
-    SIMULATED: Driver("hardware.backlights:SimulatedBacklight", needs_address=False),
+    SIMULATED: Driver("backlights:SimulatedBacklight", needs_address=False),
 }
 FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
 LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
@@ -122,7 +136,7 @@ def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsa
     InputError
         If there is no such window, or, but for a rehearsal, it has not the rig's refresh rate.
     """
-    from hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig, refresh_clock)
     if refresh_clock is None and not rehearsal:
@@ -139,7 +153,7 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
     A window that does not wait for a display, as on a virtual screen, keeps the rig's.
     """
-    from hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig)
     rate = window.measure_refresh_rate()
@@ -150,23 +164,23 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
 def open_keyboard() -> ResponseDevice:
     """Return the computer's keyboard; the window must be open."""
-    from hardware.psychopy_keyboard import PsychoPyKeyboard
+    from evenlight.hardware.psychopy_keyboard import PsychoPyKeyboard
 
     return PsychoPyKeyboard()
 
 
 def open_pointer(window: Window) -> Pointer | None:
     """Return the computer's mouse as it moves over a window of `open_window`; None for any other window."""
-    from hardware.psychopy_pointer import PsychoPyPointer
-    from hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.psychopy_pointer import PsychoPyPointer
+    from evenlight.hardware.psychopy_window import PsychoPyWindow
 
     return PsychoPyPointer(window) if isinstance(window, PsychoPyWindow) else None
 
 
 def open_held_keys(window: Window) -> HeldKeys | None:
     """Return which keys are down over a window of `open_window`; None for any other window."""
-    from hardware.psychopy_held_keys import PsychoPyHeldKeys
-    from hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.psychopy_held_keys import PsychoPyHeldKeys
+    from evenlight.hardware.psychopy_window import PsychoPyWindow
 
     return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
@@ -204,7 +218,7 @@ def open_luminance_meter(
         )
     named = named_driver(name, LUMINANCE_METERS, "luminance meter")
     if named.emulated:
-        from hardware.emulated_instruments import EmulatedLuminanceMeter
+        from evenlight.hardware.emulated_instruments import EmulatedLuminanceMeter
 
         return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -241,7 +255,7 @@ def open_power_meter(
     """
     named = named_driver(name, POWER_METERS, "power meter")
     if named.emulated:
-        from hardware.emulated_instruments import EmulatedPowerMeter
+        from evenlight.hardware.emulated_instruments import EmulatedPowerMeter
 
         return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -280,8 +294,8 @@ def open_backlight(
     """
     if not rig.backlight_curve or rig.backlight == "none":
         return _open_device(rig, clock, simulation, curve_known=False)
-    from hardware.backlight_curve import read_backlight_curve
-    from hardware.linear_backlight import LinearizedBacklight
+    from evenlight.hardware.backlight_curve import read_backlight_curve
+    from evenlight.hardware.linear_backlight import LinearizedBacklight
 
     curve = read_backlight_curve(Path(rig.backlight_curve))
     device = _open_device(rig, clock, simulation, curve_known=True)
@@ -313,7 +327,7 @@ def backlights_smallest_factor(rig: Rig) -> float:
     The device is opened for it, and left as it was found.
 
     >>> import dataclasses
-    >>> from hardware.rig_files import load_rig
+    >>> from evenlight.hardware.rig_files import load_rig
     >>> rig = dataclasses.replace(load_rig("simulated")[0], backlight="simulated")
     >>> round(1 / backlights_smallest_factor(rig))  # 12 bits
     4095
@@ -330,7 +344,7 @@ def backlights_smallest_factor(rig: Rig) -> float:
 def require_refresh_rate(rig: Rig, measured: float) -> None:
     """Refuse a rig whose refresh rate is not the window's: its ramps would be slower or faster than meant.
 
-    >>> from hardware.rig_files import load_rig
+    >>> from evenlight.hardware.rig_files import load_rig
     >>> require_refresh_rate(load_rig("simulated")[0], 59.94)
     """
     if abs(measured / rig.refresh_rate - 1) > LARGEST_DEVIATION:
@@ -348,7 +362,7 @@ def _open_device(
         return None
     named = named_driver(rig.backlight, BACKLIGHTS, "backlight")
     if named.emulated:
-        from hardware.emulated_instruments import EmulatedBacklight
+        from evenlight.hardware.emulated_instruments import EmulatedBacklight
 
         return EmulatedBacklight(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -371,7 +385,7 @@ def _on_emulator(
     simulation = simulation or own_simulation(clock)
     if named.name != BOARD:
         return named.driver.open_emulated(clock, simulation)
-    from hardware.shared_boards import emulated_board
+    from evenlight.hardware.shared_boards import emulated_board
 
     # The link to an emulated board is closed with the board, after the last of its devices.
     return named.driver.load()(emulated_board(simulation, clock), clock), nullcontext()
@@ -379,6 +393,6 @@ def _on_emulator(
 
 def _shared_board(address: str, clock: Callable[[], float]) -> PowerBoard:
     """Return the power board at a port; one that is open already is shared."""
-    from hardware.shared_boards import board_at
+    from evenlight.hardware.shared_boards import board_at
 
     return board_at(address, clock)

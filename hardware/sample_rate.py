@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.protocols import InstrumentError
+from evenlight.hardware.protocols import InstrumentError
 
 ROUNDING = 1e-9  # of a rate that was computed
 

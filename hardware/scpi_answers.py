@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 OVERFLOW = 9.9e37  # SCPI-99, 7.2.1: infinity, which is how overload is told; 9.91e37 is not a number
 ROUNDING = 1e-4  # of it

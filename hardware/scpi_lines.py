@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Protocol
 
-from data_schema.errors import InputError
-from hardware.protocols import Fault, InstrumentError
-from hardware.serial_link import LineSettings, SerialLink
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.serial_link import LineSettings, SerialLink
 
 if TYPE_CHECKING:
     from typing import Any

@@ -11,13 +11,13 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
-from data_schema.power_log import PowerSample
-from hardware.addresses import split_address
-from hardware.polled_sampling import BACKWARDS, PolledSampling
-from hardware.protocols import Fault, InstrumentError
-from hardware.sample_rate import require_sample_rate
-from hardware.scpi_answers import error_in, error_in_words, is_error, is_identity, number_in
-from hardware.scpi_lines import ScpiLine, SocketLine, VisaLine
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware.addresses import split_address
+from evenlight.hardware.polled_sampling import BACKWARDS, PolledSampling
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.sample_rate import require_sample_rate
+from evenlight.hardware.scpi_answers import error_in, error_in_words, is_error, is_identity, number_in
+from evenlight.hardware.scpi_lines import ScpiLine, SocketLine, VisaLine
 
 TIMEOUT = 5.0  # [s] a multimeter may average over a second or more
 SLOWEST, FASTEST = 0.01, 1000.0  # [Hz]

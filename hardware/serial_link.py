@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 try:
     import termios

@@ -16,8 +16,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Self, TypeVar
 
-from hardware.protocols import TRANSIENT, Fault, InstrumentError, Reading
-from hardware.serial_link import LineSettings, SerialLink
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, Reading
+from evenlight.hardware.serial_link import LineSettings, SerialLink
 
 QUIET = 0.05  # [s] that the line has been quiet before it is asked anew
 MOST_SKIPPED = 50  # lines: one that never stops sending has no answer in it

@@ -6,10 +6,10 @@ import os
 from collections.abc import Callable
 from weakref import WeakValueDictionary
 
-from hardware.board_link import PowerBoard
-from hardware.emulators.link import EmulatedLink
-from hardware.emulators.power_board import PowerBoardEmulator
-from hardware.simulated_panel import SimulatedPanel, Simulation
+from evenlight.hardware.board_link import PowerBoard
+from evenlight.hardware.emulators.link import EmulatedLink
+from evenlight.hardware.emulators.power_board import PowerBoardEmulator
+from evenlight.hardware.simulated_panel import SimulatedPanel, Simulation
 
 # A port is open once in a process, whoever asks; a board is forgotten with the last device that uses it.
 _at_ports: WeakValueDictionary[str, PowerBoard] = WeakValueDictionary()

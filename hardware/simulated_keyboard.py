@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from hardware.protocols import KeyPress
+from evenlight.hardware.protocols import KeyPress
 
 
 class SimulatedKeyboard(AbstractContextManager["SimulatedKeyboard"]):
@@ -16,7 +16,7 @@ class SimulatedKeyboard(AbstractContextManager["SimulatedKeyboard"]):
     clock : callable
         The window's clock [s].
 
-    >>> from hardware.clocks import RefreshClock
+    >>> from evenlight.hardware.clocks import RefreshClock
     >>> clock = RefreshClock(10.0)
     >>> keyboard = SimulatedKeyboard(clock.now)
     >>> keyboard.queue("y", delay=0.15)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 
-from hardware.meter_physics import MeterPhysics, reading_time, sensed
-from hardware.protocols import Fault, InstrumentError, Reading
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.meter_physics import MeterPhysics, reading_time, sensed
+from evenlight.hardware.protocols import Fault, InstrumentError, Reading
+from evenlight.hardware.simulated_panel import Simulation
 
 DEVICE = "the simulated luminance meter"
 WORDS = {

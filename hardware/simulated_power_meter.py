@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
-from data_schema.power_log import ClockPing, PowerSample
-from hardware.protocols import Fault, InstrumentError
-from hardware.sample_rate import require_sample_rate
-from hardware.simulated_panel import Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
+from evenlight.data_schema.power_log import ClockPing, PowerSample
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.sample_rate import require_sample_rate
+from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
 
 SLOWEST, FASTEST = 0.1, 10_000.0  # [Hz]
 SHORTEST_WAY = 0.0005  # [s] to the meter and back, each: what a USB port takes at least
@@ -28,8 +28,8 @@ class SimulatedPowerMeter(AbstractContextManager["SimulatedPowerMeter"]):
         What is true of the meter.
 
     >>> import numpy as np
-    >>> from hardware.clocks import WaitingClock
-    >>> from hardware.simulated_panel import PanelPhysics, SimulatedPanel
+    >>> from evenlight.hardware.clocks import WaitingClock
+    >>> from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel
     >>> clock = WaitingClock()
     >>> panel = SimulatedPanel(PanelPhysics(base_power=0.3, power_per_luminance=0.002), clock.now)
     >>> simulation = Simulation(panel, np.random.default_rng(1), clock.now, clock.wait)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_panel import Simulation
 
 STEP = 0.001  # [s] between two looks at the panel within one sample: panels answer in several
 MEMORY = 60.0  # [s] that the panel is asked to remember, for the instruments beside this one

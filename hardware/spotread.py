@@ -15,8 +15,8 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
-from data_schema.errors import InputError
-from hardware.protocols import Fault, InstrumentError, Reading
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import Fault, InstrumentError, Reading
 
 READING_TIME = 60.0  # [s] a colorimeter takes some 10 s in the dark, and some seconds to be found
 LISTING_TIME = 20.0  # [s] it looks for instruments at every port

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import cast
 
-from data_schema.errors import InputError
-from hardware.driver_table import named_driver
-from hardware.measuring import Tell, bench_for, introduce
-from hardware.protocols import LuminanceMeter, PowerMeter, ZeroedMeter
-from hardware.rig import (
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.driver_table import named_driver
+from evenlight.hardware.measuring import Tell, bench_for, introduce
+from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, ZeroedMeter
+from evenlight.hardware.rig import (
     LUMINANCE_METERS,
     POWER_METERS,
     is_simulated,
     open_luminance_meter,
     open_power_meter,
 )
-from hardware.simulated_panel import PanelPhysics
+from evenlight.hardware.simulated_panel import PanelPhysics
 
 METERS = {**LUMINANCE_METERS, **POWER_METERS}
 OFF = PanelPhysics(peak_luminance=0.0, black_level=0.0, base_power=0.0, power_per_luminance=0.0)

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.choices import Device
-from method.frame_analysis import FrameAnalysis, FrameLoss
-from method.gpu_context import is_software
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import Device
+from evenlight.method.frame_analysis import FrameAnalysis, FrameLoss
+from evenlight.method.gpu_context import is_software
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def make_frame_analysis(
     """
     if device is Device.CPU:
         return ChosenAnalysis(FrameAnalysis(shape, display, model, factors), Device.CPU, "as asked")
-    from method.gpu_frame_analysis import GpuFrameAnalysis
+    from evenlight.method.gpu_frame_analysis import GpuFrameAnalysis
 
     try:
         on_gpu = GpuFrameAnalysis(shape, display, model, factors)

@@ -8,10 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel, MaskingNeighbourhood, SensitivityModel, Visibility
-from method.critical_factor import BandTable, threshold_table
-from method.csf import LOWEST_LUMINANCE
-from method.one_pass import ToContrast, ToFactor, compiled, count_band, expanded
+from evenlight.data_schema.contrast_model import (
+    ContrastModel,
+    MaskingNeighbourhood,
+    SensitivityModel,
+    Visibility,
+)
+from evenlight.method.critical_factor import BandTable, threshold_table
+from evenlight.method.csf import LOWEST_LUMINANCE
+from evenlight.method.one_pass import ToContrast, ToFactor, compiled, count_band, expanded
 
 # In a band of few pixels each one shows in the loss. Such a band is cheap, and is counted several times, with
 # neighbours compared at several factors (`method.critical_factor`); each count serves the factors next to it.

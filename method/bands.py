@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency, ContrastModel
-from data_schema.display import Display
-from method.pyramid import level_shapes
+from evenlight.data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.pyramid import level_shapes
 
 # Energy centroid of each band of the a = 0.4 pyramid, as a share of the Nyquist frequency; further bands
 # halve. Computed from the kernel in tests/method/test_bands.py.

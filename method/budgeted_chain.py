@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from method.chain import ChainLimits, minimize_chain
-from method.optimize import Problem, feasible_blend
+from evenlight.method.chain import ChainLimits, minimize_chain
+from evenlight.method.optimize import Problem, feasible_blend
 
 Array = NDArray[np.float64]
 

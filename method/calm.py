@@ -12,8 +12,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from method.budgeted_chain import linearized_limits, nearest_within_budget
-from method.optimize import Problem, feasible_blend, is_feasible
+from evenlight.method.budgeted_chain import linearized_limits, nearest_within_budget
+from evenlight.method.optimize import Problem, feasible_blend, is_feasible
 
 Array = NDArray[np.float64]
 

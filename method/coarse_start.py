@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
-from method.budgeted_chain import nearest_feasible
-from method.optimize import Problem, Solution
+from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
+from evenlight.method.budgeted_chain import nearest_feasible
+from evenlight.method.optimize import Problem, Solution
 
 Array = NDArray[np.float64]
 

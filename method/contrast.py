@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.contrast_model import EPSILON
+from evenlight.data_schema.contrast_model import EPSILON
 
 
 def csf_contrast(

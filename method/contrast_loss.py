@@ -8,19 +8,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import (
+from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     ContrastModel,
     SensitivityModel,
     Visibility,
 )
-from data_schema.display import Display
-from method.bands import counted_frequencies
-from method.contrast import csf_contrast
-from method.csf import contrast_sensitivity
-from method.luminance import dimmed_luminance
-from method.masking import perceived_contrast
-from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
+from evenlight.data_schema.display import Display
+from evenlight.method.bands import counted_frequencies
+from evenlight.method.contrast import csf_contrast
+from evenlight.method.csf import contrast_sensitivity
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.masking import perceived_contrast
+from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
 
 VISIBILITY_THRESHOLD = 1.0  # of |C_t| (paper, below Eq. 4)
 

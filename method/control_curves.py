@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.quantities import read_only
-from method.controller import Aim, Controller, ControllerState, FrameSeen
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.frame_costs import FrameCost
-from method.governor import Governor, GovernorState
-from method.modulation import Array, allowed_rate, modulation_rate
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.quantities import read_only
+from evenlight.method.controller import Aim, Controller, ControllerState, FrameSeen
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.frame_costs import FrameCost
+from evenlight.method.governor import Governor, GovernorState
+from evenlight.method.modulation import Array, allowed_rate, modulation_rate
 
 
 @dataclass(frozen=True, slots=True)

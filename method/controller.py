@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from data_schema.quantities import check_limits, quantity
-from method.scalar_rate_limit import ScalarRateLimit
+from evenlight.data_schema.quantities import check_limits, quantity
+from evenlight.method.scalar_rate_limit import ScalarRateLimit
 
 ROUNDING = 1e-9  # share of the rate limit that is left, so that no rounding oversteps it
 MOST_TRIES = 60  # to find a step that the limit allows at its far end; two are enough where ΔL is smooth

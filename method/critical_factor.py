@@ -24,11 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel, SensitivityModel
-from data_schema.display import Display
-from method.bands import counted_frequencies
-from method.csf import LOWEST_LUMINANCE, contrast_sensitivity
-from method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
+from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
+from evenlight.data_schema.display import Display
+from evenlight.method.bands import counted_frequencies
+from evenlight.method.csf import LOWEST_LUMINANCE, contrast_sensitivity
+from evenlight.method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 
 LARGEST_LOG_RATIO = 8.0  # log2 r is below, for any image: tests/method/test_critical_factor.py
 MASKING_RANGE = (-12.0, 20.0)  # log2 m; below T is 1 to 4e-4, above a pixel is 2^-100 of its neighbours

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.contrast_model import FIELD_SIZE, SensitivityModel
+from evenlight.data_schema.contrast_model import FIELD_SIZE, SensitivityModel
 
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.loss_curves import LossCurves
+from evenlight.data_schema.loss_curves import LossCurves
 
 Array = NDArray[np.float64]
 

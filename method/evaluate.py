@@ -7,11 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
-from data_schema.provenance import Provenance
-from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
-from method.optimize import Problem, Request
-from method.power import power
+from evenlight.data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    TrackHeader,
+)
+from evenlight.data_schema.provenance import Provenance
+from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.optimize import Problem, Request
+from evenlight.method.power import power
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from method.budgeted_chain import nearest_feasible
-from method.grid_track import Cells, cheapest_track
-from method.optimize import Problem, is_feasible
+from evenlight.method.budgeted_chain import nearest_feasible
+from evenlight.method.grid_track import Cells, cheapest_track
+from evenlight.method.optimize import Problem, is_feasible
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from method.frame_analysis import FrameAnalysis, FrameCounts
+from evenlight.method.frame_analysis import FrameAnalysis, FrameCounts
 
 # Of the tolerance, what a count may miss by: among those that are not made, some will be worse. White noise
 # and grain decide: with a half the worst of their frames takes all of it, with a third two thirds of it.

@@ -15,8 +15,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from method.critical_factor import BandTable
-from method.one_pass import compiled
+from evenlight.method.critical_factor import BandTable
+from evenlight.method.one_pass import compiled
 
 # The least contrast seen among equal neighbours, in units of the threshold: t^0.7 = 1 + t^0.2 at t = 3.2.
 _AMONG_EQUALS = 3.2

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from method.band_shares import BandShares
-from method.contrast_loss import loss_of, visible_contrast
-from method.critical_factor import TABLE_STEPS, band_tables, tables_hold
-from method.fine_differences import difference_shares, difference_thresholds
-from method.frame_light import FrameLight
-from method.luminance import dimmed_luminance
-from method.one_pass import reduced
-from method.pyramid import level_shapes
-from method.spare_arrays import SpareArrays
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.band_shares import BandShares
+from evenlight.method.contrast_loss import loss_of, visible_contrast
+from evenlight.method.critical_factor import TABLE_STEPS, band_tables, tables_hold
+from evenlight.method.fine_differences import difference_shares, difference_thresholds
+from evenlight.method.frame_light import FrameLight
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.one_pass import reduced
+from evenlight.method.pyramid import level_shapes
+from evenlight.method.spare_arrays import SpareArrays
 
 _FINE_BANDS = 2  # bands that may be taken from other frames, at most: with 94 % of all pixels
 MANY_PIXELS = 65536  # in a smaller band, single pixels make the count unsteady, and there is little to save

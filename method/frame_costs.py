@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PowerModel
-from method.governor import Excess, GovernorSettings, time_constant
-from method.power import power_per_factor
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.method.governor import Excess, GovernorSettings, time_constant
+from evenlight.method.power import power_per_factor
 
 LATE = 3.0  # times T: over so long content counts where it has become brighter
 LEAST_SCALE = 0.01  # of what white uses: less is not told from black
@@ -118,7 +118,7 @@ def first_factor(
     bounds : (float, float)
         Lowest and highest factor.
 
-    >>> from data_schema.power_model import PanelKind
+    >>> from evenlight.data_schema.power_model import PanelKind
     >>> oled = PowerModel("p", PanelKind.OLED, 0.5, green_power=2.0)
     >>> first_factor(GovernorSettings(1.25, BudgetUnit.WATT), oled, 1.0, (0.2, 1.0))
     0.75

@@ -16,11 +16,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from method.analysis_device import FrameAnalyzer
-from method.fine_bands import settle
-from method.frame_analysis import FrameAnalysis, FrameCounts, FrameLoss
-from method.spare_arrays import SpareArrays
-from method.thrift import Thrift
+from evenlight.method.analysis_device import FrameAnalyzer
+from evenlight.method.fine_bands import settle
+from evenlight.method.frame_analysis import FrameAnalysis, FrameCounts, FrameLoss
+from evenlight.method.spare_arrays import SpareArrays
+from evenlight.method.thrift import Thrift
 
 LONGEST_STRETCH = 16  # frames from one that is counted whole to the next
 _STRETCH_MEMORY = 350_000_000  # bytes that the frames of a stretch take at most, but for the least length

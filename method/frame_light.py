@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from data_schema.contrast_model import PixelToLuminance
-from data_schema.display import Display
-from method.luminance import channel_means, emitted_luminance
-from method.one_pass import FLOAT_STEPS, convert_floats, convert_integers
+from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.display import Display
+from evenlight.method.luminance import channel_means, emitted_luminance
+from evenlight.method.one_pass import FLOAT_STEPS, convert_floats, convert_integers
 
 Luminance = NDArray[np.float32]
 

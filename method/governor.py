@@ -18,9 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.quantities import check_limits, quantity
-from method.controller import Aim, Controller, ControllerState
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.quantities import check_limits, quantity
+from evenlight.method.controller import Aim, Controller, ControllerState
 
 HORIZON = 60.0  # [s] where none is asked for
 HORIZONS = 0.1, 1e6  # [s] from and to: those that may be asked for

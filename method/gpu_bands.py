@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from method.band_shares import FEW_PIXELS
-from method.critical_factor import BandTable, threshold_table
-from method.gpu_pyramid import SUM_WORDS
+from evenlight.method.band_shares import FEW_PIXELS
+from evenlight.method.critical_factor import BandTable, threshold_table
+from evenlight.method.gpu_pyramid import SUM_WORDS
 
 TILE = 28  # pixels across and down that a group counts
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
     import moderngl

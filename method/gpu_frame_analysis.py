@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from method.band_shares import REFERENCES
-from method.contrast_loss import loss_of
-from method.frame_analysis import FrameLoss
-from method.gpu_bands import Request
-from method.gpu_context import OwnContext
-from method.gpu_frame import FrameTexture, Packed, packed
-from method.gpu_one_pass import Counted, GpuOnePass
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.band_shares import REFERENCES
+from evenlight.method.contrast_loss import loss_of
+from evenlight.method.frame_analysis import FrameLoss
+from evenlight.method.gpu_bands import Request
+from evenlight.method.gpu_context import OwnContext
+from evenlight.method.gpu_frame import FrameTexture, Packed, packed
+from evenlight.method.gpu_one_pass import Counted, GpuOnePass
 
 if TYPE_CHECKING:
     import moderngl

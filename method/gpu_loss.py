@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.contrast_loss import loss_of
-from method.gpu_bands import Request
-from method.gpu_fence import Fence
-from method.gpu_frame import FrameTexture, packed
-from method.gpu_frame_analysis import emitted_mean
-from method.gpu_one_pass import GpuOnePass
-from method.one_factor import LossSeen
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast_loss import loss_of
+from evenlight.method.gpu_bands import Request
+from evenlight.method.gpu_fence import Fence
+from evenlight.method.gpu_frame import FrameTexture, packed
+from evenlight.method.gpu_frame_analysis import emitted_mean
+from evenlight.method.gpu_one_pass import GpuOnePass
+from evenlight.method.one_factor import LossSeen
 
 if TYPE_CHECKING:
     import moderngl

@@ -13,15 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import ContrastModel, MaskingNeighbourhood, SensitivityModel, Visibility
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.critical_factor import LARGEST_LOG_RATIO, BandTable, band_tables
-from method.gpu_bands import Request, band_layout
-from method.gpu_context import require_compute
-from method.gpu_frame import FrameTexture, Packed
-from method.gpu_pyramid import PYRAMID, RESULTS, GpuPyramid, sums_of
-from method.gpu_shaders import program
+from evenlight.data_schema.contrast_model import (
+    ContrastModel,
+    MaskingNeighbourhood,
+    SensitivityModel,
+    Visibility,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.critical_factor import LARGEST_LOG_RATIO, BandTable, band_tables
+from evenlight.method.gpu_bands import Request, band_layout
+from evenlight.method.gpu_context import require_compute
+from evenlight.method.gpu_frame import FrameTexture, Packed
+from evenlight.method.gpu_pyramid import PYRAMID, RESULTS, GpuPyramid, sums_of
+from evenlight.method.gpu_shaders import program
 
 if TYPE_CHECKING:
     import moderngl

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import PixelToLuminance
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.gpu_frame import FrameTexture, Packed, Source, TextureContent
-from method.gpu_shaders import program
-from method.pyramid import level_shapes
+from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.gpu_frame import FrameTexture, Packed, Source, TextureContent
+from evenlight.method.gpu_shaders import program
+from evenlight.method.pyramid import level_shapes
 
 if TYPE_CHECKING:
     import moderngl

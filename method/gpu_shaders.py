@@ -5,11 +5,11 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from method.critical_factor import MASKING_RANGE
-from method.csf import LOWEST_LUMINANCE
-from method.luminance import LUMINANCE_WEIGHTS
-from method.masking import MASKING_EXPONENT
-from method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
+from evenlight.method.critical_factor import MASKING_RANGE
+from evenlight.method.csf import LOWEST_LUMINANCE
+from evenlight.method.luminance import LUMINANCE_WEIGHTS
+from evenlight.method.masking import MASKING_EXPONENT
+from evenlight.method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
 
 if TYPE_CHECKING:
     import moderngl
@@ -40,7 +40,7 @@ def shader(names: tuple[str, ...], defined: dict[str, object]) -> str:
     >>> shader(("mirror",), {"SIDE": 3}).splitlines()[:2]
     ['#version 430', '#define SIDE 3']
     """
-    folder = resources.files("method") / "shaders"
+    folder = resources.files("evenlight.method") / "shaders"
     lines = ["#version 430"]
     lines += [f"#define {name} {value}".rstrip() for name, value in (defined | _CONSTANTS).items()]
     lines += [(folder / f"{name}.glsl").read_text(encoding="utf-8") for name in names]

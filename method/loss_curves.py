@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves
-from data_schema.provenance import Provenance, provenance_now
-from method.analysis_device import make_frame_analysis
-from method.contrast_loss import loss_of, visible_contrast
-from method.frame_analysis import FrameLoss
-from method.frame_crew import frame_losses
-from method.luminance import dimmed_luminance
-from method.spare_arrays import SpareArrays
-from method.thrift import EVERYTHING, Thrift
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.method.analysis_device import make_frame_analysis
+from evenlight.method.contrast_loss import loss_of, visible_contrast
+from evenlight.method.frame_analysis import FrameLoss
+from evenlight.method.frame_crew import frame_losses
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.spare_arrays import SpareArrays
+from evenlight.method.thrift import EVERYTHING, Thrift
 
 SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
 

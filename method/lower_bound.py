@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
-from method.curve_lookup import loss_and_slope
-from method.objective import order_weights, proximal_spread, weight_of_pairs
-from method.optimize import BUDGET_TOLERANCE, Problem, Solution, is_feasible
-from method.splitting_search import Look, search, state_at
+from evenlight.method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.objective import order_weights, proximal_spread, weight_of_pairs
+from evenlight.method.optimize import BUDGET_TOLERANCE, Problem, Solution, is_feasible
+from evenlight.method.splitting_search import Look, search, state_at
 
 Array = NDArray[np.float64]
 

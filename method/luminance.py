@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.contrast_model import PixelToLuminance
-from data_schema.display import Display
+from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.display import Display
 
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # of linear R, G, B; ITU-R BT.709-6
 

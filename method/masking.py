@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import MaskingNeighbourhood
+from evenlight.data_schema.contrast_model import MaskingNeighbourhood
 
 TRANSDUCER_EXPONENT = 0.7  # α, Zeng et al. (2000)
 MASKING_EXPONENT = 0.2  # β, Zeng et al. (2000)

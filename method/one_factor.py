@@ -14,18 +14,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, MaskingNeighbourhood, Visibility
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.band_shares import log_common_adaptation
-from method.contrast_loss import loss_of, visible_contrast
-from method.critical_factor import BandTable, band_tables, tables_hold
-from method.csf import LOWEST_LUMINANCE
-from method.frame_light import FrameLight
-from method.luminance import dimmed_luminance
-from method.masking import MASKING_EXPONENT
-from method.one_pass import compiled, exp2, expand_row, expanded, log2, look_up, reduced
-from method.row_strips import counted_rows
+from evenlight.data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    ContrastModel,
+    MaskingNeighbourhood,
+    Visibility,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.band_shares import log_common_adaptation
+from evenlight.method.contrast_loss import loss_of, visible_contrast
+from evenlight.method.critical_factor import BandTable, band_tables, tables_hold
+from evenlight.method.csf import LOWEST_LUMINANCE
+from evenlight.method.frame_light import FrameLight
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.masking import MASKING_EXPONENT
+from evenlight.method.one_pass import compiled, exp2, expand_row, expanded, log2, look_up, reduced
+from evenlight.method.row_strips import counted_rows
 
 MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer there is little to save
 

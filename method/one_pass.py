@@ -14,11 +14,11 @@ import numba
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from method.critical_factor import MASKING_RANGE
-from method.csf import LOWEST_LUMINANCE
-from method.luminance import LUMINANCE_WEIGHTS
-from method.masking import MASKING_EXPONENT
-from method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
+from evenlight.method.critical_factor import MASKING_RANGE
+from evenlight.method.csf import LOWEST_LUMINANCE
+from evenlight.method.luminance import LUMINANCE_WEIGHTS
+from evenlight.method.masking import MASKING_EXPONENT
+from evenlight.method.pyramid import INNER_WEIGHT, OUTER_WEIGHT
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -10,25 +10,25 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.rate_limit import RateLimit
-from data_schema.section import AllowanceSection, WeightSection
-from method.choices import LimitCurve, ModulatedLuminance
-from method.curve_lookup import loss_and_slope
-from method.modulation import (
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.section import AllowanceSection, WeightSection
+from evenlight.method.choices import LimitCurve, ModulatedLuminance
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.modulation import (
     RateLimitFunction,
     allowed_rate,
     largest_rate_ratio,
     modulation_rate,
     step_luminance,
 )
-from method.objective import pairwise_spread
-from method.power import power_per_factor
-from method.rate_limit import rate_limit_at
-from method.sections import frame_weights, step_allowances
+from evenlight.method.objective import pairwise_spread
+from evenlight.method.power import power_per_factor
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.sections import frame_weights, step_allowances
 
 Array = NDArray[np.float64]
 

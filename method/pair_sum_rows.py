@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from method.objective import order_weights
+from evenlight.method.objective import order_weights
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.power_model import PanelKind, PowerModel
 
 
 def power_per_factor(model: PowerModel, channel_means: ArrayLike) -> NDArray[np.float64]:

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.power_model import PowerModel
-from data_schema.rate_limit import RateLimit
-from data_schema.text_files import read_json_record, read_toml_record
-from method.rate_limit import require_same_display
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.text_files import read_json_record, read_toml_record
+from evenlight.method.rate_limit import require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
 

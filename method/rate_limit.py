@@ -6,10 +6,10 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import LimitCurve
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import LimitCurve
 
 
 def rate_limit_at(

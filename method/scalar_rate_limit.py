@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.polynomial import legendre
 
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import LimitCurve
-from method.rate_limit import rate_limit_at
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import LimitCurve
+from evenlight.method.rate_limit import rate_limit_at
 
 ScalarRateLimit = Callable[[float], float]
 

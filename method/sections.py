@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.section import AllowanceSection, WeightSection
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.section import AllowanceSection, WeightSection
 
 Array = NDArray[np.float64]
 

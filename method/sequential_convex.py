@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, vstack
 
-from data_schema.errors import InputError
-from method.budgeted_chain import linearized_limits, nearest_feasible
-from method.curve_lookup import loss_and_slope
-from method.objective import weight_of_pairs
-from method.optimize import Problem, Solution
-from method.pair_sum_rows import PairSum, pair_sum_rows
+from evenlight.data_schema.errors import InputError
+from evenlight.method.budgeted_chain import linearized_limits, nearest_feasible
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.objective import weight_of_pairs
+from evenlight.method.optimize import Problem, Solution
+from evenlight.method.pair_sum_rows import PairSum, pair_sum_rows
 
 Array = NDArray[np.float64]
 

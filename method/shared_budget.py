@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import ARRAY_SHAPES, LossCurves
-from method.optimize import Problem
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
+from evenlight.method.optimize import Problem
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
-from data_schema.errors import InputError
-from method.curve_lookup import loss_and_slope
-from method.objective import order_weights, weight_of_pairs
-from method.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
+from evenlight.data_schema.errors import InputError
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.objective import order_weights, weight_of_pairs
+from evenlight.method.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
 
 Array = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from method.choices import SolverName
-from method.optimize import Solver
-from method.sequential_convex import Clarabel, Highs, SequentialConvexSolver
-from method.slsqp import SlsqpSolver
-from method.splitting import SplittingSolver
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import SolverName
+from evenlight.method.optimize import Solver
+from evenlight.method.sequential_convex import Clarabel, Highs, SequentialConvexSolver
+from evenlight.method.slsqp import SlsqpSolver
+from evenlight.method.splitting import SplittingSolver
 
 Array = NDArray[np.float64]
 

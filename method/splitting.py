@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from method.budgeted_chain import nearest_feasible
-from method.coarse_start import coarse_problem, refined_solution
-from method.factor_grid import grid_starts
-from method.objective import weight_of_pairs
-from method.optimize import Problem, Solution, is_feasible
-from method.slsqp import slsqp_from
-from method.splitting_search import NO_SPREAD, Look, search, state_at
+from evenlight.method.budgeted_chain import nearest_feasible
+from evenlight.method.coarse_start import coarse_problem, refined_solution
+from evenlight.method.factor_grid import grid_starts
+from evenlight.method.objective import weight_of_pairs
+from evenlight.method.optimize import Problem, Solution, is_feasible
+from evenlight.method.slsqp import slsqp_from
+from evenlight.method.splitting_search import NO_SPREAD, Look, search, state_at
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from method.budgeted_chain import linearized_limits, within_budget
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.objective import LEAST_WEIGHT, proximal_spread
-from method.optimize import Problem, Solution, feasible_blend, is_feasible
+from evenlight.method.budgeted_chain import linearized_limits, within_budget
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.objective import LEAST_WEIGHT, proximal_spread
+from evenlight.method.optimize import Problem, Solution, feasible_blend, is_feasible
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from method.controller import ControllerSettings
+from evenlight.method.controller import ControllerSettings
 
 FREQUENCIES = 4096  # at which the loop is looked at before a crossing or a peak is refined
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from method.choices import Device
+from evenlight.method.choices import Device
 
 
 @dataclass(frozen=True, slots=True)

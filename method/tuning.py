@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.loss_curves import LossCurves
-from data_schema.quantities import check_limits, quantity
-from method.control_curves import ControlledTrack, control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.stability_margins import FrameGains, Margins, frame_gains, margins
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.quantities import check_limits, quantity
+from evenlight.method.control_curves import ControlledTrack, control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.stability_margins import FrameGains, Margins, frame_gains, margins
 
 DIVISIONS = 6  # of each side of the first triangle of shares
 SIZES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # κ as shares of the largest that is allowed

@@ -7,7 +7,7 @@ import math
 
 from scipy import special
 
-from method.psychometric import (
+from evenlight.method.psychometric import (
     THRESHOLD_PROBABILITY,
     WIDTH_LOGITS,
     PsychometricFunction,

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.frame import Frame
-from data_schema.provenance import sha256_of_bytes
-from stimuli.sequence_format import SequenceFormat, on_grid
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.stimuli.sequence_format import SequenceFormat, on_grid
 
 VERSION = 1  # to be raised when the pictures change
 # Three boards side by side: share of the width they end at, and tiles on the height.

@@ -1,6 +1,7 @@
-"""Chooses where rings are searched for along camera paths: `python -m stimuli.choose_ring_places NAME...`.
+"""Chooses where rings are searched for along camera paths.
 
-Writes `NAME.rings.json` beside each path. To be run again when a scene or a path has changed: the places are
+`python -m evenlight.stimuli.choose_ring_places NAME...`
+writes `NAME.rings.json` beside each path. To be run again when a scene or a path has changed: the places are
 directions only, and a wall that was moved does not take its ring with it.
 """
 
@@ -9,20 +10,20 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.text_files import write_json_record
-from stimuli.ring_place_files import PATHS, PLACES, SUFFIX, KeypointRings, RingPlaces
-from stimuli.ring_places import DECIMALS, PlaceRules, RingPlace, choose_places
-from stimuli.ring_scene import RingScene
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.camera_path import CameraPath, path_named
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import stream
-from stimuli.scenes.scenes import scene_named
-from stimuli.scenes.tone import PEAK
-from stimuli.sequence_format import ENCODING_GAMMA
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.stimuli.ring_place_files import PATHS, PLACES, SUFFIX, KeypointRings, RingPlaces
+from evenlight.stimuli.ring_places import DECIMALS, PlaceRules, RingPlace, choose_places
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import stream
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.scenes.tone import PEAK
+from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 
 if TYPE_CHECKING:
     import moderngl
@@ -36,7 +37,7 @@ SIZE = (96, 96)  # of the pictures [pixels]: twice the radius of practice's ring
 
 def main() -> None:
     """Write the places of the paths that are named."""
-    parser = argparse.ArgumentParser(prog="python -m stimuli.choose_ring_places", description=__doc__)
+    parser = argparse.ArgumentParser(prog="choose_ring_places", description=__doc__)
     parser.add_argument("paths", nargs="+", metavar="NAME", help="of camera paths")
     parser.add_argument("--seed", type=int, default=SEED)
     options = parser.parse_args()

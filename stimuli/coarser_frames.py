@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from data_schema.frame import Frame
+from evenlight.data_schema.frame import Frame
 
 
 def coarser(frames: Iterable[Frame], shape: tuple[int, int], gamma: float) -> Iterator[Frame]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from data_schema.frame import Frame
-    from stimuli.video_source import VideoSource
+    from evenlight.data_schema.frame import Frame
+    from evenlight.stimuli.video_source import VideoSource
 
 
 def render(
@@ -26,8 +26,8 @@ def render(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
 ) -> None:
     """Render a built-in sequence to a lossless video (FFV1, 10 bits, Matroska)."""
-    from stimuli.sequences import built_in_sequence
-    from stimuli.video_writer import write_video
+    from evenlight.stimuli.sequences import built_in_sequence
+    from evenlight.stimuli.video_writer import write_video
 
     source = built_in_sequence(sequence, size_in(size), duration, fps)
     with _shown_progress(source, quiet) as frames:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from method.luminance import displayed_luminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.method.luminance import displayed_luminance
 
 LEVELS = 1 << 24  # of a threshold: shares of the upper code are resolved to 6e-8
 BAYER_2 = np.array([[0, 2], [3, 1]])  # Bayer (1973)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from stimuli.dithering import neighbouring_codes, thresholds_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
 
 if TYPE_CHECKING:
     import moderngl

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from stimuli.image_codes import levels_of
-from stimuli.video_source import VideoSource
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.stimuli.image_codes import levels_of
+from evenlight.stimuli.video_source import VideoSource
 
 CAPACITY = 512 * 2**20  # bytes: 4 s of 1280x720 at 25 Hz and 10 bits, 7.7 s at 8 bits
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from method.luminance import LUMINANCE_WEIGHTS, dimmed_luminance, displayed_luminance
-from stimuli.dithering import dithered_codes, luminance_of_codes, neighbouring_codes
+from evenlight.data_schema.display import Display
+from evenlight.method.luminance import LUMINANCE_WEIGHTS, dimmed_luminance, displayed_luminance
+from evenlight.stimuli.dithering import dithered_codes, luminance_of_codes, neighbouring_codes
 
 GRID_LEVELS, DEEP_LEVELS = 1024, 65536
 # The 16-bit numbers that 10-bit files are read as; the ten upper bits of each are its level.

@@ -13,12 +13,12 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.provenance import sha256_of_bytes, sha256_of_file
-from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
-from stimuli.frame_times import rate_from_number
-from stimuli.strict_decoding import decode_strictly
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
+from evenlight.stimuli.colour_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.frame_times import rate_from_number
+from evenlight.stimuli.strict_decoding import decode_strictly
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 ARRAYS = (".npy",)

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from stimuli.dithering import neighbouring_codes, thresholds_of
-from stimuli.field_renderer import GL_DITHER, GL_FRAMEBUFFER_SRGB, NOISE, VERTEX_SHADER
-from stimuli.image_codes import DEEP_LEVELS, level_mixtures, levels_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
+from evenlight.stimuli.field_renderer import GL_DITHER, GL_FRAMEBUFFER_SRGB, NOISE, VERTEX_SHADER
+from evenlight.stimuli.image_codes import DEEP_LEVELS, level_mixtures, levels_of
 
 if TYPE_CHECKING:
     import moderngl

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.search import ORIENTATIONS
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import ORIENTATIONS
 
 GAPS_IN_DIAMETER = 5  # ISO 8596
 SMALLEST_GAP = 2.0  # [pixels] with less, the sides of the gap share pixels and its direction is a guess

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import fractal_noise, ridged, smoothstep
+from evenlight.stimuli.fractal_noise import fractal_noise, ridged, smoothstep
 
 Image = NDArray[np.floating[Any]]  # float32, which NumPy's stubs forget in arithmetic
 

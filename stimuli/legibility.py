@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from data_schema.display import Display
-from data_schema.rig import Actuator
-from stimuli.ramp import reachable_luminances
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator
+from evenlight.stimuli.ramp import reachable_luminances
 
 READABLE_RATIO = 7.0  # of the luminances of ground and text, at least: W3C, WCAG 2.1, criterion 1.4.6
 DARK_TEXT = 25.0  # ratio of dark text where the display has it

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from stimuli.page_text import Block, Word, beginning, page_blocks, words_of
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.page_text import Block, Word, beginning, page_blocks, words_of
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont

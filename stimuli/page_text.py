@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 Word = tuple[tuple[str, bool], ...]  # its pieces, and whether each is bold
 WIDE_GAP = "\u2003\u2003"  # two em spaces, at which no line ends

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from method.luminance import dimmed_luminance, displayed_luminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.method.luminance import dimmed_luminance, displayed_luminance
 
 ROUNDING = 1e-9  # relative, of a luminance that was computed
 

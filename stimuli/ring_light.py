@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method.luminance import LUMINANCE_WEIGHTS, linear_channels
-from stimuli.landolt import GAPS_IN_DIAMETER, Ring
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.luminance import LUMINANCE_WEIGHTS, linear_channels
+from evenlight.stimuli.landolt import GAPS_IN_DIAMETER, Ring
 
 LEVELS_16 = 65535
 INNER, OUTER = GAPS_IN_DIAMETER / 2, float(GAPS_IN_DIAMETER)  # radii of the surroundings [gaps]

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schema.errors import InputError
-from data_schema.provenance import sha256_of_bytes
-from data_schema.quantities import check_limits, described, quantity
-from data_schema.text_files import read_json_record
-from stimuli import landolt, ring_light, ring_scene
-from stimuli.scenes.definition import scenes_sha256
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.stimuli import landolt, ring_light, ring_scene
+from evenlight.stimuli.scenes.definition import scenes_sha256
 
 PATHS = Path(__file__).parent / "scenes" / "paths"
 SUFFIX = ".rings.json"

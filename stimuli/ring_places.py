@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from stimuli.landolt import GAPS_IN_DIAMETER, Ring
-from stimuli.ring_place_files import PRACTICE_SIZE
-from stimuli.ring_scene import RingScene
-from stimuli.scene_rays import NOTHING, seen_along
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Floats, Scene, direction_of
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.landolt import GAPS_IN_DIAMETER, Ring
+from evenlight.stimuli.ring_place_files import PRACTICE_SIZE
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scene_rays import NOTHING, seen_along
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Floats, Scene, direction_of
 
 DRAWS = 600  # directions that are looked at
 ENOUGH = 24  # places that are found suitable before two are chosen

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from stimuli.landolt import GAPS_IN_DIAMETER, Ring, require_drawable
-from stimuli.ring_light import OUTER, PaintedRing, Surroundings, levels_of, painted, surroundings_of
-from stimuli.scenes import graphics_state
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Vector
-from stimuli.scenes.shaders import WHOLE_VERTEX
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.landolt import GAPS_IN_DIAMETER, Ring, require_drawable
+from evenlight.stimuli.ring_light import OUTER, PaintedRing, Surroundings, levels_of, painted, surroundings_of
+from evenlight.stimuli.scenes import graphics_state
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.shaders import WHOLE_VERTEX
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 if TYPE_CHECKING:
     import moderngl

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.scene import Floats, Patches, Vector
+from evenlight.stimuli.scenes.scene import Floats, Patches, Vector
 
 NOTHING = -1  # in place of a patch: the sky
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
-from data_schema.errors import InputError
-from stimuli.checkerboard import Checkerboard
-from stimuli.scenes.scene_sequence import SceneSequence, standard_format
-from stimuli.sequence_format import SequenceFormat
-from stimuli.sunrise import Sunrise
-from stimuli.video_source import VideoSource
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.checkerboard import Checkerboard
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
+from evenlight.stimuli.sequence_format import SequenceFormat
+from evenlight.stimuli.sunrise import Sunrise
+from evenlight.stimuli.video_source import VideoSource
 
 
 class BuiltInSequence(VideoSource, Protocol):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from data_schema.frame import Frame
-from data_schema.provenance import sha256_of_bytes
-from stimuli.sequence_format import SequenceFormat
-from stimuli.sunrise_scene import SunriseScene
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.stimuli.sequence_format import SequenceFormat
+from evenlight.stimuli.sunrise_scene import SunriseScene
 
 VERSION = 1  # to be raised when the pictures change
 SEED = 2

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import fractal_noise, smoothstep
-from stimuli.landscape import WATERLINE, Image, Landscape, centres, far_shore, near_shore
-from stimuli.sequence_format import on_grid
-from stimuli.sunrise_light import Daylight, daylight
+from evenlight.stimuli.fractal_noise import fractal_noise, smoothstep
+from evenlight.stimuli.landscape import WATERLINE, Image, Landscape, centres, far_shore, near_shore
+from evenlight.stimuli.sequence_format import on_grid
+from evenlight.stimuli.sunrise_light import Daylight, daylight
 
 SUN_RADIUS = 0.030  # shares of the picture's height, as all lengths here
 HORIZON = 0.60  # down to here there is sky

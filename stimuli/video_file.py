@@ -15,13 +15,13 @@ from av.error import FFmpegError
 from av.stream import Disposition
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.provenance import sha256_of_file
-from stimuli.colour_conversion import ColourConverter, UnsupportedColourError
-from stimuli.ffv1_checksum import slices_intact
-from stimuli.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
-from stimuli.strict_decoding import decode_strictly
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.stimuli.colour_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.ffv1_checksum import slices_intact
+from evenlight.stimuli.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
+from evenlight.stimuli.strict_decoding import decode_strictly
 
 if TYPE_CHECKING:
     from av.container import InputContainer

@@ -7,8 +7,8 @@ from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
 
 
 class VideoSource(Protocol):
@@ -84,9 +84,9 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
     InputError
         If there is no such video, or it cannot be used.
     """
-    from stimuli.image_folder import open_image_folder
-    from stimuli.sequences import SEQUENCES, built_in_sequence, is_sequence
-    from stimuli.video_file import open_video_file
+    from evenlight.stimuli.image_folder import open_image_folder
+    from evenlight.stimuli.sequences import SEQUENCES, built_in_sequence, is_sequence
+    from evenlight.stimuli.video_file import open_video_file
 
     path = Path(name)
     if path.is_dir():

@@ -15,9 +15,9 @@ from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from stimuli.frame_times import rate_from_number
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.stimuli.frame_times import rate_from_number
 
 if TYPE_CHECKING:
     from av.container import OutputContainer

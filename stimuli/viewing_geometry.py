@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from data_schema.display import Display
+from evenlight.data_schema.display import Display
 
 
 def focal_length_of(display: Display) -> float:

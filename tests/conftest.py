@@ -16,24 +16,24 @@ from hypothesis import settings
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-import evenlight
-from analysis import figure_style
-from data_schema.brightness_track import (
+from evenlight import command as command_line
+from evenlight.analysis import figure_style
+from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
     TrackHeader,
     write_track,
 )
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves, write_loss_curves
-from data_schema.provenance import Provenance
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.text_files import write_json_record
-from method.optimize import Problem, Request, pose
-from method.preset_files import load_display, load_power_model
-from stimuli.sequence_format import on_grid
-from stimuli.video_writer import write_video
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves, write_loss_curves
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.method.optimize import Problem, Request, pose
+from evenlight.method.preset_files import load_display, load_power_model
+from evenlight.stimuli.sequence_format import on_grid
+from evenlight.stimuli.video_writer import write_video
 
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
 # that are started from here, those that run the tests among them.
@@ -216,7 +216,7 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     def run(*arguments: object) -> Outcome:
         capsys.readouterr()
         with pytest.raises(SystemExit) as ended:
-            evenlight.main([str(a) for a in arguments])
+            command_line.main([str(a) for a in arguments])
         out, err = capsys.readouterr()
         return Outcome(int(ended.value.code or 0), out, err)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from analysis.audit.audit_choices import chosen_counts
-from analysis.figure_style import (
+from evenlight.analysis.audit.audit_choices import chosen_counts
+from evenlight.analysis.figure_style import (
     FAINT,
     INK,
     MUTED,
@@ -22,11 +22,11 @@ from analysis.figure_style import (
     png_bytes,
     text_size,
 )
-from analysis.findings import Drawing
-from analysis.inference.binomial_power import difference_power, smallest_share_found
-from analysis.inference.binomial_tests import HALF, clopper_pearson, smallest_margin
-from analysis.wording import in_words
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.inference.binomial_power import difference_power, smallest_share_found
+from evenlight.analysis.inference.binomial_tests import HALF, clopper_pearson, smallest_margin
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 CURVE = np.linspace(0.5, 1.0, 101)
 THRESHOLD = 0.75  # share of right choices at which a change is usually called visible

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.audit.audit_choice_statistics import MARGINS, TOLD_MARGIN
-from analysis.audit.audit_choices import ChosenCount, chosen_counts
-from analysis.audit.audit_statistics import ALL, Rows
-from analysis.findings import Drawing
-from analysis.inference.binomial_tests import ALPHA, HALF
-from analysis.report import Cell, Section, Table
-from analysis.wording import in_words, listed, p_in_words
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_choice_statistics import MARGINS, TOLD_MARGIN
+from evenlight.analysis.audit.audit_choices import ChosenCount, chosen_counts
+from evenlight.analysis.audit.audit_statistics import ALL, Rows
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.inference.binomial_tests import ALPHA, HALF
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.wording import in_words, listed, p_in_words
+from evenlight.data_schema.statistic import Statistic
 
 SHARE = "share of choices of ours"
 MARGIN = "smallest margin within which the share is shown to be one half"

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from analysis.audit.audit_choices import (
+from evenlight.analysis.audit.audit_choices import (
     chance_of_being_so_even,
     chosen_counts,
     detectability,
     numbers_that_fit,
 )
-from analysis.audit.audit_statistics import ALL, row
-from analysis.inference.binomial_power import (
+from evenlight.analysis.audit.audit_statistics import ALL, row
+from evenlight.analysis.inference.binomial_power import (
     answers_for_equivalence,
     answers_to_find,
     difference_power,
     lower_critical,
     smallest_share_found,
 )
-from analysis.inference.binomial_tests import HALF, LEVEL, infer_share
-from data_schema.statistic import Statistic
+from evenlight.analysis.inference.binomial_tests import HALF, LEVEL, infer_share
+from evenlight.data_schema.statistic import Statistic
 
 MARGINS = (0.05, 0.10, 0.15)  # about one half, for which the answers needed are told
 TOLD_MARGIN = 0.15  # of the equivalence test in the rows

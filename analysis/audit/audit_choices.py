@@ -8,9 +8,9 @@ from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 import numpy as np
 from scipy import special, stats
 
-from analysis.audit.audit_ratings import OTHER_NUMBERS
-from analysis.inference.binomial_tests import HALF
-from analysis.published import SEQUENCES, published
+from evenlight.analysis.audit.audit_ratings import OTHER_NUMBERS
+from evenlight.analysis.inference.binomial_tests import HALF
+from evenlight.analysis.published import SEQUENCES, published
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 
 import numpy as np
 
-from analysis.audit.audit_conventions import (
+from evenlight.analysis.audit.audit_conventions import (
     CONVENTIONS,
     SCORES,
     Convention,
@@ -18,8 +18,8 @@ from analysis.audit.audit_conventions import (
     Printed,
     conventions_that_allow,
 )
-from analysis.audit.audit_ratings import VERSIONS, SequenceRatings, printed_cell
-from analysis.wording import listed, spaced
+from evenlight.analysis.audit.audit_ratings import VERSIONS, SequenceRatings, printed_cell
+from evenlight.analysis.wording import listed, spaced
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.quantities import read_only
+from evenlight.data_schema.quantities import read_only
 
 Counts = NDArray[np.int64]
 LOWEST, HIGHEST = 1, 5  # of the ratings

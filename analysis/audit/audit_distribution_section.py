@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.audit.audit_convention_words import conventions_in_words, known_in_words
-from analysis.audit.audit_conventions import (
+from evenlight.analysis.audit.audit_convention_words import conventions_in_words, known_in_words
+from evenlight.analysis.audit.audit_conventions import (
     CONVENTIONS,
     SCORES,
     Counts,
@@ -16,13 +16,13 @@ from analysis.audit.audit_conventions import (
     conventions_that_allow,
     possible_histograms,
 )
-from analysis.audit.audit_ratings import OTHER_NUMBERS, VERSIONS, SequenceRatings, printed_cell
-from analysis.audit.audit_statistics import ALL, between, row
-from analysis.findings import Drawing
-from analysis.published import SEQUENCES
-from analysis.report import Section, Table
-from analysis.wording import in_words, listed, spaced
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_ratings import OTHER_NUMBERS, VERSIONS, SequenceRatings, printed_cell
+from evenlight.analysis.audit.audit_statistics import ALL, between, row
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.published import SEQUENCES
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.wording import in_words, listed, spaced
+from evenlight.data_schema.statistic import Statistic
 
 ENUMERATED = "every histogram of ratings from 1 to 5, compared in whole numbers"
 CELLS = tuple((sequence, version) for sequence in SEQUENCES for version in VERSIONS)

@@ -6,34 +6,34 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.audit.audit_choice_figure import choice_drawing
-from analysis.audit.audit_choice_section import MARGIN, choice_section
-from analysis.audit.audit_choice_statistics import choice_statistics
-from analysis.audit.audit_choices import chosen_counts
-from analysis.audit.audit_convention_words import odd_numbers
-from analysis.audit.audit_distribution_section import (
+from evenlight.analysis.audit.audit_choice_figure import choice_drawing
+from evenlight.analysis.audit.audit_choice_section import MARGIN, choice_section
+from evenlight.analysis.audit.audit_choice_statistics import choice_statistics
+from evenlight.analysis.audit.audit_choices import chosen_counts
+from evenlight.analysis.audit.audit_convention_words import odd_numbers
+from evenlight.analysis.audit.audit_distribution_section import (
     complete_numbers,
     distribution_section,
     distribution_statistics,
 )
-from analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN, OpenPoint
-from analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange
-from analysis.audit.audit_pairing_section import pairing_section
-from analysis.audit.audit_pairing_statistics import pairing_statistics
-from analysis.audit.audit_participants import participant_totals
-from analysis.audit.audit_power_figure import power_drawing
-from analysis.audit.audit_power_section import other_section, power_section
-from analysis.audit.audit_power_statistics import other_statistics, power_statistics
-from analysis.audit.audit_rating_figures import distribution_drawing, pairing_drawing
-from analysis.audit.audit_ratings import SequenceRatings, holm_ranges, table_ratings
-from analysis.audit.audit_statistics import Rows
-from analysis.audit.audit_verdict_words import verdicts_in_words
-from analysis.figure_style import PAGE, Medium
-from analysis.findings import Findings
-from analysis.inference.binomial_tests import HALF
-from analysis.report import Section, Table
-from analysis.wording import listed
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN, OpenPoint
+from evenlight.analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange
+from evenlight.analysis.audit.audit_pairing_section import pairing_section
+from evenlight.analysis.audit.audit_pairing_statistics import pairing_statistics
+from evenlight.analysis.audit.audit_participants import participant_totals
+from evenlight.analysis.audit.audit_power_figure import power_drawing
+from evenlight.analysis.audit.audit_power_section import other_section, power_section
+from evenlight.analysis.audit.audit_power_statistics import other_statistics, power_statistics
+from evenlight.analysis.audit.audit_rating_figures import distribution_drawing, pairing_drawing
+from evenlight.analysis.audit.audit_ratings import SequenceRatings, holm_ranges, table_ratings
+from evenlight.analysis.audit.audit_statistics import Rows
+from evenlight.analysis.audit.audit_verdict_words import verdicts_in_words
+from evenlight.analysis.figure_style import PAGE, Medium
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.inference.binomial_tests import HALF
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.wording import listed
+from evenlight.data_schema.statistic import Statistic
 
 TITLE = "What the published numbers support"
 SEED = 1  # of the search for the most even totals, which meets its bound from any start

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
-from analysis.audit.audit_conventions import Counts
-from analysis.audit.audit_pairings import DIFFERENCES
-from analysis.inference.exact_paired_tests import sign_flip_p_values
-from analysis.inference.holm import holm as adjusted
+from evenlight.analysis.audit.audit_conventions import Counts
+from evenlight.analysis.audit.audit_pairings import DIFFERENCES
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.holm import holm as adjusted
 
 Array = NDArray[np.float64]
 ALPHA = 0.05

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange
-from analysis.audit.audit_pairing_statistics import ASSUMED_CORRELATIONS, UNPAIRED
-from analysis.audit.audit_ratings import SequenceRatings
-from analysis.audit.audit_statistics import ALL, Rows, between, p_between
-from analysis.audit.audit_verdict_words import other_tests_in_words, verdicts_in_words
-from analysis.findings import Drawing
-from analysis.report import Cell, Section, Table
-from analysis.wording import in_words, listed, p_in_words, spaced
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange
+from evenlight.analysis.audit.audit_pairing_statistics import ASSUMED_CORRELATIONS, UNPAIRED
+from evenlight.analysis.audit.audit_ratings import SequenceRatings
+from evenlight.analysis.audit.audit_statistics import ALL, Rows, between, p_between
+from evenlight.analysis.audit.audit_verdict_words import other_tests_in_words, verdicts_in_words
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.wording import in_words, listed, p_in_words, spaced
+from evenlight.data_schema.statistic import Statistic
 
 BELOW = "correlation below which the t test cannot give p < 0.05"
 ABOVE = "correlation above which the t test must give p < 0.05"

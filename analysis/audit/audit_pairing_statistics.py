@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from analysis.audit.audit_conventions import SCORES
-from analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange
-from analysis.audit.audit_participants import Totals
-from analysis.audit.audit_ratings import SequenceRatings, correlations
-from analysis.audit.audit_statistics import ALL, row
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_conventions import SCORES
+from evenlight.analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange
+from evenlight.analysis.audit.audit_participants import Totals
+from evenlight.analysis.audit.audit_ratings import SequenceRatings, correlations
+from evenlight.analysis.audit.audit_statistics import ALL, row
+from evenlight.data_schema.statistic import Statistic
 
 POWER = 0.8
 ASSUMED_CORRELATIONS = (0.0, 0.5)  # within people: unrelated, and as ratings of the same person often are

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.audit.audit_conventions import SCORES, Counts, all_histograms
+from evenlight.analysis.audit.audit_conventions import SCORES, Counts, all_histograms
 
 CATEGORIES = len(SCORES)
 DIFFERENCES = np.arange(1 - CATEGORIES, CATEGORIES)  # ours less baseline, -4 to 4

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.audit.audit_conventions import SCORES, Counts
-from analysis.audit.audit_paired_tests import PairedTest, PRange, paired_p_values
-from analysis.audit.audit_ratings import SequenceRatings
+from evenlight.analysis.audit.audit_conventions import SCORES, Counts
+from evenlight.analysis.audit.audit_paired_tests import PairedTest, PRange, paired_p_values
+from evenlight.analysis.audit.audit_ratings import SequenceRatings
 
 TRIES = 50  # arrangements begun at random, until the bound is met
 

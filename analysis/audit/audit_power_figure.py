@@ -7,8 +7,8 @@ from collections.abc import Callable
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from analysis.audit.audit_power_table import TablePower, nominal_line, table_powers
-from analysis.figure_style import (
+from evenlight.analysis.audit.audit_power_table import TablePower, nominal_line, table_powers
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -24,10 +24,10 @@ from analysis.figure_style import (
     png_bytes,
     text_size,
 )
-from analysis.findings import Drawing
-from analysis.published import SEQUENCES
-from analysis.wording import in_words
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.published import SEQUENCES
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 COLOURS = {"baseline": BASELINE, "ours": OURS, "full": INK}
 READINGS: tuple[tuple[str, str, Callable[[TablePower], float | None]], ...] = (

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.audit.audit_power_statistics import OF_FULL, OF_PEAK, OF_SAMPLES
-from analysis.audit.audit_power_table import (
+from evenlight.analysis.audit.audit_power_statistics import OF_FULL, OF_PEAK, OF_SAMPLES
+from evenlight.analysis.audit.audit_power_table import (
     CURRENT_STEP,
     nominal_line,
     refitted_line,
     sample_luminance,
     table_powers,
 )
-from analysis.audit.audit_statistics import Rows
-from analysis.findings import Drawing
-from analysis.published import SEQUENCES, published
-from analysis.report import Cell, Section, Table
-from analysis.wording import in_words, listed, p_in_words, spaced
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_statistics import Rows
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.wording import in_words, listed, p_in_words, spaced
+from evenlight.data_schema.statistic import Statistic
 
 
 def power_section(statistics: Sequence[Statistic], drawing: Drawing) -> Section:

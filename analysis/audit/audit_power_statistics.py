@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.audit.audit_power_table import (
+from evenlight.analysis.audit.audit_power_table import (
     CURRENT_STEP,
     PRINTED_STEP,
     TablePower,
@@ -11,9 +11,9 @@ from analysis.audit.audit_power_table import (
     sample_luminance,
     table_powers,
 )
-from analysis.audit.audit_statistics import ALL, row
-from analysis.published import SEQUENCES, published
-from data_schema.statistic import Statistic
+from evenlight.analysis.audit.audit_statistics import ALL, row
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.data_schema.statistic import Statistic
 
 OF_FULL = "factor on P(L), full brightness as in Table 3"
 OF_PEAK = "factor on P(L), peak of 750 cd/m^2"

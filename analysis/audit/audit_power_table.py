@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.measurement.power_fit import LineFit, fit_line, points_of
-from analysis.published import SEQUENCES, published, published_values
+from evenlight.analysis.measurement.power_fit import LineFit, fit_line, points_of
+from evenlight.analysis.published import SEQUENCES, published, published_values
 
 PRINTED_STEP = 0.001  # [W] of the table
 CURRENT_STEP = 0.01  # [A] of the samples behind P(L)

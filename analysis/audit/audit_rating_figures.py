@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from analysis.audit.audit_conventions import SCORES, Counts
-from analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange, Verdict
-from analysis.audit.audit_ratings import SequenceRatings, printed_cell
-from analysis.figure_style import (
+from evenlight.analysis.audit.audit_conventions import SCORES, Counts
+from evenlight.analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange, Verdict
+from evenlight.analysis.audit.audit_ratings import SequenceRatings, printed_cell
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -29,9 +29,9 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from analysis.findings import Drawing
-from analysis.wording import in_words
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 COLOURS = {"baseline": BASELINE, "ours": OURS}
 VERDICT_COLOURS = {Verdict.DIFFERS: OURS, Verdict.OPEN: PARTICIPANT, Verdict.NOT_SHOWN: LIMIT}

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
-from analysis.audit.audit_conventions import SCORES, Counts, Printed, possible_histograms
-from analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange, holm, p_ranges
-from analysis.audit.audit_pairings import DIFFERENCES, reachable_differences
-from analysis.inference.exact_group_test import group_test
-from analysis.published import SEQUENCES, published
+from evenlight.analysis.audit.audit_conventions import SCORES, Counts, Printed, possible_histograms
+from evenlight.analysis.audit.audit_paired_tests import ALPHA, PairedTest, PRange, holm, p_ranges
+from evenlight.analysis.audit.audit_pairings import DIFFERENCES, reachable_differences
+from evenlight.analysis.inference.exact_group_test import group_test
+from evenlight.analysis.published import SEQUENCES, published
 
 Array = NDArray[np.float64]
 VERSIONS = ("baseline", "ours")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.wording import p_text
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.wording import p_text
+from evenlight.data_schema.statistic import Origin, Statistic
 
 ALL = "all"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange, Verdict
-from analysis.wording import listed, spaced
+from evenlight.analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange, Verdict
+from evenlight.analysis.wording import listed, spaced
 
 Ranges = Mapping[PairedTest, Sequence[PRange]]  # of each test, in the order of the sequences
 

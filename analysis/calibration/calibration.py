@@ -7,27 +7,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.calibration.fit_summary import summary_of
-from analysis.calibration.goodness_of_fit import FEW_TRIALS, joint_p_value
-from analysis.calibration.level_estimates import LevelEstimates, estimate_levels
-from analysis.calibration.pooled_fit import PooledFit, fit_pooled
-from analysis.calibration.ramp_counts import catch_counts
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
-from analysis.calibration.signal_detection import (
+from evenlight.analysis.calibration.fit_summary import summary_of
+from evenlight.analysis.calibration.goodness_of_fit import FEW_TRIALS, joint_p_value
+from evenlight.analysis.calibration.level_estimates import LevelEstimates, estimate_levels
+from evenlight.analysis.calibration.pooled_fit import PooledFit, fit_pooled
+from evenlight.analysis.calibration.ramp_counts import catch_counts
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
+from evenlight.analysis.calibration.signal_detection import (
     Criterion,
     IntervalBias,
     criterion_of,
     false_alarm_warnings,
     interval_biases,
 )
-from analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
-from analysis.loading import RampData
-from data_schema.errors import InputError
-from data_schema.provenance import Provenance
-from data_schema.ramp import Procedure, RampTrial
-from data_schema.text_files import write_json, write_json_record, write_rows
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
+from evenlight.analysis.loading import RampData
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Procedure, RampTrial
+from evenlight.data_schema.text_files import write_json, write_json_record, write_rows
+from evenlight.data_schema.threshold import Threshold
 
 CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are told
 NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.conditions import condition_of
-from analysis.calibration.psychometric_figure import psychometric_figure
-from analysis.calibration.rate_limit_figure import rate_limit_figure
-from analysis.figure_style import PAGE, Medium, write_png
-from data_schema.rate_limit import RateLimit
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.conditions import condition_of
+from evenlight.analysis.calibration.psychometric_figure import psychometric_figure
+from evenlight.analysis.calibration.rate_limit_figure import rate_limit_figure
+from evenlight.analysis.figure_style import PAGE, Medium, write_png
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.threshold import Threshold
 
 
 def write_figures(

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.conditions import condition_of, conditions_of
-from analysis.calibration.rate_limit_figure import level_means
-from analysis.calibration.rate_limit_fit import UNUSABLE
-from analysis.figure_style import short
-from analysis.report import Cell, Picture, Section, Table, probability
-from data_schema.ramp import Procedure
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.conditions import condition_of, conditions_of
+from evenlight.analysis.calibration.rate_limit_figure import level_means
+from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE
+from evenlight.analysis.figure_style import short
+from evenlight.analysis.report import Cell, Picture, Section, Table, probability
+from evenlight.data_schema.ramp import Procedure
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
 
 LIMIT_ROWS = 7  # luminances at which the rate limit is listed
 

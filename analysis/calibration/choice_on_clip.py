@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.limit_choices import LimitChoices
-from data_schema.brightness_track import BudgetUnit
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PowerModel
-from data_schema.rate_limit import RateLimit
-from method.choices import SolverName
-from method.loss_curves import analyze_frames, brightness_factors
-from method.modulation import allowed_rate, modulation_rate
-from method.optimize import Problem, Request, optimize, pose
-from method.solvers import make_solver
-from stimuli.sequences import built_in_sequence
-from stimuli.video_source import VideoSource, open_video
+from evenlight.analysis.calibration.limit_choices import LimitChoices
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.method.choices import SolverName
+from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.modulation import allowed_rate, modulation_rate
+from evenlight.method.optimize import Problem, Request, optimize, pose
+from evenlight.method.solvers import make_solver
+from evenlight.stimuli.sequences import built_in_sequence
+from evenlight.stimuli.video_source import VideoSource, open_video
 
 Array = NDArray[np.float64]
 

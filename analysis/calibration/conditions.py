@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from data_schema.errors import InputError
-from data_schema.ramp import Direction
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Direction
+from evenlight.data_schema.threshold import Threshold
 
 Array = NDArray[np.float64]
 

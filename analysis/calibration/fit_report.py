@@ -7,21 +7,27 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from analysis.calibration.choice_on_clip import ClipComparison
-from analysis.calibration.conditions import condition_of
-from analysis.calibration.limit_choices import LimitChoices
-from analysis.calibration.limit_choices_figure import limit_choices_figure
-from analysis.calibration.limit_choices_files import FIGURE, LOG_LOG_LIMIT, SAFE_LIMIT, SUMMARY, TABLE
-from analysis.calibration.limit_choices_section import choices_section
-from analysis.calibration.threshold_sections import population_section, thresholds_section
-from analysis.figure_style import short, write_png
-from analysis.report import Report, Section, write_report
-from analysis.report_sections import files_section, provenance_section
-from data_schema.provenance import Provenance
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.choice_on_clip import ClipComparison
+from evenlight.analysis.calibration.conditions import condition_of
+from evenlight.analysis.calibration.limit_choices import LimitChoices
+from evenlight.analysis.calibration.limit_choices_figure import limit_choices_figure
+from evenlight.analysis.calibration.limit_choices_files import (
+    FIGURE,
+    LOG_LOG_LIMIT,
+    SAFE_LIMIT,
+    SUMMARY,
+    TABLE,
+)
+from evenlight.analysis.calibration.limit_choices_section import choices_section
+from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.figure_style import short, write_png
+from evenlight.analysis.report import Report, Section, write_report
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
 
 REPORT = "report.html"
 FILES = {

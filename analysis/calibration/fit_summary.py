@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.calibration.conditions import Condition, ConditionEffect
-from analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
-from analysis.calibration.thresholds import ThresholdFit
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.conditions import Condition, ConditionEffect
+from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
+from evenlight.analysis.calibration.thresholds import ThresholdFit
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.method.rate_limit import rate_limit_at
 
 if TYPE_CHECKING:
-    from analysis.calibration.calibration import Calibration
+    from evenlight.analysis.calibration.calibration import Calibration
 
 COMPARED_AT = 201  # luminances at which two curves are compared
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.calibration.most_probable import Answers, most_probable, probabilities_of
-from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.most_probable import Answers, most_probable, probabilities_of
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
 
 Array = NDArray[np.float64]
 

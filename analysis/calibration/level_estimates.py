@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.pooled_fit import logistic_threshold
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.ramp_counts import RampLevelKey, level_of_threshold, level_order
-from analysis.calibration.random_threshold import RandomThresholdFit, fit_random_threshold
-from analysis.calibration.rate_limit_notes import UNUSABLE
-from analysis.calibration.thresholds import ThresholdFit
-from data_schema.threshold import ThresholdFlag
+from evenlight.analysis.calibration.pooled_fit import logistic_threshold
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.ramp_counts import RampLevelKey, level_of_threshold, level_order
+from evenlight.analysis.calibration.random_threshold import RandomThresholdFit, fit_random_threshold
+from evenlight.analysis.calibration.rate_limit_notes import UNUSABLE
+from evenlight.analysis.calibration.thresholds import ThresholdFit
+from evenlight.data_schema.threshold import ThresholdFlag
 
 
 @dataclass(frozen=True, slots=True)

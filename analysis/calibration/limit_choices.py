@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.pooled_fit import PooledFit
-from analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, falling_stretches
-from analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
-from analysis.calibration.safe_limit import safe_limit
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.pooled_fit import PooledFit
+from evenlight.analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, falling_stretches
+from evenlight.analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
+from evenlight.analysis.calibration.safe_limit import safe_limit
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
 
 Array = NDArray[np.float64]
 Predict = Callable[[float], RateLimit]  # the limit that is fitted without the luminance given

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.calibration.choice_on_clip import ClipComparison
-from analysis.calibration.limit_choices import (
+from evenlight.analysis.calibration.choice_on_clip import ClipComparison
+from evenlight.analysis.calibration.limit_choices import (
     FITTED,
     LOG_LOG_QUADRATIC,
     POOLED,
@@ -19,8 +19,8 @@ from analysis.calibration.limit_choices import (
     SAFE,
     LimitChoices,
 )
-from analysis.calibration.rate_limit_figure import level_means
-from analysis.figure_style import (
+from evenlight.analysis.calibration.rate_limit_figure import level_means
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -37,9 +37,9 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from data_schema.rate_limit import RateLimit
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.calibration.choice_on_clip import ClipComparison, in_words
-from analysis.calibration.limit_choices import (
+from evenlight.analysis.calibration.choice_on_clip import ClipComparison, in_words
+from evenlight.analysis.calibration.limit_choices import (
     FITTED,
     LOG_LOG_QUADRATIC,
     POWER_LAW,
@@ -16,10 +16,10 @@ from analysis.calibration.limit_choices import (
     LimitChoice,
     LimitChoices,
 )
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import Provenance
-from data_schema.quantities import described, quantity
-from data_schema.text_files import write_json, write_json_record, write_rows
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import described, quantity
+from evenlight.data_schema.text_files import write_json, write_json_record, write_rows
 
 TABLE, SUMMARY, FIGURE = "limit_choices.csv", "limit_choices.json", "limit_choices.png"
 SAFE_LIMIT, LOG_LOG_LIMIT = "rate_limit_safe.json", "rate_limit_log_log.json"

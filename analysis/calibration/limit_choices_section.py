@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from analysis.calibration.choice_on_clip import ClipComparison, in_words
-from analysis.calibration.limit_choices import LimitChoice, LimitChoices
-from analysis.calibration.limit_choices_files import better_log_log
-from analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.calibration.choice_on_clip import ClipComparison, in_words
+from evenlight.analysis.calibration.limit_choices import LimitChoice, LimitChoices
+from evenlight.analysis.calibration.limit_choices_files import better_log_log
+from evenlight.analysis.report import Cell, Picture, Section, Table
 
 
 def choices_section(choices: LimitChoices, comparison: ClipComparison | None, figure_png: bytes) -> Section:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior
-from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.calibration.planning_draws import (
+from evenlight.analysis.calibration.planning_draws import (
     Drawing,
     draw_experiments,
     participant_sd,
@@ -25,13 +25,19 @@ from analysis.calibration.planning_draws import (
     true_levels,
     whole_pool_error,
 )
-from analysis.calibration.planning_pool import PoolMember, SimulateRamps, pool_of, require_plannable, work_of
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.plan import MOST_PARTICIPANTS, RampPlanRow
-from data_schema.ramp import Procedure, RampDesign
-from data_schema.seeds import require_seed
+from evenlight.analysis.calibration.planning_pool import (
+    PoolMember,
+    SimulateRamps,
+    pool_of,
+    require_plannable,
+    work_of,
+)
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.plan import MOST_PARTICIPANTS, RampPlanRow
+from evenlight.data_schema.ramp import Procedure, RampDesign
+from evenlight.data_schema.seeds import require_seed
 
 NOT_COMPARABLE = (
     "yes/no and two intervals measure different thresholds: the first moves with the readiness to say yes, "

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.calibration.planning import Plan
-from analysis.figure_style import (
+from evenlight.analysis.calibration.planning import Plan
+from evenlight.analysis.figure_style import (
     BASELINE,
     INK,
     LIMIT,
@@ -28,7 +28,7 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from data_schema.plan import RampPlanRow
+from evenlight.data_schema.plan import RampPlanRow
 
 COLOURS = (INK, BASELINE, OURS, LIMIT, PARTICIPANT, LOST)
 MARKERS = ("o", "s", "D", "^", "v", "P")

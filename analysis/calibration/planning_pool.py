@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from analysis.calibration.rate_limit_curve import luminances_needed
-from analysis.calibration.thresholds import fit_thresholds_of
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import Placement, RampDesign, RampTrial
-from data_schema.session_length import session_minutes
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.rate_limit_curve import luminances_needed
+from evenlight.analysis.calibration.thresholds import fit_thresholds_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Placement, RampDesign, RampTrial
+from evenlight.data_schema.session_length import session_minutes
+from evenlight.data_schema.threshold import Threshold
 
 CHUNK = 4  # participants that are simulated and fitted at once: the unit of work and of progress
 TrueThresholds = Mapping[tuple[str, float], float]  # by participant and initial luminance [cd/m^2/s]

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.ramp_counts import RampLevelKey, group_by_level, ramp_counts
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.rate_limit_fit import RateLimitFit, fit_points
-from data_schema.display import Display
-from data_schema.ramp import RampTrial
-from method.psychometric import PsychometricFunction, log_likelihood
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.ramp_counts import RampLevelKey, group_by_level, ramp_counts
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_fit import RateLimitFit, fit_points
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import RampTrial
+from evenlight.method.psychometric import PsychometricFunction, log_likelihood
 
 LN_WIDTH_RANGE = (-3.0, 3.0)  # ln of the width in ln(rate): from a step to no slope within any range tested
 

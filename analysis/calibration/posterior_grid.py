@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
-from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
 MAX_GUESS = 0.7  # above 0.75 there is no 75 % point; fits this close to it are flagged as false alarms
 MAX_LAPSE = 0.2  # above 0.25 there is no 75 % point

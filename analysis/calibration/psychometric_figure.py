@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.calibration.psychometric_panels import (
+from evenlight.analysis.calibration.psychometric_panels import (
     BETWEEN_ROWS,
     PanelGrid,
     PanelScale,
@@ -20,9 +20,9 @@ from analysis.calibration.psychometric_panels import (
     panel_rows,
     scale_of,
 )
-from analysis.calibration.rate_limit_fit import UNUSABLE
-from analysis.calibration.thresholds import ThresholdFit
-from analysis.figure_style import (
+from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE
+from evenlight.analysis.calibration.thresholds import ThresholdFit
+from evenlight.analysis.figure_style import (
     FAINT,
     INK,
     LIMIT,
@@ -39,9 +39,9 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from data_schema.ramp import Direction
-from data_schema.threshold import Threshold
-from method.psychometric import THRESHOLD_PROBABILITY, yes_probability
+from evenlight.data_schema.ramp import Direction
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, yes_probability
 
 MOST_COLUMNS = 5  # panels side by side at most
 LEAST_WIDTH = 9.0  # of a panel [em]

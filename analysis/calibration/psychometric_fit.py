@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.calibration.posterior_grid import (
+from evenlight.analysis.calibration.posterior_grid import (
     PosteriorGrid,
     PsychometricPrior,
     RampCounts,
     posterior_grid,
 )
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 INTERVAL = (0.025, 0.5, 0.975)
 SAMPLES = 400

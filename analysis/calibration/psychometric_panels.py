@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.goodness_of_fit import LEAST_IN_BIN, bin_starts
-from analysis.calibration.ramp_counts import RampLevelKey, level_of_threshold, level_order
-from analysis.calibration.thresholds import ThresholdFit
-from data_schema.ramp import Procedure
-from method.psychometric import THRESHOLD_PROBABILITY
+from evenlight.analysis.calibration.goodness_of_fit import LEAST_IN_BIN, bin_starts
+from evenlight.analysis.calibration.ramp_counts import RampLevelKey, level_of_threshold, level_order
+from evenlight.analysis.calibration.thresholds import ThresholdFit
+from evenlight.data_schema.ramp import Procedure
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """The paper's calibration: the eight thresholds of its figure, and the rate limit that they make.
 
-`python -m analysis.calibration.published_rate_limit` writes the preset `surace2025` anew.
+`python -m evenlight.analysis.calibration.published_rate_limit` writes the preset `surace2025` anew.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from analysis.calibration.rate_limit_fit import RateLimitFit, fit_points
-from analysis.published import published, published_values
-from data_schema.display import Display
-from data_schema.mapping import mapping_from_record, record_from_mapping
-from data_schema.ramp import Direction, Procedure
-from data_schema.rate_limit import RateLimit
-from data_schema.text_files import write_json_record
+from evenlight.analysis.calibration.rate_limit_fit import RateLimitFit, fit_points
+from evenlight.analysis.published import published, published_values
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.text_files import write_json_record
 
 # Varjo XR-3, ramps of 5 s, 75 % detection; data behind the figure of Section 3.4, from the authors' program.
 _THRESHOLDS = published_values("authors_thresholds")
@@ -77,7 +77,7 @@ def _rounded(value: object) -> object:
 
 def write_preset() -> Path:
     """Write the preset `surace2025` into `method/presets` and return its path."""
-    from method.preset_files import PRESETS, load_display
+    from evenlight.method.preset_files import PRESETS, load_display
 
     path = PRESETS / "surace2025.rate_limit.json"
     write_json_record(path, published_rate_limit(load_display("varjo-xr3")))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.calibration.posterior_grid import RampCounts
-from data_schema.ramp import Direction, Procedure, RampTrial, Response
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.data_schema.ramp import Direction, Procedure, RampTrial, Response
+from evenlight.data_schema.threshold import Threshold
 
 TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.calibration_figures import calibration_figures, drawn_thresholds
-from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from analysis.calibration.level_estimates import LevelEstimates
-from analysis.calibration.rate_limit_figure import level_means
-from analysis.calibration.rate_limit_notes import UNUSABLE
-from analysis.calibration.threshold_sections import population_section, thresholds_section
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from data_schema.rate_limit import RateLimit
-from data_schema.statistic import Origin, PlottedPoint, Statistic
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration_figures import calibration_figures, drawn_thresholds
+from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.level_estimates import LevelEstimates
+from evenlight.analysis.calibration.rate_limit_figure import level_means
+from evenlight.analysis.calibration.rate_limit_notes import UNUSABLE
+from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.method.rate_limit import rate_limit_at
 
 UNIT = "cd/m^2/s"
 INTERVAL = 0.95

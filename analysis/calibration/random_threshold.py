@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
-from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
 Array = NDArray[np.float64]
 

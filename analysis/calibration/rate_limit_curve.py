@@ -10,9 +10,9 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from data_schema.errors import InputError
-from data_schema.ramp import Direction, Procedure
-from data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.rate_limit import RateLimitForm
 
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
 MONOTONE_SAMPLES = 1001

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.calibration.rate_limit_fit import UNUSABLE
-from analysis.figure_style import (
+from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE
+from evenlight.analysis.figure_style import (
     FAINT,
     INK,
     LIMIT,
@@ -27,9 +27,9 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.calibration.conditions import (
+from evenlight.analysis.calibration.conditions import (
     Condition,
     ConditionEffect,
     condition_of,
 )
-from analysis.calibration.rate_limit_curve import (
+from evenlight.analysis.calibration.rate_limit_curve import (
     PAPER_DEGREE,
     CurveBasis,
     CurveEstimate,
@@ -24,19 +24,19 @@ from analysis.calibration.rate_limit_curve import (
     falling_stretches,
     luminances_needed,
 )
-from analysis.calibration.rate_limit_notes import UNUSABLE as UNUSABLE
-from analysis.calibration.rate_limit_notes import (
+from evenlight.analysis.calibration.rate_limit_notes import UNUSABLE as UNUSABLE
+from evenlight.analysis.calibration.rate_limit_notes import (
     condition_notes,
     exclusion_notes,
     listed,
     participant_notes,
     shape_notes,
 )
-from analysis.calibration.threshold_model import abscissae, band_df, model_of_thresholds
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit
-from data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.analysis.calibration.threshold_model import abscissae, band_df, model_of_thresholds
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 OUTSIDE = (ThresholdFlag.ALL_YES, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ALL_NO, ThresholdFlag.ABOVE_RANGE)
 WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
@@ -113,7 +113,7 @@ def fit_points(
     name : str
         What to call the limit.
 
-    >>> from data_schema.rate_limit import RateLimitForm
+    >>> from evenlight.data_schema.rate_limit import RateLimitForm
     >>> display = Display("d", 100.0, 0.0, 2.2, 30.0)
     >>> line = RateLimitOptions(RateLimitForm.RATE, degree=1)
     >>> limit = fit_points([10, 50, 90], [0.3, 1.5, 2.7], display, line).limit

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.conditions import Condition, ConditionEffect
-from analysis.calibration.rate_limit_curve import CurveBasis, falling_stretches
-from analysis.inference.mixed_model import GroupedEstimates
-from data_schema.rate_limit import RateLimitForm
-from data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.analysis.calibration.conditions import Condition, ConditionEffect
+from evenlight.analysis.calibration.rate_limit_curve import CurveBasis, falling_stretches
+from evenlight.analysis.inference.mixed_model import GroupedEstimates
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
 

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from analysis.calibration.rate_limit_curve import CurveBasis
-from data_schema.rate_limit import RateLimit
-from method.choices import LimitCurve
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.rate_limit_curve import CurveBasis
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.method.choices import LimitCurve
+from evenlight.method.rate_limit import rate_limit_at
 
 SAFE_DEGREE = 12  # the edge is a polynomial less the root of one: this degree meets it to about 0.3 %
 COMPARED_AT = 2001  # luminances
@@ -27,7 +27,7 @@ def safe_limit(limit: RateLimit) -> RateLimit | None:
     limit : RateLimit
         With a band.
 
-    >>> from data_schema.rate_limit import RateLimitForm
+    >>> from evenlight.data_schema.rate_limit import RateLimitForm
     >>> band = dict(band_luminance=(1.0, 9.0), band_lower=(0.5, 0.5), band_upper=(2.0, 2.0))
     >>> flat = RateLimit("r", "d", "", RateLimitForm.LN_RATE, (0.0,), (1.0, 9.0), **band)
     >>> rate_limit_at(safe_limit(flat), [1.0, 4.0, 9.0]).round(9).tolist()

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from data_schema.ramp import Procedure, RampTrial, Response
-from data_schema.threshold import Threshold
-from method.psychometric import THRESHOLD_PROBABILITY, PsychometricFunction, rate_at
+from evenlight.data_schema.ramp import Procedure, RampTrial, Response
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, PsychometricFunction, rate_at
 
 COMPARED_D_PRIME = 1.0
 MANY_FALSE_ALARMS = 0.3  # d' of 75 % "yes" is 1.2 there, half of what it is at 5 %

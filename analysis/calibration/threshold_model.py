@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.conditions import (
+from evenlight.analysis.calibration.conditions import (
     Condition,
     ConditionEffect,
     allowed_references,
@@ -18,12 +18,17 @@ from analysis.calibration.conditions import (
     effect_of,
     indicators,
 )
-from analysis.calibration.rate_limit_curve import CurveBasis, LuminanceAbscissa, RateLimitOptions, basis_for
-from analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
-from data_schema.errors import InputError
-from data_schema.ramp import Direction
-from data_schema.rate_limit import RateLimitForm
-from data_schema.threshold import Threshold
+from evenlight.analysis.calibration.rate_limit_curve import (
+    CurveBasis,
+    LuminanceAbscissa,
+    RateLimitOptions,
+    basis_for,
+)
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Direction
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.threshold import Threshold
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.calibration.calibration import Calibration
-from analysis.calibration.conditions import condition_of, conditions_of
-from analysis.calibration.level_estimates import LevelEstimates, difference_in_words, mean_ratios
-from analysis.report import Cell, Section, Table, probability
-from data_schema.ramp import Procedure
+from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.conditions import condition_of, conditions_of
+from evenlight.analysis.calibration.level_estimates import LevelEstimates, difference_in_words, mean_ratios
+from evenlight.analysis.report import Cell, Section, Table, probability
+from evenlight.data_schema.ramp import Procedure
 
 
 def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Section:

@@ -8,25 +8,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.calibration.goodness_of_fit import POOR_FIT_P, GoodnessOfFit, goodness_of_fit
-from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.calibration.ramp_counts import (
+from evenlight.analysis.calibration.goodness_of_fit import POOR_FIT_P, GoodnessOfFit, goodness_of_fit
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.ramp_counts import (
     RampLevelKey,
     catch_counts,
     group_by_participant_and_level,
     ramp_counts,
 )
-from analysis.calibration.signal_detection import (
+from evenlight.analysis.calibration.signal_detection import (
     COMPARED_D_PRIME,
     TWO_INTERVAL_D_PRIME,
     criterion_of,
     interval_biases,
     rate_of_d_prime,
 )
-from analysis.measurement.drift import Drift, TimedAnswers, drift_of
-from data_schema.ramp import Procedure, RampTrial
-from data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.analysis.measurement.drift import Drift, TimedAnswers, drift_of
+from evenlight.data_schema.ramp import Procedure, RampTrial
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 MAX_FALSE_ALARM_RATE = 0.5  # above it, "yes" is said more often than not to nothing at all
 

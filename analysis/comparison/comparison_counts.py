@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.session_loading import TaskData
-from data_schema.ramp import Response
-from data_schema.viewing import ComparisonDesign, ComparisonTrial
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.ramp import Response
+from evenlight.data_schema.viewing import ComparisonDesign, ComparisonTrial
 
 OURS_FIRST = 1  # interval
 

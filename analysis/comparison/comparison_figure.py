@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.comparison.comparison_limits import POWER
-from analysis.comparison.comparison_results import Comparison
-from analysis.comparison.comparison_shares import ShareEstimate
-from analysis.figure_style import (
+from evenlight.analysis.comparison.comparison_limits import POWER
+from evenlight.analysis.comparison.comparison_results import Comparison
+from evenlight.analysis.comparison.comparison_shares import ShareEstimate
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -29,9 +29,9 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.inference.binomial_power import difference_power, margin_shown, smallest_margin_ever
-from analysis.inference.binomial_tests import HALF
-from analysis.wording import spaced
+from evenlight.analysis.inference.binomial_power import difference_power, margin_shown, smallest_margin_ever
+from evenlight.analysis.inference.binomial_tests import HALF
+from evenlight.analysis.wording import spaced
 
 LARGER = (50, 100, 200)  # numbers of answers drawn beside the experiment's own
 SHARES = np.linspace(0.5, 1.0, 101)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from analysis.comparison.comparison_figure import power_figure, shares_figure
-from analysis.comparison.comparison_limits import answer_limits, limit_rows
-from analysis.comparison.comparison_results import Comparison, compare
-from analysis.comparison.comparison_sections import limits_section, pooled_section, shares_section
-from analysis.comparison.comparison_statistics import power_points, share_points, statistics_of
-from analysis.comparison.comparison_words import lead_of
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from analysis.inference.binomial_tests import DEFAULT_MARGIN
-from analysis.session_loading import TaskData
-from data_schema.viewing import ComparisonTrial
+from evenlight.analysis.comparison.comparison_figure import power_figure, shares_figure
+from evenlight.analysis.comparison.comparison_limits import answer_limits, limit_rows
+from evenlight.analysis.comparison.comparison_results import Comparison, compare
+from evenlight.analysis.comparison.comparison_sections import limits_section, pooled_section, shares_section
+from evenlight.analysis.comparison.comparison_statistics import power_points, share_points, statistics_of
+from evenlight.analysis.comparison.comparison_words import lead_of
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.viewing import ComparisonTrial
 
 
 def comparison_findings(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.binomial_power import (
+from evenlight.analysis.inference.binomial_power import (
     MOST_ANSWERS,
     answers_for_equivalence,
     answers_to_find,
@@ -17,8 +17,8 @@ from analysis.inference.binomial_power import (
     smallest_margin_ever,
     smallest_share_found,
 )
-from analysis.inference.binomial_tests import HALF
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.inference.binomial_tests import HALF
+from evenlight.data_schema.statistic import Origin, Statistic
 
 POWER = 0.8
 THRESHOLD_SHARE = 0.75  # right answers at the threshold of a two-interval calibration

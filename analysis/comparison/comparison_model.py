@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.comparison.comparison_counts import OURS_FIRST
-from analysis.inference.cumulative_link import OrdinalData, OrdinalFit, fit_ordinal
-from data_schema.viewing import ComparisonTrial
+from evenlight.analysis.comparison.comparison_counts import OURS_FIRST
+from evenlight.analysis.inference.cumulative_link import OrdinalData, OrdinalFit, fit_ordinal
+from evenlight.data_schema.viewing import ComparisonTrial
 
 PREFERENCE = "ours chosen by a person in the middle"
 LEANING = "first chosen by a person in the middle"

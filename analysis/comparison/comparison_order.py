@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from analysis.comparison.comparison_counts import OURS_FIRST
-from data_schema.viewing import ComparisonTrial
+from evenlight.analysis.comparison.comparison_counts import OURS_FIRST
+from evenlight.data_schema.viewing import ComparisonTrial
 
 RARE = 0.2  # share of the rarer order below which the order counts as nearly constant: 3 of 17
 

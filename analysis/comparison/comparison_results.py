@@ -8,23 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.comparison.comparison_chance import (
+from evenlight.analysis.comparison.comparison_chance import (
     Consistency,
     SequenceDifferences,
     consistency_of,
     sequence_differences,
 )
-from analysis.comparison.comparison_counts import chose_first, count_choices, sequences_in
-from analysis.comparison.comparison_model import choice_model
-from analysis.comparison.comparison_order import Order, order_of
-from analysis.comparison.comparison_shares import ShareEstimate, estimate_share
-from analysis.inference.binomial_tests import ALPHA
-from analysis.inference.cumulative_link import OrdinalFit
-from analysis.inference.holm import holm
-from analysis.session_loading import TaskData
-from analysis.wording import first_few, spaced
-from data_schema.errors import InputError
-from data_schema.viewing import ComparisonTrial
+from evenlight.analysis.comparison.comparison_counts import chose_first, count_choices, sequences_in
+from evenlight.analysis.comparison.comparison_model import choice_model
+from evenlight.analysis.comparison.comparison_order import Order, order_of
+from evenlight.analysis.comparison.comparison_shares import ShareEstimate, estimate_share
+from evenlight.analysis.inference.binomial_tests import ALPHA
+from evenlight.analysis.inference.cumulative_link import OrdinalFit
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.session_loading import TaskData
+from evenlight.analysis.wording import first_few, spaced
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.viewing import ComparisonTrial
 
 SEVERAL = 4  # answers of somebody before "always the same" is worth saying: by chance once in eight
 

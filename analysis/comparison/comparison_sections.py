@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.comparison.comparison_limits import POWER, AnswerLimits
-from analysis.comparison.comparison_results import Comparison, SequenceShare
-from analysis.comparison.comparison_shares import ShareEstimate
-from analysis.comparison.comparison_words import (
+from evenlight.analysis.comparison.comparison_limits import POWER, AnswerLimits
+from evenlight.analysis.comparison.comparison_results import Comparison, SequenceShare
+from evenlight.analysis.comparison.comparison_shares import ShareEstimate
+from evenlight.analysis.comparison.comparison_words import (
     count_of,
     number_of_answers,
     percent,
     range_of,
     share_of_log_odds,
 )
-from analysis.inference.binomial_tests import ALPHA
-from analysis.inference.fit_cautions import shown_effect
-from analysis.report import Cell, Picture, Section, Table
-from analysis.wording import in_words, listed, p_in_words, p_text
+from evenlight.analysis.inference.binomial_tests import ALPHA
+from evenlight.analysis.inference.fit_cautions import shown_effect
+from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.wording import in_words, listed, p_in_words, p_text
 
 NOT_ONE_HALF = (
     "What a share of 50 % does not mean. It does not mean that nobody saw the brightness move: people who "

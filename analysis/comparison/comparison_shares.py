@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from analysis.comparison.comparison_counts import Choices
-from analysis.inference.binomial_tests import (
+from evenlight.analysis.comparison.comparison_counts import Choices
+from evenlight.analysis.inference.binomial_tests import (
     ALPHA,
     HALF,
     LEVEL,
@@ -23,7 +23,7 @@ from analysis.inference.binomial_tests import (
     clopper_pearson,
     infer_share,
 )
-from analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
 
 Array = NDArray[np.float64]
 

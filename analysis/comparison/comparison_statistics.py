@@ -7,25 +7,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.comparison.comparison_chance import PERMUTATIONS
-from analysis.comparison.comparison_figure import (
+from evenlight.analysis.comparison.comparison_chance import PERMUTATIONS
+from evenlight.analysis.comparison.comparison_figure import (
     MARGIN_NUMBERS,
     SHARES,
     likely_margin,
     numbers_shown,
     share_rows,
 )
-from analysis.comparison.comparison_model import LEANING, METHOD, PREFERENCE
-from analysis.comparison.comparison_results import Comparison
-from analysis.comparison.comparison_shares import ONE_WAY, ShareEstimate
-from analysis.comparison.comparison_words import share_of_log_odds
-from analysis.inference.binomial_power import difference_power, smallest_margin_ever
-from analysis.inference.binomial_tests import LEVEL
-from analysis.inference.exact_paired_tests import sign_flip_test
-from analysis.inference.fit_cautions import shown_effect, shown_spread
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.wording import listed, spaced
-from data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.analysis.comparison.comparison_model import LEANING, METHOD, PREFERENCE
+from evenlight.analysis.comparison.comparison_results import Comparison
+from evenlight.analysis.comparison.comparison_shares import ONE_WAY, ShareEstimate
+from evenlight.analysis.comparison.comparison_words import share_of_log_odds
+from evenlight.analysis.inference.binomial_power import difference_power, smallest_margin_ever
+from evenlight.analysis.inference.binomial_tests import LEVEL
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.fit_cautions import shown_effect, shown_spread
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.wording import listed, spaced
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
 
 NO_ANSWER = "nobody compared it"
 DIFFERENT = "the sequences differ from one half or from each other: a share of them all tells of none"

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from scipy import special
 
-from analysis.comparison.comparison_limits import AnswerLimits
-from analysis.comparison.comparison_results import Comparison
-from analysis.comparison.comparison_shares import ShareEstimate
-from analysis.inference.binomial_tests import ALPHA, Interval
-from analysis.wording import listed, p_in_words, spaced
+from evenlight.analysis.comparison.comparison_limits import AnswerLimits
+from evenlight.analysis.comparison.comparison_results import Comparison
+from evenlight.analysis.comparison.comparison_shares import ShareEstimate
+from evenlight.analysis.inference.binomial_tests import ALPHA, Interval
+from evenlight.analysis.wording import listed, p_in_words, spaced
 
 
 def lead_of(found: Comparison, limits: Sequence[AnswerLimits]) -> str:

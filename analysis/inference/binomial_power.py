@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, stats
 
-from analysis.inference.binomial_tests import ALPHA, HALF, clopper_pearson, mid_p_interval, smallest_margin
+from evenlight.analysis.inference.binomial_tests import (
+    ALPHA,
+    HALF,
+    clopper_pearson,
+    mid_p_interval,
+    smallest_margin,
+)
 
 MOST_ANSWERS = 10000  # a plan that needs more is no plan
 Array = NDArray[np.float64]

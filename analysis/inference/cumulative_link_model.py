@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
-from analysis.inference.cumulative_link_density import Link, category_density
-from analysis.inference.random_columns import (
+from evenlight.analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
+from evenlight.analysis.inference.cumulative_link_density import Link, category_density
+from evenlight.analysis.inference.random_columns import (
     Columns,
     estimable_columns,
     loadings_of,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.inference.subset_sums import subset_counts
+from evenlight.analysis.inference.subset_sums import subset_counts
 
 
 @dataclass(frozen=True, slots=True)

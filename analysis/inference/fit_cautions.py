@@ -6,8 +6,8 @@ without end. What the search then leaves at its bound is made by that bound, not
 
 from __future__ import annotations
 
-from analysis.inference.cumulative_link import OrdinalFit
-from analysis.inference.fixed_effects import FitFlag, FixedEffect
+from evenlight.analysis.inference.cumulative_link import OrdinalFit
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
 
 WITHOUT_NUMBERS = (FitFlag.NO_VARIATION, FitFlag.APART, FitFlag.NOT_CONVERGED)
 NO_RATIO = (*WITHOUT_NUMBERS, FitFlag.SEPARATED)  # nor has the likelihood a maximum to be compared

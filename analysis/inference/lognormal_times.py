@@ -13,13 +13,18 @@ from functools import partial
 
 import numpy as np
 
-from analysis.inference.adaptive_quadrature import Array, Likelihood, marginal_likelihood, triangle
-from analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
-from analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
-from analysis.inference.lognormal_times_model import CensoredTimes, TimesModel, leave_no_scatter, times_model
-from analysis.inference.profile_effects import FittedModel, Wanted, profiled_effect
-from analysis.inference.random_columns import in_row_space
-from analysis.inference.small_samples import Sample, reference_of
+from evenlight.analysis.inference.adaptive_quadrature import Array, Likelihood, marginal_likelihood, triangle
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
+from evenlight.analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
+from evenlight.analysis.inference.lognormal_times_model import (
+    CensoredTimes,
+    TimesModel,
+    leave_no_scatter,
+    times_model,
+)
+from evenlight.analysis.inference.profile_effects import FittedModel, Wanted, profiled_effect
+from evenlight.analysis.inference.random_columns import in_row_space
+from evenlight.analysis.inference.small_samples import Sample, reference_of
 
 __all__ = ["CensoredTimes", "Contrast", "FitFlag", "FixedEffect", "TimesFit", "fit_lognormal_times"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
-from analysis.inference.random_columns import (
+from evenlight.analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
+from evenlight.analysis.inference.random_columns import (
     Columns,
     estimable_columns,
     loadings_of,

@@ -6,9 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.fixed_effects import FitFlag, FixedEffect
-from analysis.inference.likelihood_search import FLATTEST, Held, Maximum, Objective, Profile, ProfileEnd
-from analysis.inference.small_samples import Reference
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
+from evenlight.analysis.inference.likelihood_search import (
+    FLATTEST,
+    Held,
+    Maximum,
+    Objective,
+    Profile,
+    ProfileEnd,
+)
+from evenlight.analysis.inference.small_samples import Reference
 
 FLAT = 100.0  # a standard error this large, over the range of its column, is that of an effect without bound
 TOO_FEW_PEOPLE = "too few participants for a test or an interval"

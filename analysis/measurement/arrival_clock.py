@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.measurement.clock_line import ClockEstimate, ClockLine
-from analysis.measurement.clock_windows import line_below
-from analysis.measurement.sample_gaps import Samples
-from data_schema.frame_energy import ClockFlag, ClockMethod
+from evenlight.analysis.measurement.clock_line import ClockEstimate, ClockLine
+from evenlight.analysis.measurement.clock_windows import line_below
+from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
 
 STRETCHES = 200  # of each, the sample that arrived soonest
 SOONEST = -0.001  # [s] the computer's own time stamps are not later than the arrival, but for rounding

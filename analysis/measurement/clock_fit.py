@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measurement.arrival_clock import carries_computer_time, computer_time, fit_arrivals
-from analysis.measurement.clock_line import ClockEstimate
-from analysis.measurement.flash_marks import fit_flashes
-from analysis.measurement.ping_clock import fit_pings
-from analysis.measurement.power_recording import Flips, Recording
-from analysis.measurement.sync_edges import LATE_FLIP, Changes, fit_edges
-from data_schema.frame_energy import ClockFit, ClockFlag
+from evenlight.analysis.measurement.arrival_clock import carries_computer_time, computer_time, fit_arrivals
+from evenlight.analysis.measurement.clock_line import ClockEstimate
+from evenlight.analysis.measurement.flash_marks import fit_flashes
+from evenlight.analysis.measurement.ping_clock import fit_pings
+from evenlight.analysis.measurement.power_recording import Flips, Recording
+from evenlight.analysis.measurement.sync_edges import LATE_FLIP, Changes, fit_edges
+from evenlight.data_schema.frame_energy import ClockFit, ClockFlag
 
 Array = NDArray[np.float64]
 

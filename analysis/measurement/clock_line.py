@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
+from evenlight.data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from analysis.measurement.clock_line import ClockLine
+from evenlight.analysis.measurement.clock_line import ClockLine
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.measurement.display_fit import tolerated
-from analysis.measurement.luminance_sweep import LuminanceSweepFit, display_of
-from data_schema.display import Display
-from method.luminance import displayed_luminance
+from evenlight.analysis.measurement.display_fit import tolerated
+from evenlight.analysis.measurement.luminance_sweep import LuminanceSweepFit, display_of
+from evenlight.data_schema.display import Display
+from evenlight.method.luminance import displayed_luminance
 
 PIXEL_VALUES = np.linspace(0.0, 1.0, 65)
 

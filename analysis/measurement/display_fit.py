@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, stats
 
-from analysis.measurement.gamma_curve import Curve, CurveData, PixelLevel, Solution, digits_of
-from analysis.measurement.meter_noise import Noise, Repeats, noise_of
-from data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
-from data_schema.errors import InputError
+from evenlight.analysis.measurement.gamma_curve import Curve, CurveData, PixelLevel, Solution, digits_of
+from evenlight.analysis.measurement.meter_noise import Noise, Repeats, noise_of
+from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

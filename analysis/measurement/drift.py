@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from method.psychometric import WIDTH_LOGITS, PsychometricFunction, yes_probability
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, yes_probability
 
 Array = NDArray[np.float64]
 

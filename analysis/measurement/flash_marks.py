@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from analysis.measurement.clock_line import ClockEstimate, ClockLine
-from analysis.measurement.sample_gaps import Samples
-from data_schema.frame_energy import ClockFlag, ClockMethod
-from data_schema.power_log import FlashMark
+from evenlight.analysis.measurement.clock_line import ClockEstimate, ClockLine
+from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
+from evenlight.data_schema.power_log import FlashMark
 
 Array = NDArray[np.float64]
 

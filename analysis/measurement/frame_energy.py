@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from analysis.measurement.clock_line import ClockLine
-from analysis.measurement.power_recording import Flips
-from analysis.measurement.sample_gaps import Samples, energy_knots
-from data_schema.frame_energy import LEFT_OUT, FrameEnergy, FrameFlag
+from evenlight.analysis.measurement.clock_line import ClockLine
+from evenlight.analysis.measurement.power_recording import Flips
+from evenlight.analysis.measurement.sample_gaps import Samples, energy_knots
+from evenlight.data_schema.frame_energy import LEFT_OUT, FrameEnergy, FrameFlag
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, special
 
-from analysis.measurement.meter_noise import (
+from evenlight.analysis.measurement.meter_noise import (
     Noise,
     Repeats,
     last_digits,
@@ -17,7 +17,7 @@ from analysis.measurement.meter_noise import (
     shared_rounding,
     without_drift,
 )
-from data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

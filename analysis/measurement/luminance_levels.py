@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from analysis.measurement.display_fit import GammaFit
-from analysis.measurement.gamma_curve import PixelLevel
-from analysis.measurement.meter_noise import Repeats
-from data_schema.sweep import LuminanceReading, SweepPhase
-from data_schema.sweep_fit import LuminanceLevel
+from evenlight.analysis.measurement.display_fit import GammaFit
+from evenlight.analysis.measurement.gamma_curve import PixelLevel
+from evenlight.analysis.measurement.meter_noise import Repeats
+from evenlight.data_schema.sweep import LuminanceReading, SweepPhase
+from evenlight.data_schema.sweep_fit import LuminanceLevel
 
 USED = (SweepPhase.SWEEP, SweepPhase.DRIFT)
 

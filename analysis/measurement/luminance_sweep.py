@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
-from analysis.measurement.luminance_levels import (
+from evenlight.analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
+from evenlight.analysis.measurement.luminance_levels import (
     brightness_rows,
     level_rows,
     middle_of,
     pixel_levels,
     repeats_of,
 )
-from analysis.measurement.meter_noise import Repeats
-from analysis.measurement.steadiness import (
+from evenlight.analysis.measurement.meter_noise import Repeats
+from evenlight.analysis.measurement.steadiness import (
     Change,
     change_at_the_end,
     drifted,
@@ -24,13 +24,13 @@ from analysis.measurement.steadiness import (
     unsteady,
     untold,
 )
-from analysis.measurement.sweep_loading import Sweep
-from data_schema.dataset_layout import SWEEP_MANIFEST
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import provenance_now
-from data_schema.sweep import LuminanceReading, LuminanceSweepDesign, SweepPhase
-from data_schema.sweep_fit import DisplayFit, LuminanceLevel, SweepFlag
+from evenlight.analysis.measurement.sweep_loading import Sweep
+from evenlight.data_schema.dataset_layout import SWEEP_MANIFEST
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.sweep import LuminanceReading, LuminanceSweepDesign, SweepPhase
+from evenlight.data_schema.sweep_fit import DisplayFit, LuminanceLevel, SweepFlag
 
 SIMULATED = "SIMULATED"
 

@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, look, text_size
-from analysis.measurement.display_fit import GammaFit, tolerated
-from analysis.measurement.luminance_sweep import SIMULATED, LuminanceSweepFit
-from analysis.measurement.sweep_panels import (
+from evenlight.analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, look, text_size
+from evenlight.analysis.measurement.display_fit import GammaFit, tolerated
+from evenlight.analysis.measurement.luminance_sweep import SIMULATED, LuminanceSweepFit
+from evenlight.analysis.measurement.sweep_panels import (
     TimedReading,
     draw_over_time,
     draw_points,

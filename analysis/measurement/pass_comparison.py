@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from data_schema.played_power import PassPower
+from evenlight.data_schema.played_power import PassPower
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from analysis.measurement.pass_comparison import CONFIDENCE, Estimate, PassComparison
-from analysis.measurement.power_recording import Flips
-from data_schema.frame_energy import FrameEnergy
-from data_schema.played_power import EqualPower, PassPower, VersionPower
-from data_schema.power_log import PowerLog
+from evenlight.analysis.measurement.pass_comparison import CONFIDENCE, Estimate, PassComparison
+from evenlight.analysis.measurement.power_recording import Flips
+from evenlight.data_schema.frame_energy import FrameEnergy
+from evenlight.data_schema.played_power import EqualPower, PassPower, VersionPower
+from evenlight.data_schema.power_log import PowerLog
 
 ENOUGH = 0.95  # share of a video that must be measured for a pass to count
 EQUAL_SHARE = 0.01  # of full brightness: powers closer than this count as equal

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measurement.clock_line import ClockEstimate
-from analysis.measurement.clock_windows import MOST_DRIFT, ClockWindows
-from data_schema.frame_energy import ClockFlag, ClockMethod
+from evenlight.analysis.measurement.clock_line import ClockEstimate
+from evenlight.analysis.measurement.clock_windows import MOST_DRIFT, ClockWindows
+from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
 
 Array = NDArray[np.float64]
 

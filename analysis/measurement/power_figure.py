@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -28,11 +28,11 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.measurement.pass_comparison import VERSIONS
-from analysis.measurement.power_table import MeasuredPower
-from analysis.measurement.power_words import difference_in_words, savings_in_words
-from data_schema.frame_energy import FrameEnergy
-from data_schema.played_power import PlayedPower
+from evenlight.analysis.measurement.pass_comparison import VERSIONS
+from evenlight.analysis.measurement.power_table import MeasuredPower
+from evenlight.analysis.measurement.power_words import difference_in_words, savings_in_words
+from evenlight.data_schema.frame_energy import FrameEnergy
+from evenlight.data_schema.played_power import PlayedPower
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from analysis.measurement.meter_noise import Noise, Repeats, noise_of
-from data_schema.errors import InputError
+from evenlight.analysis.measurement.meter_noise import Noise, Repeats, noise_of
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from analysis.measurement.pass_comparison import VERSIONS
-from analysis.measurement.pass_power import ENOUGH
-from data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod, FrameEnergy, FrameFlag, SampleCount
-from data_schema.played_power import PassPower
-from data_schema.power_log import PowerLog
+from evenlight.analysis.measurement.pass_comparison import VERSIONS
+from evenlight.analysis.measurement.pass_power import ENOUGH
+from evenlight.data_schema.frame_energy import (
+    ClockFit,
+    ClockFlag,
+    ClockMethod,
+    FrameEnergy,
+    FrameFlag,
+    SampleCount,
+)
+from evenlight.data_schema.played_power import PassPower
+from evenlight.data_schema.power_log import PowerLog
 
 MANY_LOST = 0.05  # share of the time that had to be bridged
 KNOWN = 0.01  # to which a frame's energy should be known

@@ -12,11 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measurement.sample_gaps import Samples, samples_once
-from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
-from data_schema.errors import InputError
-from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
-from data_schema.text_files import columns_of, optional_columns, read_json_record, read_rows, read_text
+from evenlight.analysis.measurement.sample_gaps import Samples, samples_once
+from evenlight.data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
+from evenlight.data_schema.text_files import (
+    columns_of,
+    optional_columns,
+    read_json_record,
+    read_rows,
+    read_text,
+)
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from analysis.figure_style import png_bytes
-from analysis.measurement.pass_power import EQUAL_SHARE
-from analysis.measurement.power_notes import NAMES
-from analysis.measurement.power_table import (
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.measurement.pass_power import EQUAL_SHARE
+from evenlight.analysis.measurement.power_notes import NAMES
+from evenlight.analysis.measurement.power_table import (
     FIGURE,
     FRAME_ENERGIES,
     PLAYED_POWER,
@@ -17,12 +17,12 @@ from analysis.measurement.power_table import (
     REPORT,
     MeasuredPower,
 )
-from analysis.measurement.power_words import clock_in_words, difference_in_words, savings_in_words
-from analysis.report import Cell, Picture, Report, Section, Table, write_report
-from analysis.report_sections import files_section, provenance_section
-from data_schema.files import write_whole
-from data_schema.frame_energy import FrameFlag
-from data_schema.played_power import PlayedPower
+from evenlight.analysis.measurement.power_words import clock_in_words, difference_in_words, savings_in_words
+from evenlight.analysis.report import Cell, Picture, Report, Section, Table, write_report
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.frame_energy import FrameFlag
+from evenlight.data_schema.played_power import PlayedPower
 
 SIMULATED_NOTE = (
     "Simulated: the power meter, the panel or both are simulated. The numbers show how the procedure works, "

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.measurement.luminance_sweep import SIMULATED, named
-from analysis.measurement.meter_noise import Noise, Repeats
-from analysis.measurement.power_fit import (
+from evenlight.analysis.measurement.luminance_sweep import SIMULATED, named
+from evenlight.analysis.measurement.meter_noise import Noise, Repeats
+from evenlight.analysis.measurement.power_fit import (
     TOLERATED_DEVIATION,
     LineFit,
     PowerPoints,
@@ -18,13 +18,20 @@ from analysis.measurement.power_fit import (
     points_of,
     slope_through,
 )
-from analysis.measurement.steadiness import Change, change_at_the_end, drifted, late_change, unsteady, untold
-from analysis.measurement.sweep_loading import Sweep
-from data_schema.errors import InputError
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.provenance import provenance_now
-from data_schema.sweep import PowerReading, PowerSweepDesign, SweepPhase
-from data_schema.sweep_fit import LuminanceSource, PowerFit, PowerLevel, SweepFlag
+from evenlight.analysis.measurement.steadiness import (
+    Change,
+    change_at_the_end,
+    drifted,
+    late_change,
+    unsteady,
+    untold,
+)
+from evenlight.analysis.measurement.sweep_loading import Sweep
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.sweep import PowerReading, PowerSweepDesign, SweepPhase
+from evenlight.data_schema.sweep_fit import LuminanceSource, PowerFit, PowerLevel, SweepFlag
 
 MOST_LOST = 0.01  # share of samples: time-weighted means stand more, but something is wrong
 

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figure_style import INK, LIMIT, OURS, PAGE, Medium, look, text_size
-from analysis.measurement.luminance_sweep import SIMULATED
-from analysis.measurement.power_fit import TOLERATED_DEVIATION
-from analysis.measurement.power_sweep import PowerSweepFit
-from analysis.measurement.sweep_panels import (
+from evenlight.analysis.figure_style import INK, LIMIT, OURS, PAGE, Medium, look, text_size
+from evenlight.analysis.measurement.luminance_sweep import SIMULATED
+from evenlight.analysis.measurement.power_fit import TOLERATED_DEVIATION
+from evenlight.analysis.measurement.power_sweep import PowerSweepFit
+from evenlight.analysis.measurement.sweep_panels import (
     TimedReading,
     draw_over_time,
     draw_points,
@@ -19,7 +19,7 @@ from analysis.measurement.sweep_panels import (
     name_panel,
     page_of_panels,
 )
-from data_schema.sweep_fit import LuminanceSource
+from evenlight.data_schema.sweep_fit import LuminanceSource
 
 
 def power_sweep_figure(result: PowerSweepFit, medium: Medium = PAGE) -> Figure:

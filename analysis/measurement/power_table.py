@@ -6,23 +6,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.measurement.clock_fit import fit_clock
-from analysis.measurement.clock_line import line_of
-from analysis.measurement.frame_energy import frame_energies, frame_spans
-from analysis.measurement.pass_comparison import PassComparison
-from analysis.measurement.pass_power import ENOUGH, equal_power, pass_powers, version_powers
-from analysis.measurement.power_notes import notes_of
-from analysis.measurement.power_recording import Recording, load_recording
-from analysis.measurement.power_words import closing_lines
-from analysis.measurement.sample_gaps import count_samples
-from data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
-from data_schema.errors import InputError
-from data_schema.files import results_folder
-from data_schema.frame_energy import FrameEnergy
-from data_schema.played_power import PassPower, PlayedPower, VersionPower
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.provenance import Provenance, provenance_now, sha256_of_file, sha256_of_record
-from data_schema.text_files import write_json_record, write_rows
+from evenlight.analysis.measurement.clock_fit import fit_clock
+from evenlight.analysis.measurement.clock_line import line_of
+from evenlight.analysis.measurement.frame_energy import frame_energies, frame_spans
+from evenlight.analysis.measurement.pass_comparison import PassComparison
+from evenlight.analysis.measurement.pass_power import ENOUGH, equal_power, pass_powers, version_powers
+from evenlight.analysis.measurement.power_notes import notes_of
+from evenlight.analysis.measurement.power_recording import Recording, load_recording
+from evenlight.analysis.measurement.power_words import closing_lines
+from evenlight.analysis.measurement.sample_gaps import count_samples
+from evenlight.data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder
+from evenlight.data_schema.frame_energy import FrameEnergy
+from evenlight.data_schema.played_power import PassPower, PlayedPower, VersionPower
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_file, sha256_of_record
+from evenlight.data_schema.text_files import write_json_record, write_rows
 
 PLAYED_POWER = "played_power.json"
 POWER_TABLE = "power_table.csv"
@@ -65,8 +65,10 @@ def write_power_results(folder: Path, out: Path, power_model: PowerModel | None 
     InputError
         If the recording cannot be used; it names the file and what is wrong.
     """
-    from analysis.measurement.power_figure import power_figure  # matplotlib is loaded only where it draws
-    from analysis.measurement.power_report import write_power_report
+    from evenlight.analysis.measurement.power_figure import (
+        power_figure,  # matplotlib is loaded only where it draws
+    )
+    from evenlight.analysis.measurement.power_report import write_power_report
 
     measured = measure_power(load_recording(folder), power_model, _origin(folder, power_model))
     with results_folder(out) as staging:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from analysis.measurement.power_notes import METHODS, NAMES
-from data_schema.frame_energy import ClockFit, ClockMethod
-from data_schema.played_power import EqualPower, PlayedPower, VersionPower
+from evenlight.analysis.measurement.power_notes import METHODS, NAMES
+from evenlight.data_schema.frame_energy import ClockFit, ClockMethod
+from evenlight.data_schema.played_power import EqualPower, PlayedPower, VersionPower
 
 FINEST = 0.001  # [ms] that is said of a clock: nobody knows a flip better
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.frame_energy import SampleCount
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame_energy import SampleCount
 
 Array = NDArray[np.float64]
 

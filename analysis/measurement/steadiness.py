@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from analysis.measurement.meter_noise import Noise, Repeats
+from evenlight.analysis.measurement.meter_noise import Noise, Repeats
 
 LARGEST_DRIFT = 0.01  # share: twice what a peak is to be known to
 FASTEST_CHANGE = 0.01  # share per ten minutes, over the last third of the warm-up

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from data_schema.dataset_layout import READINGS, SWEEP_MANIFEST, sweep_folders
-from data_schema.errors import InputError
-from data_schema.mapping import record_from_mapping
-from data_schema.provenance import sha256_of_file
-from data_schema.record_kinds import READINGS_OF_SWEEP
-from data_schema.session import SessionStatus
-from data_schema.sweep import (
+from evenlight.data_schema.dataset_layout import READINGS, SWEEP_MANIFEST, sweep_folders
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.record_kinds import READINGS_OF_SWEEP
+from evenlight.data_schema.session import SessionStatus
+from evenlight.data_schema.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
     PowerReading,
     SweepManifest,
     SweepPhase,
 )
-from data_schema.text_files import read_json_record, read_text
+from evenlight.data_schema.text_files import read_json_record, read_text
 
 HALF_CODE = 0.5 / 255 + 1e-9  # of a display with 8 bits, the coarsest there is
 Reading = TypeVar("Reading", LuminanceReading, PowerReading)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from analysis.figure_style import short
-from analysis.measurement.power_fit import UNLIKELY
-from analysis.report import probability
-from data_schema.sweep_fit import DisplayFit, LuminanceSource, PowerFit, SweepFlag
+from evenlight.analysis.figure_style import short
+from evenlight.analysis.measurement.power_fit import UNLIKELY
+from evenlight.analysis.report import probability
+from evenlight.data_schema.sweep_fit import DisplayFit, LuminanceSource, PowerFit, SweepFlag
 
 
 def interval_in_words(interval: tuple[float, float], digits: int = 4) -> str:

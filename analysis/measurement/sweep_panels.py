@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     FAINT,
     INK,
     MUTED,
@@ -25,7 +25,7 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from data_schema.sweep import SweepPhase
+from evenlight.data_schema.sweep import SweepPhase
 
 ROWS, COLUMNS = 2, 2  # of panels on a page
 ROW = 3.0  # [inch] height of a row of panels with their names of axes, on a page of the report

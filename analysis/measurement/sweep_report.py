@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from analysis.measurement.display_check import against_file
-from analysis.measurement.luminance_sweep import LuminanceSweepFit
-from analysis.measurement.power_sweep import PowerSweepFit
-from analysis.measurement.sweep_notes import (
+from evenlight.analysis.measurement.display_check import against_file
+from evenlight.analysis.measurement.luminance_sweep import LuminanceSweepFit
+from evenlight.analysis.measurement.power_sweep import PowerSweepFit
+from evenlight.analysis.measurement.sweep_notes import (
     brightness_in_words,
     display_lines,
     display_warnings,
@@ -17,10 +17,10 @@ from analysis.measurement.sweep_notes import (
     power_lines,
     power_warnings,
 )
-from analysis.report import Cell, Picture, Report, Section, Table
-from analysis.report_sections import files_section, provenance_section
-from data_schema.sweep import SweepManifest
-from data_schema.sweep_fit import DisplayFit, LuminanceLevel, LuminanceSource, PowerFit
+from evenlight.analysis.report import Cell, Picture, Report, Section, Table
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.data_schema.sweep import SweepManifest
+from evenlight.data_schema.sweep_fit import DisplayFit, LuminanceLevel, LuminanceSource, PowerFit
 
 SIMULATED_SWEEP = (
     "Simulated: the readings come from a simulated display, or by a simulated instrument. They show how the "

@@ -7,25 +7,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.figure_style import png_bytes
-from analysis.measurement.display_check import against_file
-from analysis.measurement.luminance_sweep import LuminanceSweepFit, display_of, fit_luminance_sweep
-from analysis.measurement.luminance_sweep_figure import luminance_sweep_figure
-from analysis.measurement.power_sweep import PowerSweepFit, fit_power_sweep, power_model_of
-from analysis.measurement.power_sweep_figure import power_sweep_figure
-from analysis.measurement.sweep_loading import (
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.measurement.display_check import against_file
+from evenlight.analysis.measurement.luminance_sweep import LuminanceSweepFit, display_of, fit_luminance_sweep
+from evenlight.analysis.measurement.luminance_sweep_figure import luminance_sweep_figure
+from evenlight.analysis.measurement.power_sweep import PowerSweepFit, fit_power_sweep, power_model_of
+from evenlight.analysis.measurement.power_sweep_figure import power_sweep_figure
+from evenlight.analysis.measurement.sweep_loading import (
     ChosenSweep,
     load_luminance_sweep,
     load_manifest,
     load_power_sweep,
 )
-from analysis.measurement.sweep_notes import display_lines, display_warnings, power_lines, power_warnings
-from analysis.measurement.sweep_report import luminance_report, power_report
-from analysis.report import write_report
-from data_schema.errors import InputError
-from data_schema.files import results_folder, write_whole
-from data_schema.sweep_fit import LuminanceLevel, PowerLevel
-from data_schema.text_files import write_json_record, write_rows, write_toml_record
+from evenlight.analysis.measurement.sweep_notes import (
+    display_lines,
+    display_warnings,
+    power_lines,
+    power_warnings,
+)
+from evenlight.analysis.measurement.sweep_report import luminance_report, power_report
+from evenlight.analysis.report import write_report
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder, write_whole
+from evenlight.data_schema.sweep_fit import LuminanceLevel, PowerLevel
+from evenlight.data_schema.text_files import write_json_record, write_rows, write_toml_record
 
 REPORT = "report.html"
 LUMINANCE_FILES = {

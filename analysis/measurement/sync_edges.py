@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measurement.clock_line import ClockEstimate, ClockLine
-from analysis.measurement.clock_windows import ClockWindows
-from analysis.measurement.sample_gaps import Samples
-from data_schema.frame_energy import ClockFlag, ClockMethod
+from evenlight.analysis.measurement.clock_line import ClockEstimate, ClockLine
+from evenlight.analysis.measurement.clock_windows import ClockWindows
+from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -15,11 +15,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.inference.binomial_tests import clopper_pearson
-from analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
-from data_schema.errors import InputError
-from data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
-from data_schema.seeds import require_seed
+from evenlight.analysis.inference.binomial_tests import clopper_pearson
+from evenlight.analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
+from evenlight.data_schema.seeds import require_seed
 
 BEYOND_TRIED = "beyond what was tried"
 

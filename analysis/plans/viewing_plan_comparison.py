@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from analysis.comparison.comparison_shares import equivalence_p, independent_error
-from analysis.inference.binomial_power import difference_power, equivalence_power
-from analysis.inference.binomial_tests import ALPHA, HALF
-from analysis.inference.exact_paired_tests import sign_flip_p_values
-from analysis.plans.viewing_plan import Exact, PlannedTest
-from analysis.rating.rating_power import fewest_pairs
-from data_schema.errors import InputError
+from evenlight.analysis.comparison.comparison_shares import equivalence_p, independent_error
+from evenlight.analysis.inference.binomial_power import difference_power, equivalence_power
+from evenlight.analysis.inference.binomial_tests import ALPHA, HALF
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.plans.viewing_plan import Exact, PlannedTest
+from evenlight.analysis.rating.rating_power import fewest_pairs
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

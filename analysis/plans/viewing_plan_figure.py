@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     INK,
     LIMIT,
@@ -26,8 +26,8 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.plans.viewing_plan import ViewingPlan, needed_in_words
-from data_schema.plan import ViewingPlanRow
+from evenlight.analysis.plans.viewing_plan import ViewingPlan, needed_in_words
+from evenlight.data_schema.plan import ViewingPlanRow
 
 COLOURS = (OURS, INK, BASELINE, LIMIT, PARTICIPANT, LOST)
 MARKERS = ("o", "s", "D", "^", "v", "P")

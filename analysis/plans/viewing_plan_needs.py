@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from data_schema.plan import MOST_PARTICIPANTS
+from evenlight.data_schema.plan import MOST_PARTICIPANTS
 
 NUMBERS = np.arange(2, MOST_PARTICIPANTS + 1)
 INTERVAL = 1.96  # standard errors: 95 %

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.binomial_tests import ALPHA
-from analysis.inference.exact_paired_tests import sign_flip_p_values
-from analysis.plans.viewing_plan import PlannedTest
-from analysis.published import SEQUENCES, published
-from analysis.rating.rating_power import LARGEST, fewest_pairs, likely_differences
-from data_schema.errors import InputError
+from evenlight.analysis.inference.binomial_tests import ALPHA
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.plans.viewing_plan import PlannedTest
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.analysis.rating.rating_power import LARGEST, fewest_pairs, likely_differences
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.binomial_tests import ALPHA
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.lognormal_times import CensoredTimes, fit_lognormal_times
-from analysis.plans.viewing_plan import PlannedTest
-from analysis.search.search_models import slowing
-from data_schema.errors import InputError
+from evenlight.analysis.inference.binomial_tests import ALPHA
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, fit_lognormal_times
+from evenlight.analysis.plans.viewing_plan import PlannedTest
+from evenlight.analysis.search.search_models import slowing
+from evenlight.data_schema.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from analysis.inference.exact_paired_tests import ExactTest
-from analysis.inference.paired_effects import Effect
-from analysis.report import Cell
+from evenlight.analysis.inference.exact_paired_tests import ExactTest
+from evenlight.analysis.inference.paired_effects import Effect
+from evenlight.analysis.report import Cell
 
 
 def number_cell(value: float | None) -> str | None:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -27,11 +27,11 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from analysis.rating.rating_pairs import ALL, PairedRatings, VersionRatings
-from analysis.rating.rating_results import PairResult, RatingResults
-from analysis.rating.rating_statistics import mean_of
-from analysis.wording import in_words, p_in_words, p_text
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
+from evenlight.analysis.rating.rating_pairs import ALL, PairedRatings, VersionRatings
+from evenlight.analysis.rating.rating_results import PairResult, RatingResults
+from evenlight.analysis.rating.rating_statistics import mean_of
+from evenlight.analysis.wording import in_words, p_in_words, p_text
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 
 COLUMNS = 4  # panels of ratings side by side
 PANEL_HEIGHT = 11.0  # [em]

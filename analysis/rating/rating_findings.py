@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from analysis.rating.rating_figure import rating_figure
-from analysis.rating.rating_pairs import incomplete
-from analysis.rating.rating_points import rating_points
-from analysis.rating.rating_power import ALPHA
-from analysis.rating.rating_results import PairResult, RatingResults, rating_results
-from analysis.rating.rating_sections import rating_sections
-from analysis.rating.rating_statistics import rating_statistics
-from analysis.session_loading import TaskData
-from analysis.wording import listed, p_in_words, spaced
-from data_schema.viewing import RatingTrial
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.rating.rating_figure import rating_figure
+from evenlight.analysis.rating.rating_pairs import incomplete
+from evenlight.analysis.rating.rating_points import rating_points
+from evenlight.analysis.rating.rating_power import ALPHA
+from evenlight.analysis.rating.rating_results import PairResult, RatingResults, rating_results
+from evenlight.analysis.rating.rating_sections import rating_sections
+from evenlight.analysis.rating.rating_statistics import rating_statistics
+from evenlight.analysis.session_loading import TaskData
+from evenlight.analysis.wording import listed, p_in_words, spaced
+from evenlight.data_schema.viewing import RatingTrial
 
 NAME = "rating"
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.cumulative_link import FitFlag, OrdinalData, OrdinalFit, fit_ordinal
-from analysis.inference.fit_cautions import no_ratio, shown_effect
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.rating.rating_pairs import PairedRatings
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
+from evenlight.analysis.inference.cumulative_link import FitFlag, OrdinalData, OrdinalFit, fit_ordinal
+from evenlight.analysis.inference.fit_cautions import no_ratio, shown_effect
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.rating.rating_pairs import PairedRatings
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
 
 VERSION, PLACE = "version", "place"
 PERMUTATIONS = 9999

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from analysis.inference.fit_cautions import shown_spread
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.holm import holm
-from analysis.inference.paired_effects import Effect
-from analysis.rating.rating_model import InteractionTest, RatingModel
-from analysis.rating.rating_order import OrderEffects
-from analysis.rating.rating_order_contrasts import PERMUTATIONS
-from analysis.rating.rating_rows import ADJUSTED_T, POINTS, PValues, Row, statistic
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.inference.fit_cautions import shown_spread
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.inference.paired_effects import Effect
+from evenlight.analysis.rating.rating_model import InteractionTest, RatingModel
+from evenlight.analysis.rating.rating_order import OrderEffects
+from evenlight.analysis.rating.rating_order_contrasts import PERMUTATIONS
+from evenlight.analysis.rating.rating_rows import ADJUSTED_T, POINTS, PValues, Row, statistic
+from evenlight.data_schema.statistic import Origin, Statistic
 
 
 def model_rows(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.rating.rating_cells import effect_cells
-from analysis.rating.rating_model_rows import odds_ratio
-from analysis.rating.rating_order_contrasts import ContrastTest
-from analysis.rating.rating_results import RatingResults
-from analysis.report import Cell, Section, Table
-from analysis.wording import in_words, p_in_words, p_text
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.rating.rating_cells import effect_cells
+from evenlight.analysis.rating.rating_model_rows import odds_ratio
+from evenlight.analysis.rating.rating_order_contrasts import ContrastTest
+from evenlight.analysis.rating.rating_results import RatingResults
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.wording import in_words, p_in_words, p_text
 
 
 def model_section(results: RatingResults) -> Section:

@@ -20,11 +20,16 @@ from fractions import Fraction
 
 import numpy as np
 
-from analysis.inference.exact_group_test import group_test
-from analysis.inference.paired_effects import Effect, group_difference
-from analysis.rating.rating_order_contrasts import PERMUTATIONS, ContrastTest, SeenOrders, within_people
-from analysis.rating.rating_pairs import common_denominator, whole_scores
-from data_schema.viewing import RatingTrial, Version
+from evenlight.analysis.inference.exact_group_test import group_test
+from evenlight.analysis.inference.paired_effects import Effect, group_difference
+from evenlight.analysis.rating.rating_order_contrasts import (
+    PERMUTATIONS,
+    ContrastTest,
+    SeenOrders,
+    within_people,
+)
+from evenlight.analysis.rating.rating_pairs import common_denominator, whole_scores
+from evenlight.data_schema.viewing import RatingTrial, Version
 
 NO_PAIR = "nobody has rated both versions one after the other"
 

@@ -9,8 +9,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.paired_effects import Effect, mean_difference
-from analysis.rating.rating_pairs import common_denominator
+from evenlight.analysis.inference.paired_effects import Effect, mean_difference
+from evenlight.analysis.rating.rating_pairs import common_denominator
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.session_loading import TaskData
-from data_schema.viewing import RatingDesign, RatingTrial, Version
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.viewing import RatingDesign, RatingTrial, Version
 
 Array = NDArray[np.float64]
 

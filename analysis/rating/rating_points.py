@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from analysis.rating.rating_figure import bin_width, difference_counts
-from analysis.rating.rating_results import PairResult, RatingResults
-from analysis.rating.rating_rows import POINTS
-from analysis.rating.rating_statistics import mean_of
-from data_schema.statistic import Origin, PlottedPoint
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
+from evenlight.analysis.rating.rating_figure import bin_width, difference_counts
+from evenlight.analysis.rating.rating_results import PairResult, RatingResults
+from evenlight.analysis.rating.rating_rows import POINTS
+from evenlight.analysis.rating.rating_statistics import mean_of
+from evenlight.data_schema.statistic import Origin, PlottedPoint
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
 
 
 def rating_points(results: RatingResults) -> tuple[PlottedPoint, ...]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from analysis.inference.exact_paired_tests import sign_flip_p_values
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
 
 ALPHA = 0.05
 POWER = 0.8

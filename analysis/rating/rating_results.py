@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.exact_paired_tests import (
+from evenlight.analysis.inference.exact_paired_tests import (
     ExactTest,
     Zeros,
     sign_flip_test,
     sign_test,
     signed_rank_test,
 )
-from analysis.inference.holm import holm
-from analysis.inference.paired_effects import (
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.inference.paired_effects import (
     Effect,
     mean_difference,
     rank_biserial,
@@ -22,9 +22,14 @@ from analysis.inference.paired_effects import (
     superiority,
     within,
 )
-from analysis.rating.rating_model import InteractionTest, RatingModel, permuted_interaction, rating_model
-from analysis.rating.rating_order import OrderEffects, order_effects
-from analysis.rating.rating_pairs import (
+from evenlight.analysis.rating.rating_model import (
+    InteractionTest,
+    RatingModel,
+    permuted_interaction,
+    rating_model,
+)
+from evenlight.analysis.rating.rating_order import OrderEffects, order_effects
+from evenlight.analysis.rating.rating_pairs import (
     PairedRatings,
     VersionRatings,
     always_alike,
@@ -33,9 +38,9 @@ from analysis.rating.rating_pairs import (
     sequences_in,
     version_ratings,
 )
-from analysis.rating.rating_power import ALPHA, LARGEST, Spread, fewest_pairs, smallest_difference
-from analysis.session_loading import TaskData
-from data_schema.viewing import RatingTrial, Version
+from evenlight.analysis.rating.rating_power import ALPHA, LARGEST, Spread, fewest_pairs, smallest_difference
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.viewing import RatingTrial, Version
 
 NOBODY = "nobody has rated both versions"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from analysis.inference.paired_effects import LEVEL, Effect
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.inference.paired_effects import LEVEL, Effect
+from evenlight.data_schema.statistic import Origin, Statistic
 
 POINTS = "rating points"
 ADJUSTED_T = "Student's t with two pseudo pairs (after Agresti & Min 2005)"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from analysis.rating.rating_cells import effect_cells, interval_cell, number_cell, p_of, two_digits
-from analysis.rating.rating_model_sections import model_section, order_section
-from analysis.rating.rating_pairs import ALL, incomplete
-from analysis.rating.rating_power import ALPHA, POWER
-from analysis.rating.rating_results import PairResult, RatingResults
-from analysis.rating.rating_statistics import mean_of, standard_error
-from analysis.report import Cell, Picture, Section, Table
-from analysis.wording import in_words, listed, p_text, spaced
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
+from evenlight.analysis.rating.rating_cells import effect_cells, interval_cell, number_cell, p_of, two_digits
+from evenlight.analysis.rating.rating_model_sections import model_section, order_section
+from evenlight.analysis.rating.rating_pairs import ALL, incomplete
+from evenlight.analysis.rating.rating_power import ALPHA, POWER
+from evenlight.analysis.rating.rating_results import PairResult, RatingResults
+from evenlight.analysis.rating.rating_statistics import mean_of, standard_error
+from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.wording import in_words, listed, p_text, spaced
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 
 
 def rating_sections(results: RatingResults, picture: Picture) -> tuple[Section, ...]:

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.exact_paired_tests import ExactTest
-from analysis.inference.holm import holm
-from analysis.inference.paired_effects import Effect, mean_difference, within
-from analysis.rating.rating_cells import p_of
-from analysis.rating.rating_model_rows import model_rows, order_rows
-from analysis.rating.rating_pairs import VersionRatings
-from analysis.rating.rating_power import POWER
-from analysis.rating.rating_results import PairResult, RatingResults
-from analysis.rating.rating_rows import ADJUSTED_T, POINTS, SIGN_FLIP, PValues, Row, statistic
-from data_schema.statistic import Origin, Statistic
-from data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
+from evenlight.analysis.inference.exact_paired_tests import ExactTest
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.inference.paired_effects import Effect, mean_difference, within
+from evenlight.analysis.rating.rating_cells import p_of
+from evenlight.analysis.rating.rating_model_rows import model_rows, order_rows
+from evenlight.analysis.rating.rating_pairs import VersionRatings
+from evenlight.analysis.rating.rating_power import POWER
+from evenlight.analysis.rating.rating_results import PairResult, RatingResults
+from evenlight.analysis.rating.rating_rows import ADJUSTED_T, POINTS, SIGN_FLIP, PValues, Row, statistic
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
 
 
 def rating_statistics(results: RatingResults) -> tuple[Statistic, ...]:

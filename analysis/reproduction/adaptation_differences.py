@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
-from data_schema.errors import InputError
-from method.adaptation import adapting
+from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
+from evenlight.data_schema.errors import InputError
+from evenlight.method.adaptation import adapting
 
 Array = NDArray[np.float64]
 

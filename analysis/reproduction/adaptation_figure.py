@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, PercentFormatter
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     LIMIT,
     OURS,
@@ -24,7 +24,7 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.reproduction.adaptation_differences import (
+from evenlight.analysis.reproduction.adaptation_differences import (
     BINS_PER_DECADE,
     DECADES,
     AdaptationInput,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from analysis.published import published, published_values
-from analysis.reproduction.adaptation_differences import (
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.published import published, published_values
+from evenlight.analysis.reproduction.adaptation_differences import (
     LARGE,
     AdaptationInput,
     Differences,
@@ -15,12 +15,17 @@ from analysis.reproduction.adaptation_differences import (
     Place,
     differences_of,
 )
-from analysis.reproduction.adaptation_figure import Results, differences_figure
-from analysis.reproduction.adaptation_points import histogram_points, step_points
-from analysis.reproduction.adaptation_section import BEYOND, LARGEST_RESPONSE, PUBLISHED, adaptation_section
-from analysis.reproduction.adaptation_step_figure import Change, changes, step_figure
-from data_schema.errors import InputError
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.reproduction.adaptation_figure import Results, differences_figure
+from evenlight.analysis.reproduction.adaptation_points import histogram_points, step_points
+from evenlight.analysis.reproduction.adaptation_section import (
+    BEYOND,
+    LARGEST_RESPONSE,
+    PUBLISHED,
+    adaptation_section,
+)
+from evenlight.analysis.reproduction.adaptation_step_figure import Change, changes, step_figure
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.statistic import Origin, Statistic
 
 METHOD = "cones after Pattanaik et al. 2000; updated exactly, integrated within frames"
 UNIT_UNKNOWN = "the paper prints no unit: not comparable in size"

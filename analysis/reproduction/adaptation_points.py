@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.reproduction.adaptation_differences import AdaptationInput, Dimming, Place
-from analysis.reproduction.adaptation_figure import Results, bar_edges, bars
-from analysis.reproduction.adaptation_step_figure import Change
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.reproduction.adaptation_differences import AdaptationInput, Dimming, Place
+from evenlight.analysis.reproduction.adaptation_figure import Results, bar_edges, bars
+from evenlight.analysis.reproduction.adaptation_step_figure import Change
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 
 def histogram_points(

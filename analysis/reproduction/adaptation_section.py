@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.findings import Drawing
-from analysis.published import published_values
-from analysis.report import Section, Table
-from analysis.reproduction.adaptation_differences import AdaptationInput, Dimming, Place
-from analysis.reproduction.adaptation_figure import Results
-from data_schema.statistic import Statistic
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.published import published_values
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.reproduction.adaptation_differences import AdaptationInput, Dimming, Place
+from evenlight.analysis.reproduction.adaptation_figure import Results
+from evenlight.data_schema.statistic import Statistic
 
 PUBLISHED = {Dimming.CONSTRAINED: "constrained", Dimming.UNCONSTRAINED: "unconstrained"}
 LARGEST_RESPONSE = 1.0  # so that no average of differences of responses can be larger

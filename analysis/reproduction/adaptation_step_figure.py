@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     INK,
     LIMIT,
     MUTED,
@@ -21,7 +21,13 @@ from analysis.figure_style import (
     look,
     new_figure,
 )
-from method.adaptation import adapted, cone_response, response_differences, state_after, static_response
+from evenlight.method.adaptation import (
+    adapted,
+    cone_response,
+    response_differences,
+    state_after,
+    static_response,
+)
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.adaptation_differences import AdaptationInput
-from analysis.reproduction.luminance_maps import LuminanceMaps
-from method.optimize import Problem, Solver, optimize
+from evenlight.analysis.reproduction.adaptation_differences import AdaptationInput
+from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
+from evenlight.method.optimize import Problem, Solver, optimize
 
 NO_LIMIT = 1e9  # [cd/m^2/s] the sun's luminance within a second: no step of a display comes near
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.findings import Findings
-from analysis.published import SEQUENCES, published
-from analysis.report import Cell, Section, Table
-from analysis.reproduction.online_rows import RATIO
-from analysis.reproduction.reproduced_tables import DIFFERENCE, find, interval_in_words
-from analysis.wording import in_words
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.reproduction.online_rows import RATIO
+from evenlight.analysis.reproduction.reproduced_tables import DIFFERENCE, find, interval_in_words
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, Statistic
 
 NAME = "at_a_glance"
 LAG = "integral of |static - dynamic response| over time: per pixel"  # what the paper integrates

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.display import Display
-from data_schema.frame import Frame
-from method.luminance import LUMINANCE_WEIGHTS, dimmed_luminance, linear_channels
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.method.luminance import LUMINANCE_WEIGHTS, dimmed_luminance, linear_channels
 
 Map = NDArray[np.float32]
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -24,8 +24,8 @@ from analysis.figure_style import (
     short,
     text_size,
 )
-from analysis.reproduction.online_run import OnlineRun, SweepPoint
-from analysis.reproduction.online_spread import SpreadRatio
+from evenlight.analysis.reproduction.online_run import OnlineRun, SweepPoint
+from evenlight.analysis.reproduction.online_spread import SpreadRatio
 
 
 def walk_figure(run: OnlineRun, spread: SpreadRatio) -> Figure:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from analysis.figure_style import png_bytes, short
-from analysis.findings import Drawing, Findings
-from analysis.published import published
-from analysis.report import Section, Table
-from analysis.reproduction.online_figure import sweep_figure, walk_figure
-from analysis.reproduction.online_rows import sweep_points, sweep_rows, walk_points, walk_rows
-from analysis.reproduction.online_run import OnlineRun, TargetSweep
-from analysis.reproduction.online_spread import SpreadRatio, spread_ratio
-from data_schema.statistic import Origin
+from evenlight.analysis.figure_style import png_bytes, short
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.published import published
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.reproduction.online_figure import sweep_figure, walk_figure
+from evenlight.analysis.reproduction.online_rows import sweep_points, sweep_rows, walk_points, walk_rows
+from evenlight.analysis.reproduction.online_run import OnlineRun, TargetSweep
+from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from evenlight.data_schema.statistic import Origin
 
 
 def online_findings(walk: OnlineRun, sweep: TargetSweep, origin: Origin = Origin.COMPUTED) -> Findings:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.published import published
-from analysis.reproduction.online_run import OnlineRun, TargetSweep
-from analysis.reproduction.online_spread import SpreadRatio
-from data_schema.statistic import Origin, PlottedPoint, Statistic
-from method.modulation import largest_rate_ratio
+from evenlight.analysis.published import published
+from evenlight.analysis.reproduction.online_run import OnlineRun, TargetSweep
+from evenlight.analysis.reproduction.online_spread import SpreadRatio
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.method.modulation import largest_rate_ratio
 
 RATIO = "SD of the controller / SD of constant dimming"
 INTERVAL = (

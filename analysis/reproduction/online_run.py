@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from method.control_curves import ControlledTrack, control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import loss_and_slope
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.method.control_curves import ControlledTrack, control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import loss_and_slope
 
 Array = NDArray[np.float64]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.findings import Findings
-from analysis.published import published
-from analysis.report import Section, Table
-from analysis.reproduction.sequence_tracks import SequenceTracks
-from analysis.wording import in_words
-from data_schema.played_power import PlayedPower
-from data_schema.statistic import Origin, Statistic
-from data_schema.text_files import read_json_record
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.published import published
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.played_power import PlayedPower
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.text_files import read_json_record
 
 VERSIONS = ("baseline", "ours", "full")
 COLUMNS = {"baseline": "constant", "ours": "ours", "full": "full brightness"}

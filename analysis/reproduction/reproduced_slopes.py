@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.findings import Findings
-from analysis.published import published, published_values
-from analysis.report import Section, Table
-from data_schema.rate_limit import RateLimit
-from data_schema.statistic import Origin, Statistic
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.published import published, published_values
+from evenlight.analysis.report import Section, Table
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.method.rate_limit import rate_limit_at
 
 AUTHORS = "authors_thresholds"
 

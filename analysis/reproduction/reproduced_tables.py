@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.findings import Findings
-from analysis.published import SEQUENCES, published
-from analysis.report import Cell, Section, Table
-from analysis.wording import in_words, p_text
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.analysis.report import Cell, Section, Table
+from evenlight.analysis.wording import in_words, p_text
+from evenlight.data_schema.statistic import Origin, Statistic
 
 TABLE = "detail_quality"
 DIFFERENCE = "mean difference, ours less baseline"

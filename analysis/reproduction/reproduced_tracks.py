@@ -7,17 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from analysis.report import Section, Table
-from analysis.reproduction.sequence_figure import sequence_drawing, sequence_figure, track_points
-from analysis.reproduction.sequence_tracks import SequenceTracks
-from analysis.tracks.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure
-from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import TrackStory
-from analysis.wording import in_words
-from data_schema.statistic import Origin, PlottedPoint, Statistic
-from method.luminance import emitted_luminance
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.reproduction.sequence_figure import sequence_drawing, sequence_figure, track_points
+from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
+from evenlight.analysis.tracks.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_story import TrackStory
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.method.luminance import emitted_luminance
 
 SHOWN_FACTORS = (0.4, 0.8)  # average brightness of the paper's figure of thresholded contrast
 RESTS_ON_SIMULATED = "The rate limit rests on simulated participants."

@@ -8,17 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
-from analysis.reproduction.sequence_tracks import Panel, SequenceTracks, track_sequence
-from analysis.session_loading import tasks_in
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.rate_limit import RateLimit
-from data_schema.seeds import require_seed
-from method.loss_curves import analyze_frames
-from method.preset_files import load_display, load_power_model, load_rate_limit
-from stimuli.sequences import built_in_sequence
+from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
+from evenlight.analysis.reproduction.sequence_tracks import Panel, SequenceTracks, track_sequence
+from evenlight.analysis.session_loading import tasks_in
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.seeds import require_seed
+from evenlight.method.loss_curves import analyze_frames
+from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
+from evenlight.stimuli.sequences import built_in_sequence
 
 # The four sequences and their mean brightness factors (Section 4, "Stimuli", and Table 2).
 BUDGETS = {"library": 0.5, "gym": 0.4, "living_room": 0.7, "basement": 0.3}

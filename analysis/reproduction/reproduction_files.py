@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.earlier_results import files_in
-from analysis.findings import Findings, write_drawing, write_statistics
-from analysis.report import write_report
-from analysis.reproduction.reproduction import PIPELINE, Reproduction
-from analysis.reproduction.reproduction_parts import parts_of
-from analysis.reproduction.reproduction_report import reproduction_report
-from data_schema.analysis_summary import AnalysisSummary
-from data_schema.provenance import Provenance, provenance_now, sha256_of_record
-from data_schema.text_files import write_json_record
+from evenlight.analysis.earlier_results import files_in
+from evenlight.analysis.findings import Findings, write_drawing, write_statistics
+from evenlight.analysis.report import write_report
+from evenlight.analysis.reproduction.reproduction import PIPELINE, Reproduction
+from evenlight.analysis.reproduction.reproduction_parts import parts_of
+from evenlight.analysis.reproduction.reproduction_report import reproduction_report
+from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_record
+from evenlight.data_schema.text_files import write_json_record
 
 TABLES, FIGURES = "tables", "figures"
 REPORT, SUMMARY = "report.html", "reproduction.json"

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.findings import Findings
-from analysis.reproduction.adaptation_findings import adaptation_findings
-from analysis.reproduction.glance import glance_findings
-from analysis.reproduction.online_findings import online_findings
-from analysis.reproduction.online_run import TargetSweep, online_run, target_sweep
-from analysis.reproduction.power_comparison import power_findings
-from analysis.reproduction.reproduced_slopes import slope_findings
-from analysis.reproduction.reproduced_tables import detail_quality_findings
-from analysis.reproduction.reproduced_tracks import contrast_findings, example_findings, sequence_findings
-from analysis.reproduction.reproduction import Reproduction
-from data_schema.loss_curves import LossCurves
-from data_schema.statistic import Origin
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import loss_and_slope
-from method.scalar_rate_limit import scalar_rate_limit
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
+from evenlight.analysis.reproduction.glance import glance_findings
+from evenlight.analysis.reproduction.online_findings import online_findings
+from evenlight.analysis.reproduction.online_run import TargetSweep, online_run, target_sweep
+from evenlight.analysis.reproduction.power_comparison import power_findings
+from evenlight.analysis.reproduction.reproduced_slopes import slope_findings
+from evenlight.analysis.reproduction.reproduced_tables import detail_quality_findings
+from evenlight.analysis.reproduction.reproduced_tracks import (
+    contrast_findings,
+    example_findings,
+    sequence_findings,
+)
+from evenlight.analysis.reproduction.reproduction import Reproduction
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.statistic import Origin
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
 
 SWEPT = "basement"  # the sequence of the paper's curve of target loss against brightness
 TARGETS = 20  # target losses of that curve, up to what the lowest factor loses on average

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from analysis.findings import Findings
-from analysis.report import Report, Section, Table
-from analysis.report_sections import files_section, provenance_section
-from analysis.reproduction.reproduction import PIPELINE, Reproduction
-from data_schema.provenance import Provenance
-from data_schema.statistic import Origin
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.report import Report, Section, Table
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.analysis.reproduction.reproduction import PIPELINE, Reproduction
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.statistic import Origin
 
 TITLE = "Temporal brightness management: the paper's tables and figures, made anew"
 SIMULATED = (

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     LIMIT,
@@ -25,12 +25,12 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from analysis.findings import Drawing
-from analysis.reproduction.sequence_tracks import SequenceTracks
-from analysis.tracks.track_figure import factor_axis
-from analysis.tracks.track_story import frame_edges
-from analysis.wording import in_words
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.findings import Drawing
+from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
+from evenlight.analysis.tracks.track_figure import factor_axis
+from evenlight.analysis.tracks.track_story import frame_edges
+from evenlight.analysis.wording import in_words
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 Array = NDArray[np.float64]
 

@@ -9,22 +9,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.adaptation_differences import AdaptationInput
-from analysis.reproduction.adaptation_tracks import adaptation_input
-from analysis.reproduction.luminance_maps import LuminanceMaps
-from analysis.tracks.frame_samples import FrameSamples
-from analysis.tracks.optimization import Work, run_optimization
-from analysis.tracks.thumbnails import Image, thumbnails_of
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, read_track
-from data_schema.display import Display
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves, read_loss_curves
-from data_schema.power_model import PowerModel
-from data_schema.rate_limit import RateLimit
-from method.choices import SolverName
-from method.optimize import Request, pose
-from method.solvers import make_solver
-from stimuli.video_source import VideoSource
+from evenlight.analysis.reproduction.adaptation_differences import AdaptationInput
+from evenlight.analysis.reproduction.adaptation_tracks import adaptation_input
+from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.optimization import Work, run_optimization
+from evenlight.analysis.tracks.thumbnails import Image, thumbnails_of
+from evenlight.data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    read_track,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.method.choices import SolverName
+from evenlight.method.optimize import Request, pose
+from evenlight.method.solvers import make_solver
+from evenlight.stimuli.video_source import VideoSource
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.survival_curves import SurvivalCurve, kaplan_meier, restricted_mean
-from analysis.search.search_trials import Array, Mask, SearchTable
+from evenlight.analysis.inference.survival_curves import SurvivalCurve, kaplan_meier, restricted_mean
+from evenlight.analysis.search.search_trials import Array, Mask, SearchTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from analysis.report import Section, Table
-from analysis.search.search_locations import Cell as LocationCell
-from analysis.search.search_models import VERSION, effect_of
-from analysis.search.search_results import SearchResults
-from analysis.search.search_sections import COLUMNS, effect_cells, is_simulated, location_name
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.search.search_locations import Cell as LocationCell
+from evenlight.analysis.search.search_models import VERSION, effect_of
+from evenlight.analysis.search.search_results import SearchResults
+from evenlight.analysis.search.search_sections import COLUMNS, effect_cells, is_simulated, location_name
 
 
 def averages_section(found: SearchResults) -> Section:

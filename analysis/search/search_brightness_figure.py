@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import Bbox
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     INK,
     MUTED,
@@ -26,10 +26,10 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.search.search_over_locations import LocationLine
-from analysis.search.search_trials import Location
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.search.search_over_locations import LocationLine
+from evenlight.analysis.search.search_trials import Location
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 TICKS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
 LINE_STEPS = 61

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     MUTED,
@@ -22,10 +22,10 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.search.search_shares import clustered_share
-from analysis.search.search_sides import Side
-from analysis.search.search_trials import Array, SearchTable
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.search.search_shares import clustered_share
+from evenlight.analysis.search.search_sides import Side
+from evenlight.analysis.search.search_trials import Array, SearchTable
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 STEPS = 45
 

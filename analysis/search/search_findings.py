@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from analysis.figure_style import png_bytes
-from analysis.findings import Drawing, Findings
-from analysis.search.search_averages_section import averages_section
-from analysis.search.search_brightness_figure import brightness_figure, brightness_points
-from analysis.search.search_curves_figure import curves_figure, curves_points
-from analysis.search.search_results import SLOWING, SearchResults, search_results
-from analysis.search.search_sections import brightness_section, pairs_section, times_section
-from analysis.search.search_statistics import statistics_of
-from analysis.search.search_times_figure import times_figure, times_points
-from analysis.search.search_words import lead_of, who
-from analysis.session_loading import TaskData
-from data_schema.errors import InputError
-from data_schema.search import SearchTrial
-from data_schema.statistic import Origin
+from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.search.search_averages_section import averages_section
+from evenlight.analysis.search.search_brightness_figure import brightness_figure, brightness_points
+from evenlight.analysis.search.search_curves_figure import curves_figure, curves_points
+from evenlight.analysis.search.search_results import SLOWING, SearchResults, search_results
+from evenlight.analysis.search.search_sections import brightness_section, pairs_section, times_section
+from evenlight.analysis.search.search_statistics import statistics_of
+from evenlight.analysis.search.search_times_figure import times_figure, times_points
+from evenlight.analysis.search.search_words import lead_of, who
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.statistic import Origin
 
 
 def search_findings(data: TaskData[SearchTrial], seed: int = 1, slowing: float = SLOWING) -> Findings:

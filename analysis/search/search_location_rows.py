@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.search.search_locations import Cell, LocationResult
-from analysis.search.search_results import SearchResults
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.search.search_locations import Cell, LocationResult
+from evenlight.analysis.search.search_results import SearchResults
+from evenlight.data_schema.statistic import Origin, Statistic
 
 LEVEL = 0.95
 RATIO = "time ratio, ours / baseline"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from analysis.inference.binomial_tests import mid_p_interval
-from analysis.inference.holm import holm
-from analysis.search.search_averages import CellAverages, cell_averages
-from analysis.search.search_pairs import Detections, Pairs, detections
-from analysis.search.search_trials import Location, SearchTable
+from evenlight.analysis.inference.binomial_tests import mid_p_interval
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.search.search_averages import CellAverages, cell_averages
+from evenlight.analysis.search.search_pairs import Detections, Pairs, detections
+from evenlight.analysis.search.search_trials import Location, SearchTable
 
 
 @dataclass(frozen=True, slots=True)

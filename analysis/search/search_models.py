@@ -15,10 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
-from analysis.inference.lognormal_times import CensoredTimes, Contrast, TimesFit, fit_lognormal_times
-from analysis.search.search_sides import Side
-from analysis.search.search_trials import Array, SearchTable
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
+from evenlight.analysis.inference.lognormal_times import (
+    CensoredTimes,
+    Contrast,
+    TimesFit,
+    fit_lognormal_times,
+)
+from evenlight.analysis.search.search_sides import Side
+from evenlight.analysis.search.search_trials import Array, SearchTable
 
 PEOPLE_FOR_SPOTS = 4  # over so many each place of a ring is seen in either version (viewing-orders.md)
 LEAST_SCATTER = 0.005  # of ln(time): half a per cent, less than any clock of a participant

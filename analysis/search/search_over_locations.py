@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
 
 Array = NDArray[np.float64]
 

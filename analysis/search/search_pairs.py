@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
-from analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_trials import SearchTable
 
 Array = NDArray[np.float64]
 

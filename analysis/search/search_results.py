@@ -9,24 +9,30 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from analysis.inference.exact_paired_tests import sign_flip_test
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.holm import holm
-from analysis.search.search_curves_figure import FoundOverTime, found_over_time
-from analysis.search.search_locations import LocationResult, location_results
-from analysis.search.search_models import BRIGHTNESS, SearchModels, effect_of, search_models
-from analysis.search.search_over_locations import (
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.search.search_curves_figure import FoundOverTime, found_over_time
+from evenlight.analysis.search.search_locations import LocationResult, location_results
+from evenlight.analysis.search.search_models import BRIGHTNESS, SearchModels, effect_of, search_models
+from evenlight.analysis.search.search_over_locations import (
     LocationLine,
     for_people_and_locations,
     line_over_locations,
 )
-from analysis.search.search_pairs import HazardRatio, Pairs, difference_error, hazard_ratio, matched_pairs
-from analysis.search.search_shares import Orientation, Share, detection_share, orientation
-from analysis.search.search_sides import Side
-from analysis.search.search_trials import SearchTable, first_sessions, search_table
-from analysis.session_loading import TaskData
-from data_schema.search import SearchTrial
-from data_schema.statistic import Origin
+from evenlight.analysis.search.search_pairs import (
+    HazardRatio,
+    Pairs,
+    difference_error,
+    hazard_ratio,
+    matched_pairs,
+)
+from evenlight.analysis.search.search_shares import Orientation, Share, detection_share, orientation
+from evenlight.analysis.search.search_sides import Side
+from evenlight.analysis.search.search_trials import SearchTable, first_sessions, search_table
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.statistic import Origin
 
 SLOWING = 0.25  # more than that where ours dims would be a loss (choice; docs/decisions/search-inference.md)
 EVERYWHERE = "all"

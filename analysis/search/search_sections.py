@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.report import Cell, Picture, Section, Table
-from analysis.search.search_locations import Cell as LocationCell
-from analysis.search.search_locations import LocationResult
-from analysis.search.search_models import ORDER, VERSION, VISIT, effect_of
-from analysis.search.search_results import DetectionChange, SearchResults
-from analysis.search.search_sides import ABOUT_EQUAL
-from analysis.search.search_statistics import (
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.search.search_locations import Cell as LocationCell
+from evenlight.analysis.search.search_locations import LocationResult
+from evenlight.analysis.search.search_models import ORDER, VERSION, VISIT, effect_of
+from evenlight.analysis.search.search_results import DetectionChange, SearchResults
+from evenlight.analysis.search.search_sides import ABOUT_EQUAL
+from evenlight.analysis.search.search_statistics import (
     LIKE_BOTH,
     LIKE_LOCATIONS,
     LIKE_PEOPLE,
@@ -19,9 +19,9 @@ from analysis.search.search_statistics import (
     ORDER_EFFECTS,
     people_slope,
 )
-from analysis.search.search_words import flags_of, lead_of, range_text
-from analysis.wording import p_text
-from data_schema.statistic import Origin
+from evenlight.analysis.search.search_words import flags_of, lead_of, range_text
+from evenlight.analysis.wording import p_text
+from evenlight.data_schema.statistic import Origin
 
 COLUMNS = ("ratio", "95 % interval", "p")
 

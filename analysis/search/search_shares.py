@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.search.search_trials import SearchTable
-from data_schema.search import ORIENTATIONS
+from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.data_schema.search import ORIENTATIONS
 
 CHANCE = 1 / len(ORIENTATIONS)
 

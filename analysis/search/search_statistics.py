@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.lognormal_times import TimesFit
-from analysis.search.search_location_rows import LEVEL, MODEL, RATIO, location_rows, ratio_row
-from analysis.search.search_models import BRIGHTNESS, ORDER, VERSION, VISIT, SideEffect, effect_of
-from analysis.search.search_results import (
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.lognormal_times import TimesFit
+from evenlight.analysis.search.search_location_rows import LEVEL, MODEL, RATIO, location_rows, ratio_row
+from evenlight.analysis.search.search_models import BRIGHTNESS, ORDER, VERSION, VISIT, SideEffect, effect_of
+from evenlight.analysis.search.search_results import (
     EVERYWHERE,
     ONE_PERSON_ONLY,
     DetectionChange,
     FirstFound,
     SearchResults,
 )
-from analysis.search.search_shares import Orientation, Share
-from data_schema.statistic import Origin, Statistic
+from evenlight.analysis.search.search_shares import Orientation, Share
+from evenlight.data_schema.statistic import Origin, Statistic
 
 PRIMARY = "the primary test"
 SECONDARY = "secondary, not adjusted"

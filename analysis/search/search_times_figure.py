@@ -8,7 +8,7 @@ from itertools import groupby
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -25,8 +25,8 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.search.search_locations import Cell, LocationResult
-from data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.search.search_locations import Cell, LocationResult
+from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 ROW = 1.62  # height of a location [em]
 HEADING = 1.75  # of a sequence [em]

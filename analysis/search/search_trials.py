@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.search.search_sides import side_of
-from analysis.session_loading import TaskData
-from data_schema.errors import InputError
-from data_schema.search import SearchDesign, SearchTrial
-from data_schema.viewing import Version
+from evenlight.analysis.search.search_sides import side_of
+from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import SearchDesign, SearchTrial
+from evenlight.data_schema.viewing import Version
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]

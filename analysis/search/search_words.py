@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.search.search_models import VERSION, SideEffect, effect_of
-from analysis.search.search_results import SearchResults
-from analysis.search.search_sides import ABOUT_EQUAL, Side
-from analysis.search.search_statistics import people_slope
-from analysis.wording import p_in_words
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.search.search_models import VERSION, SideEffect, effect_of
+from evenlight.analysis.search.search_results import SearchResults
+from evenlight.analysis.search.search_sides import ABOUT_EQUAL, Side
+from evenlight.analysis.search.search_statistics import people_slope
+from evenlight.analysis.wording import p_in_words
 
 ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means

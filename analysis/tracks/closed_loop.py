@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from analysis.calibration.calibration import Calibration, calibrate, write_calibration
-from analysis.calibration.calibration_figures import write_figures
-from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.threshold_sections import population_section
-from analysis.loading import load_ramp_data
-from analysis.report import Report, write_report
-from analysis.report_sections import (
+from evenlight.analysis.calibration.calibration import Calibration, calibrate, write_calibration
+from evenlight.analysis.calibration.calibration_figures import write_figures
+from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.threshold_sections import population_section
+from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.report import Report, write_report
+from evenlight.analysis.report_sections import (
     contrast_map_section,
     files_section,
     introduction_section,
@@ -20,12 +20,12 @@ from analysis.report_sections import (
     provenance_section,
     track_section,
 )
-from analysis.tracks.optimization import Work, run_optimization
-from data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from data_schema.provenance import Provenance, provenance_now
-from method.optimize import Request
-from method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
-from stimuli.video_source import VideoSource
+from evenlight.analysis.tracks.optimization import Work, run_optimization
+from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.method.optimize import Request
+from evenlight.method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
+from evenlight.stimuli.video_source import VideoSource
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     LOST,
     MUTED,
@@ -26,12 +26,12 @@ from analysis.figure_style import (
     new_figure,
     text_size,
 )
-from analysis.tracks.thumbnails import small_picture
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from method.bands import counted_frequencies
-from method.contrast_loss import loss_of, visible_map
-from method.luminance import dimmed_luminance, emitted_luminance
+from evenlight.analysis.tracks.thumbnails import small_picture
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.method.bands import counted_frequencies
+from evenlight.method.contrast_loss import loss_of, visible_map
+from evenlight.method.luminance import dimmed_luminance, emitted_luminance
 
 Mask = NDArray[np.bool_]
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     INK,
@@ -28,9 +28,9 @@ from analysis.figure_style import (
     text_at,
     text_size,
 )
-from data_schema.control import LoopReport, TuningReport
-from method.control_curves import ControlledTrack
-from method.stability_margins import FrameGains, open_loop
+from evenlight.data_schema.control import LoopReport, TuningReport
+from evenlight.method.control_curves import ControlledTrack
+from evenlight.method.stability_margins import FrameGains, open_loop
 
 Array = NDArray[np.float64]
 

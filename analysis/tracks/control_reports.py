@@ -8,18 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.online_spread import SpreadRatio
-from data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from data_schema.control import ControlSummary, LoopReport, TuningReport
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PowerModel
-from method.control_curves import ControlledTrack
-from method.controller import ControllerSettings
-from method.governor import GovernorSettings, steered_horizon
-from method.horizon_errors import HorizonErrors, horizon_errors
-from method.power import power
-from method.stability_margins import Margins
-from method.tuning import Demands, Tuned, content_slopes, rms_error
+from evenlight.analysis.reproduction.online_spread import SpreadRatio
+from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.control import ControlSummary, LoopReport, TuningReport
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.method.control_curves import ControlledTrack
+from evenlight.method.controller import ControllerSettings
+from evenlight.method.governor import GovernorSettings, steered_horizon
+from evenlight.method.horizon_errors import HorizonErrors, horizon_errors
+from evenlight.method.power import power
+from evenlight.method.stability_margins import Margins
+from evenlight.method.tuning import Demands, Tuned, content_slopes, rms_error
 
 Array = NDArray[np.float64]
 

@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.figure_style import write_png
-from analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
-from analysis.tracks.control_figure import tuning_figure
-from analysis.tracks.control_run import Control, Controlled, ControlledVideo
-from analysis.tracks.control_sweep_figure import target_figure
-from analysis.tracks.frame_samples import FrameSamples
-from analysis.tracks.optimization import curves_of
-from analysis.tracks.thumbnails import thumbnails_of
-from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import TrackStory, uses_same_power
-from data_schema.brightness_track import write_track
-from data_schema.control import TargetRow
-from data_schema.loss_curves import write_loss_curves
-from data_schema.text_files import write_json_record, write_rows
+from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from evenlight.analysis.tracks.control_figure import tuning_figure
+from evenlight.analysis.tracks.control_run import Control, Controlled, ControlledVideo
+from evenlight.analysis.tracks.control_sweep_figure import target_figure
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.optimization import curves_of
+from evenlight.analysis.tracks.thumbnails import thumbnails_of
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_story import TrackStory, uses_same_power
+from evenlight.data_schema.brightness_track import write_track
+from evenlight.data_schema.control import TargetRow
+from evenlight.data_schema.loss_curves import write_loss_curves
+from evenlight.data_schema.text_files import write_json_record, write_rows
 
 
 def run_control(asked: Control, folder: Path) -> tuple[Controlled, list[TargetRow]]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.online_spread import SpreadRatio, spread_ratio
-from analysis.tracks.control_reports import (
+from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from evenlight.analysis.tracks.control_reports import (
     Outcome,
     PowerUse,
     control_summary,
@@ -17,25 +17,30 @@ from analysis.tracks.control_reports import (
     time_share,
     tuning_report,
 )
-from analysis.tracks.optimization import Work
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary, TrackHeader
-from data_schema.control import ONLINE, ControlSummary, TargetRow, TuningReport
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.provenance import Provenance, provenance_now, sha256_of_record
-from method.choices import ModulatedLuminance
-from method.control_curves import ControlledTrack, Governed, control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.evaluate import Answer, Effort, summarize, track_of
-from method.frame_costs import first_factor, frame_costs
-from method.governor import GovernorSettings, governor_of, horizon_warning
-from method.optimize import Problem
-from method.power import power_per_factor
-from method.rate_limit import rate_limit_at
-from method.scalar_rate_limit import scalar_rate_limit
-from method.tuning import tune
+from evenlight.analysis.tracks.optimization import Work
+from evenlight.data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    TrackHeader,
+)
+from evenlight.data_schema.control import ONLINE, ControlSummary, TargetRow, TuningReport
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_record
+from evenlight.method.choices import ModulatedLuminance
+from evenlight.method.control_curves import ControlledTrack, Governed, control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.evaluate import Answer, Effort, summarize, track_of
+from evenlight.method.frame_costs import first_factor, frame_costs
+from evenlight.method.governor import GovernorSettings, governor_of, horizon_warning
+from evenlight.method.optimize import Problem
+from evenlight.method.power import power_per_factor
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.tuning import tune
 
 Array = NDArray[np.float64]
 

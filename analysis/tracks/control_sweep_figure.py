@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     MUTED,
@@ -21,7 +21,7 @@ from analysis.figure_style import (
     look,
     new_figure,
 )
-from data_schema.control import TargetRow
+from evenlight.data_schema.control import TargetRow
 
 
 def target_figure(rows: Sequence[TargetRow], name: str, about: tuple[int, float]) -> Figure:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schema.brightness_track import read_track
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
+from evenlight.data_schema.brightness_track import read_track
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from data_schema.frame import Frame
+from evenlight.data_schema.frame import Frame
 
 MEMORY = 200_000_000  # bytes of frames held at most, but for the least count
 

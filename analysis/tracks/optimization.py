@@ -15,38 +15,38 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from analysis.figure_style import write_png
-from analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
-from analysis.tracks.earlier_track import clip_folder, start_factors, track_files
-from analysis.tracks.frame_samples import FrameSamples
-from analysis.tracks.thumbnails import thumbnails_of
-from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import TrackStory, Weighing, uses_same_power
-from data_schema.brightness_track import (
+from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from evenlight.analysis.tracks.earlier_track import clip_folder, start_factors, track_files
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.thumbnails import thumbnails_of
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_story import TrackStory, Weighing, uses_same_power
+from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     OptimizationSummary,
     TrackHeader,
     write_track,
 )
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
-from data_schema.provenance import Provenance, provenance_now, sha256_of_bytes, sha256_of_record
-from data_schema.text_files import write_json_record
-from method.calm import calmed
-from method.choices import SolverName
-from method.evaluate import Answer, Effort, limit_without_allowances, summarize, track_of
-from method.loss_curves import analyze_frames, brightness_factors
-from method.lower_bound import lower_bound
-from method.optimize import Problem, Request, Solver, pose
-from method.optimize import optimize as optimize_problem
-from method.shared_budget import clip_of, joined_curves, joints
-from method.solvers import make_solver
-from method.thrift import EVERYTHING, Thrift
-from stimuli.coarser_frames import coarser
-from stimuli.video_source import VideoSource
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_bytes, sha256_of_record
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.method.calm import calmed
+from evenlight.method.choices import SolverName
+from evenlight.method.evaluate import Answer, Effort, limit_without_allowances, summarize, track_of
+from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.optimize import Problem, Request, Solver, pose
+from evenlight.method.optimize import optimize as optimize_problem
+from evenlight.method.shared_budget import clip_of, joined_curves, joints
+from evenlight.method.solvers import make_solver
+from evenlight.method.thrift import EVERYTHING, Thrift
+from evenlight.stimuli.coarser_frames import coarser
+from evenlight.stimuli.video_source import VideoSource
 
 
 @dataclass(frozen=True, slots=True)

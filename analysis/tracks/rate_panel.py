@@ -10,9 +10,9 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from analysis.figure_style import BASELINE, FAINT, LIMIT, OURS, legend_above
-from analysis.tracks.step_lines import step_line
-from analysis.tracks.track_story import TrackStory, frame_edges
+from evenlight.analysis.figure_style import BASELINE, FAINT, LIMIT, OURS, legend_above
+from evenlight.analysis.tracks.step_lines import step_line
+from evenlight.analysis.tracks.track_story import TrackStory, frame_edges
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from method.luminance import unit_pixel_values
+from evenlight.method.luminance import unit_pixel_values
 
 Image = NDArray[np.uint8]
 

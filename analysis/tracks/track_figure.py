@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
     MUTED,
@@ -32,11 +32,17 @@ from analysis.figure_style import (
     text_at,
     text_lines,
 )
-from analysis.tracks.rate_panel import draw_rate
-from analysis.tracks.step_lines import step_line
-from analysis.tracks.thumbnails import Image, dimmed_picture
-from analysis.tracks.track_story import SAME, TrackStory, budget_in_words, frame_edges, outcome_in_words
-from method.modulation import largest_rate_ratio
+from evenlight.analysis.tracks.rate_panel import draw_rate
+from evenlight.analysis.tracks.step_lines import step_line
+from evenlight.analysis.tracks.thumbnails import Image, dimmed_picture
+from evenlight.analysis.tracks.track_story import (
+    SAME,
+    TrackStory,
+    budget_in_words,
+    frame_edges,
+    outcome_in_words,
+)
+from evenlight.method.modulation import largest_rate_ratio
 
 Array = NDArray[np.float64]
 

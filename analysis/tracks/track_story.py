@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.figure_style import short
-from analysis.tracks.thumbnails import Image
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
-from data_schema.quantities import read_only
+from evenlight.analysis.figure_style import short
+from evenlight.analysis.tracks.thumbnails import Image
+from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
+from evenlight.data_schema.quantities import read_only
 
 Array = NDArray[np.float64]
 

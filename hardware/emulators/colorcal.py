@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hardware.emulators.meter import EmulatedMeter, tristimulus
-from hardware.meter_physics import COLORCAL_PHYSICS, MeterPhysics
-from hardware.protocols import Fault
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.emulators.meter import EmulatedMeter, tristimulus
+from evenlight.hardware.meter_physics import COLORCAL_PHYSICS, MeterPhysics
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.simulated_panel import Simulation
 
 END, PROMPT = b"\n\r", b">"
 IDENTITY = "OK00,1,8096,100.10,3100042,1.24"

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from hardware.ddc_backlight import DdcBacklight
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.ddc_backlight import DdcBacklight
+from evenlight.hardware.simulated_panel import Simulation
 
 HOST, MONITOR = 0x51, 0x6E  # what begins a message to the monitor, and one from it
 REPLY_TO = 0x50  # the host's address in a reply's checksum

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from hardware.simulated_panel import Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 POLL = 0.0005  # [s] between two looks for a reader
 BUS_VOLTAGE = 5.0  # [V]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hardware.emulators.meter import WHITE, EmulatedMeter
-from hardware.meter_physics import CS100A_PHYSICS, LS100_PHYSICS, LS110_PHYSICS, MeterPhysics
-from hardware.protocols import Fault
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.emulators.meter import WHITE, EmulatedMeter
+from evenlight.hardware.meter_physics import CS100A_PHYSICS, LS100_PHYSICS, LS110_PHYSICS, MeterPhysics
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.simulated_panel import Simulation
 
 FIELD = 6  # characters of a luminance, its decimal point included
 CODES = {Fault.OVER_RANGE: "ER10", Fault.LOW_BATTERY: "ER30"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from hardware.meter_physics import MeterPhysics, Sensed, sensed
-from hardware.protocols import Fault
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.meter_physics import MeterPhysics, Sensed, sensed
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.simulated_panel import Simulation
 
 WHITE = (0.3127, 0.329)  # chromaticity of D65, which every emulated panel has
 

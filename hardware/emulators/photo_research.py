@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from hardware.emulators.meter import WHITE, EmulatedMeter, tristimulus
-from hardware.meter_physics import PR650_PHYSICS, PR655_PHYSICS, PR670_PHYSICS, MeterPhysics
-from hardware.protocols import Fault
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.emulators.meter import WHITE, EmulatedMeter, tristimulus
+from evenlight.hardware.meter_physics import PR650_PHYSICS, PR655_PHYSICS, PR670_PHYSICS, MeterPhysics
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.simulated_panel import Simulation
 
 ENTER, LEAVE = b"PHOTO", b"Q"
 CODES = {Fault.OVER_RANGE: "-2", Fault.UNDER_RANGE: "-8"}

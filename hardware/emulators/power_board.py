@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hardware import board_protocol as protocol
-from hardware.simulated_panel import Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
+from evenlight.hardware import board_protocol as protocol
+from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
 
 LARGEST_CURRENT_AT_ZERO = 0.01  # [A]
 BUS_VOLTAGE = 5.0  # [V]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hardware import ppk2_stream as stream
-from hardware.simulated_panel import Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware import ppk2_stream as stream
+from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 if TYPE_CHECKING:
     import numpy as np

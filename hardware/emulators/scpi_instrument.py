@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hardware.simulated_panel import Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 SUPPLY = 5.0  # [V]
 IDENTITY = "Evenlight,Emulated power analyser,EMULATED,1.0"

@@ -8,11 +8,11 @@ import tempfile
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from hardware.emulators.link import EmulatedLink, FaultPlan
-from hardware.emulators.meter import WHITE, EmulatedMeter, tristimulus
-from hardware.meter_physics import SPOTREAD_PHYSICS, MeterPhysics
-from hardware.protocols import Fault
-from hardware.simulated_panel import Simulation
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan
+from evenlight.hardware.emulators.meter import WHITE, EmulatedMeter, tristimulus
+from evenlight.hardware.meter_physics import SPOTREAD_PHYSICS, MeterPhysics
+from evenlight.hardware.protocols import Fault
+from evenlight.hardware.simulated_panel import Simulation
 
 PROGRAM = Path(__file__).with_name("spotread_program.py")
 NUMBER = "1"

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes import bake_kernels, bake_lights
-from stimuli.scenes.charts import Charts, Texels, texels_of
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.ray_tree import RayTree, ray_tree
-from stimuli.scenes.scene import Floats, Patches, Scene
-from stimuli.scenes.sky import GRADIENT
+from evenlight.stimuli.scenes import bake_kernels, bake_lights
+from evenlight.stimuli.scenes.charts import Charts, Texels, texels_of
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.ray_tree import RayTree, ray_tree
+from evenlight.stimuli.scenes.scene import Floats, Patches, Scene
+from evenlight.stimuli.scenes.sky import GRADIENT
 
 BOUNCES = 5
 SLICES = 64  # of the work, shared out among threads

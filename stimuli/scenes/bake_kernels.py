@@ -11,8 +11,8 @@ import math
 import numba
 import numpy as np
 
-from stimuli.scenes.bake_sampling import OFFSET, hashed, radical_inverse, upright_to
-from stimuli.scenes.ray_tree import DEPTH, nearest
+from evenlight.stimuli.scenes.bake_sampling import OFFSET, hashed, radical_inverse, upright_to
+from evenlight.stimuli.scenes.ray_tree import DEPTH, nearest
 
 NOTHING, BACK = -1, -2  # a ray that reached the sky; one that met the back of a surface
 UNDERGROUND = -0.2  # z of directions in which an open ray must have started below the ground

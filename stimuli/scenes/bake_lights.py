@@ -10,8 +10,8 @@ import math
 import numba
 import numpy as np
 
-from stimuli.scenes.bake_sampling import OFFSET, hashed, radical_inverse
-from stimuli.scenes.ray_tree import DEPTH, blocked
+from evenlight.stimuli.scenes.bake_sampling import OFFSET, hashed, radical_inverse
+from evenlight.stimuli.scenes.ray_tree import DEPTH, blocked
 
 FAINT = 0.004  # [cd/m^2] a lamp's light that is not worth a shadow
 

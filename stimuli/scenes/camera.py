@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stimuli.scenes.scene import Floats, Vector, direction_of
+from evenlight.stimuli.scenes.scene import Floats, Vector, direction_of
 
 NEAR, FAR = 0.05, 400.0  # [m] nothing nearer or farther is drawn
 FIELD_OF_VIEW = 90.0  # [degrees] horizontal, about that of one eye in a headset

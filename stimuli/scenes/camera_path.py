@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera import FIELD_OF_VIEW, Camera
-from stimuli.scenes.scene import Floats, Vector
-from stimuli.scenes.scenes import SCENES
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera import FIELD_OF_VIEW, Camera
+from evenlight.stimuli.scenes.scene import Floats, Vector
+from evenlight.stimuli.scenes.scenes import SCENES
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator

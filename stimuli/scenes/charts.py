@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.scene import Floats, Patches
+from evenlight.stimuli.scenes.scene import Floats, Patches
 
 WIDTH = 2048  # of the picture [texels]
 SMALL = 0.2  # [m] shorter sides have the same light from end to end

@@ -6,7 +6,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-from stimuli import fractal_noise, sequence_format
+from evenlight.stimuli import fractal_noise, sequence_format
 
 FOLDER = Path(__file__).parent
 NOT_IN_PICTURES = ("preview.py",)

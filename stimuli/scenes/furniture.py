@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.model import Material, SceneModel
 
 Tint = Sequence[float]
 WHITE: Tint = (1.0, 1.0, 1.0)

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from stimuli.scenes.colours import linear
-from stimuli.scenes.furniture import WHITE, Tint
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.textures import SHELVES, SPINES, spine_cell
+from evenlight.stimuli.scenes.colours import linear
+from evenlight.stimuli.scenes.furniture import WHITE, Tint
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.textures import SHELVES, SPINES, spine_cell
 
 GLASS_TINTS = tuple(
     linear(code) for code in ["a83a2a", "d89a2e", "5f7a34", "7a3f5a", "c8b060", "8a4a22", "4a5a6a", "d8d0b0"]

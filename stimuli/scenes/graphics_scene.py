@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes import graphics_state, shaders
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.charts import charts_of
-from stimuli.scenes.light import light_picture
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.material_textures import SIZE, MaterialTextures, material_textures
-from stimuli.scenes.occlusion import SHRUNK, not_hidden, occluders
-from stimuli.scenes.scene import Floats, Scene
-from stimuli.scenes.shadow_map import SIZE as SHADOW_SIZE
-from stimuli.scenes.shadow_map import empty_shadow_map, lookup_matrix, sun_matrix, texel_size
-from stimuli.scenes.sky import sky_picture
-from stimuli.scenes.vertices import ATTRIBUTES, LAYOUT, buffers_of, in_view
+from evenlight.stimuli.scenes import graphics_state, shaders
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.charts import charts_of
+from evenlight.stimuli.scenes.light import light_picture
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.material_textures import SIZE, MaterialTextures, material_textures
+from evenlight.stimuli.scenes.occlusion import SHRUNK, not_hidden, occluders
+from evenlight.stimuli.scenes.scene import Floats, Scene
+from evenlight.stimuli.scenes.shadow_map import SIZE as SHADOW_SIZE
+from evenlight.stimuli.scenes.shadow_map import empty_shadow_map, lookup_matrix, sun_matrix, texel_size
+from evenlight.stimuli.scenes.sky import sky_picture
+from evenlight.stimuli.scenes.vertices import ATTRIBUTES, LAYOUT, buffers_of, in_view
 
 if TYPE_CHECKING:
     import moderngl

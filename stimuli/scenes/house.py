@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.house_basement import basement
-from stimuli.scenes.house_garden import garden
-from stimuli.scenes.house_hall import hall
-from stimuli.scenes.house_kitchen import kitchen
-from stimuli.scenes.house_living import living_room
-from stimuli.scenes.house_shell import shell
-from stimuli.scenes.house_surroundings import surroundings
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.scene import Scene
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.house_basement import basement
+from evenlight.stimuli.scenes.house_garden import garden
+from evenlight.stimuli.scenes.house_hall import hall
+from evenlight.stimuli.scenes.house_kitchen import kitchen
+from evenlight.stimuli.scenes.house_living import living_room
+from evenlight.stimuli.scenes.house_shell import shell
+from evenlight.stimuli.scenes.house_surroundings import surroundings
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.scene import Scene
 
 SUN_ILLUMINANCE = 620.0  # [lx]; with it sunlit plaster comes near the 100 cd/m^2 of a headset's display
 SUN_COLOUR = (1.0, 0.93, 0.80)

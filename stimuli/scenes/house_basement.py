@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.furniture import stool
-from stimuli.scenes.furniture_storage import GLASS_TINTS, carton, jar, lying_books, open_shelf
-from stimuli.scenes.household import bare_bulb, garment, glow, picture
-from stimuli.scenes.kitchen import bottle
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.workshop import (
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.furniture import stool
+from evenlight.stimuli.scenes.furniture_storage import GLASS_TINTS, carton, jar, lying_books, open_shelf
+from evenlight.stimuli.scenes.household import bare_bulb, garment, glow, picture
+from evenlight.stimuli.scenes.kitchen import bottle
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.workshop import (
     basket,
     bicycle,
     boiler,

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.furniture import bench, chair, deck_chair, round_table
-from stimuli.scenes.house_rooms import TRIM
-from stimuli.scenes.house_shell import GREEN_TRIM, gable
-from stimuli.scenes.household import mug, plate
-from stimuli.scenes.kitchen import bottle
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.plants import flower_bed, hedge, potted, shrub, tree
-from stimuli.scenes.walls import Opening, bar, flight, window
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.furniture import bench, chair, deck_chair, round_table
+from evenlight.stimuli.scenes.house_rooms import TRIM
+from evenlight.stimuli.scenes.house_shell import GREEN_TRIM, gable
+from evenlight.stimuli.scenes.household import mug, plate
+from evenlight.stimuli.scenes.kitchen import bottle
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.plants import flower_bed, hedge, potted, shrub, tree
+from evenlight.stimuli.scenes.walls import Opening, bar, flight, window
 
 TERRACOTTA, LEAF = (0.62, 0.28, 0.16), (0.22, 0.4, 0.1)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.furniture import table
-from stimuli.scenes.furniture_storage import lying_books, vase
-from stimuli.scenes.household import bowl, garment, glow, picture, sheet, shoe, table_lamp
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.plants import flower_bed, potted
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.furniture import table
+from evenlight.stimuli.scenes.furniture_storage import lying_books, vase
+from evenlight.stimuli.scenes.household import bowl, garment, glow, picture, sheet, shoe, table_lamp
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.plants import flower_bed, potted
 
 COATS = ((0.55, 0.42, 0.2), (0.1, 0.14, 0.24), (0.45, 0.08, 0.07), (0.2, 0.26, 0.16), (0.35, 0.35, 0.36))
 SHOES = ((0.16, 0.08, 0.04), (0.04, 0.04, 0.05), (0.6, 0.6, 0.58), (0.45, 0.1, 0.08), (0.12, 0.2, 0.35))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.furniture import chair, table
-from stimuli.scenes.furniture_storage import GLASS_TINTS, jar, vase
-from stimuli.scenes.household import bowl, drapes, fruit, mug, pendant, picture, plate, rod, sheet
-from stimuli.scenes.kitchen import (
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.furniture import chair, table
+from evenlight.stimuli.scenes.furniture_storage import GLASS_TINTS, jar, vase
+from evenlight.stimuli.scenes.household import bowl, drapes, fruit, mug, pendant, picture, plate, rod, sheet
+from evenlight.stimuli.scenes.kitchen import (
     base_unit,
     bottle,
     hanging_tools,
@@ -21,8 +21,8 @@ from stimuli.scenes.kitchen import (
     stove,
     wall_unit,
 )
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.plants import flower_bed, potted
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.plants import flower_bed, potted
 
 FRONT = (0.34, 0.47, 0.44)
 CREAM = (0.86, 0.8, 0.66)

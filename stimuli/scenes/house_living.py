@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.furniture import cushion, scatter_cushion, sofa, table
-from stimuli.scenes.furniture_storage import bookcase, cabinet, lying_books, vase
-from stimuli.scenes.household import (
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.furniture import cushion, scatter_cushion, sofa, table
+from evenlight.stimuli.scenes.furniture_storage import bookcase, cabinet, lying_books, vase
+from evenlight.stimuli.scenes.household import (
     bowl,
     drapes,
     floor_lamp,
@@ -18,8 +18,8 @@ from stimuli.scenes.household import (
     sheet,
     table_lamp,
 )
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.plants import flower_bed, potted
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.plants import flower_bed, potted
 
 LEAF, PALE_LEAF = (0.13, 0.3, 0.08), (0.28, 0.42, 0.12)
 POT, WHITE_POT = (0.3, 0.4, 0.45), (0.85, 0.83, 0.78)

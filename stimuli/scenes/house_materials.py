@@ -5,9 +5,9 @@ Plain things share a few white materials and get their colour by a tint.
 
 from __future__ import annotations
 
-from stimuli.scenes.colours import linear
-from stimuli.scenes.model import Material
-from stimuli.scenes.textures import (
+from evenlight.stimuli.scenes.colours import linear
+from evenlight.stimuli.scenes.model import Material
+from evenlight.stimuli.scenes.textures import (
     abstract_painting,
     asphalt,
     bark,
@@ -44,7 +44,7 @@ from stimuli.scenes.textures import (
     tiles,
     wood,
 )
-from stimuli.scenes.textures_things import dial_face, keyboard, perforated, screen, wire
+from evenlight.stimuli.scenes.textures_things import dial_face, keyboard, perforated, screen, wire
 
 WHITE = linear("f4f2ec")
 

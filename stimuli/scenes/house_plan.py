@@ -7,7 +7,7 @@ below them, down to the basement.
 
 from __future__ import annotations
 
-from stimuli.scenes.walls import Opening
+from evenlight.stimuli.scenes.walls import Opening
 
 GROUND = -0.75  # the lawn; the cellar windows look out just above it
 CEILING, EAVES, RIDGE = 2.7, 5.5, 8.3

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.walls import Opening, casing, flight, hollow, lining, reveal, room_edges
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.walls import Opening, casing, flight, hollow, lining, reveal, room_edges
 
 TRIM = (0.93, 0.92, 0.88)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.house_rooms import TRIM, cased, rooms, silled
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.walls import (
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.house_rooms import TRIM, cased, rooms, silled
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.walls import (
     Opening,
     casing,
     lining,

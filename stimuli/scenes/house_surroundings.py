@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes import house_materials as stuff
-from stimuli.scenes import house_plan as plan
-from stimuli.scenes.house_rooms import TRIM, floor
-from stimuli.scenes.house_shell import gable
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.plants import clump
-from stimuli.scenes.walls import Opening, bar, lining, window
+from evenlight.stimuli.scenes import house_materials as stuff
+from evenlight.stimuli.scenes import house_plan as plan
+from evenlight.stimuli.scenes.house_rooms import TRIM, floor
+from evenlight.stimuli.scenes.house_shell import gable
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.plants import clump
+from evenlight.stimuli.scenes.walls import Opening, bar, lining, window
 
 FAR = 34.0  # how far the ground reaches [m]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stimuli.scenes.furniture import WHITE, Tint
-from stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.furniture import WHITE, Tint
+from evenlight.stimuli.scenes.model import Material, SceneModel
 
 WARM = (1.0, 0.80, 0.55)
 WHOLE = ((0, 0), (1, 0), (1, 1), (0, 1))

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from stimuli.scenes.furniture import WHITE, Tint
-from stimuli.scenes.furniture_storage import panelled_front
-from stimuli.scenes.household import WHOLE
-from stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.furniture import WHITE, Tint
+from evenlight.stimuli.scenes.furniture_storage import panelled_front
+from evenlight.stimuli.scenes.household import WHOLE
+from evenlight.stimuli.scenes.model import Material, SceneModel
 
 DARK = (0.05, 0.05, 0.055)
 

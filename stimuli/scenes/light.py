@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes import bake
-from stimuli.scenes.charts import Charts, texels_of
-from stimuli.scenes.definition import light_sources
-from stimuli.scenes.kept_files import keep, kept, one_at_a_time
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.material_textures import MaterialTextures
-from stimuli.scenes.scene import Floats, Scene
+from evenlight.stimuli.scenes import bake
+from evenlight.stimuli.scenes.charts import Charts, texels_of
+from evenlight.stimuli.scenes.definition import light_sources
+from evenlight.stimuli.scenes.kept_files import keep, kept, one_at_a_time
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.material_textures import MaterialTextures
+from evenlight.stimuli.scenes.scene import Floats, Scene
 
 
 def light_picture(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.definition import scenes_sha256
-from stimuli.scenes.kept_files import keep, kept
-from stimuli.scenes.scene import Floats, Material, Scene, stream
+from evenlight.stimuli.scenes.definition import scenes_sha256
+from evenlight.stimuli.scenes.kept_files import keep, kept
+from evenlight.stimuli.scenes.scene import Floats, Material, Scene, stream
 
 SIZE = 512  # [texels] of each texture
 LEVELS = 255  # of the 8-bit textures

@@ -14,9 +14,20 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stimuli.scenes.patch_columns import DARK, PatchColumns, Pieces
-from stimuli.scenes.scene import REC_709, Floats, Ground, Material, Place, Scene, Sky, Sun, Vector, stream
-from stimuli.scenes.shapes import (
+from evenlight.stimuli.scenes.patch_columns import DARK, PatchColumns, Pieces
+from evenlight.stimuli.scenes.scene import (
+    REC_709,
+    Floats,
+    Ground,
+    Material,
+    Place,
+    Scene,
+    Sky,
+    Sun,
+    Vector,
+    stream,
+)
+from evenlight.stimuli.scenes.shapes import (
     BOX_SIDES,
     at_right_angles,
     cylinder_side,

@@ -6,9 +6,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.camera import FAR, NEAR
-from stimuli.scenes.scene import Floats, Scene
-from stimuli.scenes.vertices import Blocks
+from evenlight.stimuli.scenes.camera import FAR, NEAR
+from evenlight.stimuli.scenes.scene import Floats, Scene
+from evenlight.stimuli.scenes.vertices import Blocks
 
 SHRUNK = 3  # the small picture has this fraction of the large one's width and height
 SIDE, AREA = 0.7, 1.2  # [m], [m^2] patches of this size hide others

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stimuli.scenes.scene import Floats, Material, Patches, Vector
+from evenlight.stimuli.scenes.scene import Floats, Material, Patches, Vector
 
 DARK: Vector = (0.0, 0.0, 0.0)
 

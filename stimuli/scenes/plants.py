@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.model import Material, SceneModel
 
 Points = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Pictures of scenes to look at, and how long they take: `python -m stimuli.scenes.preview`."""
+"""Pictures of scenes to look at, and how long they take: `python -m evenlight.stimuli.scenes.preview`."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
-from stimuli.scenes.camera_path import CameraPath, path_named
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import Scene
-from stimuli.scenes.scenes import SCENES, scene_named
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
+from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Scene
+from evenlight.stimuli.scenes.scenes import SCENES, scene_named
 
 REC_709 = np.array([0.2126, 0.7152, 0.0722])
 BENCHMARKED = 20  # frames
@@ -39,7 +39,7 @@ def main() -> None:
 
 def _options() -> argparse.Namespace:
     """Return the arguments."""
-    parser = argparse.ArgumentParser(prog="python -m stimuli.scenes.preview", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m evenlight.stimuli.scenes.preview", description=__doc__)
     parser.add_argument("scene", nargs="?", help=f"{', '.join(SCENES)}, or MODULE:FUNCTION")
     parser.add_argument("--at", default="0,0", help="X,Y[,Z] in metres; without Z at eye height")
     parser.add_argument("--look", default="0,0", help="azimuth from north and altitude, in degrees")
@@ -107,7 +107,7 @@ def frame(renderer: SceneRenderer, camera: Camera) -> NDArray[np.uint8]:
 
 def mean_luminance(renderer: SceneRenderer) -> float:
     """Return the mean luminance of the last frame as a display shows it [cd/m^2]."""
-    from stimuli.scenes.tone import PEAK
+    from evenlight.stimuli.scenes.tone import PEAK
 
     shown = (renderer.pixel_values() / 65535) ** 2.2 * PEAK
     return float(shown.mean(axis=(0, 1)) @ REC_709)

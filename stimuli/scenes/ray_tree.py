@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.scene import Patches
+from evenlight.stimuli.scenes.scene import Patches
 
 LEAF = 4  # patches at most, where they can be told apart
 BINS = 12  # of the surface area heuristic

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes import graphics_state, shaders
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.graphics_scene import GraphicsScene, set_uniforms
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.scene import Scene
-from stimuli.scenes.tone import KNEE, PEAK
-from stimuli.sequence_format import ENCODING_GAMMA, codes_on_grid
+from evenlight.stimuli.scenes import graphics_state, shaders
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.graphics_scene import GraphicsScene, set_uniforms
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.scene import Scene
+from evenlight.stimuli.scenes.tone import KNEE, PEAK
+from evenlight.stimuli.sequence_format import ENCODING_GAMMA, codes_on_grid
 
 if TYPE_CHECKING:
     import moderngl

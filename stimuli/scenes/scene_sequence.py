@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from data_schema.frame import Frame
-from data_schema.provenance import sha256_of_bytes
-from stimuli.scenes.camera_path import CameraPath, path_named
-from stimuli.scenes.definition import scenes_sha256
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.scenes import SEED
-from stimuli.sequence_format import SequenceFormat
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
+from evenlight.stimuli.scenes.definition import scenes_sha256
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.scenes import SEED
+from evenlight.stimuli.sequence_format import SequenceFormat
 
 FRAMES_PER_SECOND = 25.0
 
@@ -75,10 +75,10 @@ class SceneSequence:
         InputError
             If the machine has no OpenGL, or the path leaves the scene.
         """
-        from stimuli.scenes.offscreen import offscreen_context
-        from stimuli.scenes.renderer import SceneRenderer
-        from stimuli.scenes.scenes import scene_named
-        from stimuli.scenes.walking import check_path
+        from evenlight.stimuli.scenes.offscreen import offscreen_context
+        from evenlight.stimuli.scenes.renderer import SceneRenderer
+        from evenlight.stimuli.scenes.scenes import scene_named
+        from evenlight.stimuli.scenes.walking import check_path
 
         path = self.path()
         with offscreen_context() as context:

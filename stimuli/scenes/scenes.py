@@ -6,12 +6,15 @@ import importlib
 from collections.abc import Callable
 from functools import lru_cache
 
-from data_schema.errors import InputError
-from stimuli.scenes.scene import Scene
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.scene import Scene
 
 SEED = 1
 # Module and function that build each, for a seed.
-SCENES = {"house": ("stimuli.scenes.house", "house"), "school": ("stimuli.scenes.school", "school")}
+SCENES = {
+    "house": ("house", "house"),
+    "school": ("school", "school"),
+}
 
 
 @lru_cache(maxsize=2)
@@ -26,5 +29,7 @@ def scene_named(name: str, seed: int = SEED) -> Scene:
     if name not in SCENES:
         raise InputError(f"no scene {name!r}: there are {', '.join(SCENES)}")
     module, function = SCENES[name]
-    build: Callable[[int], Scene] = getattr(importlib.import_module(module), function)
+    build: Callable[[int], Scene] = getattr(
+        importlib.import_module(f"evenlight.stimuli.scenes.{module}"), function
+    )
     return build(seed)

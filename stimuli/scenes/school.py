@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.scene import Scene
-from stimuli.scenes.school_changing_room import add_changing_room
-from stimuli.scenes.school_corridor import add_corridor
-from stimuli.scenes.school_gym import add_gym
-from stimuli.scenes.school_library import add_library
-from stimuli.scenes.school_yard import add_yard
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.scene import Scene
+from evenlight.stimuli.scenes.school_changing_room import add_changing_room
+from evenlight.stimuli.scenes.school_corridor import add_corridor
+from evenlight.stimuli.scenes.school_gym import add_gym
+from evenlight.stimuli.scenes.school_library import add_library
+from evenlight.stimuli.scenes.school_yard import add_yard
 
 
 def school(seed: int) -> Scene:

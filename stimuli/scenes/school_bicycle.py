@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_materials import ENAMEL, SPOKES, STEEL, VINYL
-from stimuli.scenes.shapes import ring
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_materials import ENAMEL, SPOKES, STEEL, VINYL
+from evenlight.stimuli.scenes.shapes import ring
 
 RADIUS = 0.34  # [m] of the wheels
 BLACK = (0.03, 0.03, 0.03)

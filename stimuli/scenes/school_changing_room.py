@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_furniture import bench, lockers, school_bag, waste_bin
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_furniture import bench, lockers, school_bag, waste_bin
+from evenlight.stimuli.scenes.school_materials import (
     BEECH,
     BRICK,
     CLOTH,
@@ -26,7 +26,7 @@ from stimuli.scenes.school_materials import (
     WALL_POSTERS,
     WALL_TILES,
 )
-from stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
+from evenlight.stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
 
 LOW, HIGH, TOP = (25.0, -6.3), (33.0, -0.3), 2.7  # [m]
 

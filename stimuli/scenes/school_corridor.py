@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_furniture import (
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_furniture import (
     bench,
     extinguisher,
     lockers,
@@ -17,7 +17,7 @@ from stimuli.scenes.school_furniture import (
     wall_clock,
     waste_bin,
 )
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.school_materials import (
     BRICK,
     CLASSROOM,
     CLOTH,
@@ -37,7 +37,7 @@ from stimuli.scenes.school_materials import (
     WALL_POSTERS,
     WALL_TILES,
 )
-from stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
+from evenlight.stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
 
 WEST, EAST, NORTH = -8.0, 33.0, 3.0  # [m]
 TOP, LOBBY_TOP = 2.9, 3.1

@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.school_materials import (
     BEECH,
     BRASS,
     CATALOGUE,
@@ -25,10 +25,10 @@ from stimuli.scenes.school_materials import (
     STEEL,
     VINYL,
 )
-from stimuli.scenes.school_walls import picture
-from stimuli.scenes.shapes import sphere
-from stimuli.scenes.textures_school_posters import PAPERS as PAPER_FIELDS
-from stimuli.scenes.textures_school_print import LOCKER_DOORS
+from evenlight.stimuli.scenes.school_walls import picture
+from evenlight.stimuli.scenes.shapes import sphere
+from evenlight.stimuli.scenes.textures_school_posters import PAPERS as PAPER_FIELDS
+from evenlight.stimuli.scenes.textures_school_print import LOCKER_DOORS
 
 Tint = tuple[float, float, float]
 BLACK: Tint = (0.03, 0.03, 0.035)

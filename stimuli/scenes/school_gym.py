@@ -9,9 +9,9 @@ import itertools
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_furniture import bench, school_bag
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_furniture import bench, school_bag
+from evenlight.stimuli.scenes.school_materials import (
     BRICK,
     ENAMEL,
     EXIT_SIGN,
@@ -25,7 +25,7 @@ from stimuli.scenes.school_materials import (
     VINYL,
     WALL_POSTERS,
 )
-from stimuli.scenes.school_sport import (
+from evenlight.stimuli.scenes.school_sport import (
     ball,
     ball_rack,
     basket,
@@ -35,7 +35,7 @@ from stimuli.scenes.school_sport import (
     vaulting_box,
     wall_bars,
 )
-from stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, picture, wall
+from evenlight.stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, picture, wall
 
 LOW, HIGH, TOP = (33.3, -12.3), (55.3, 2.7), 7.4  # [m]
 PANELS = 3.0  # [m], up to where the walls are of wood

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_furniture import (
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_furniture import (
     bench,
     card_catalogue,
     chair,
@@ -21,7 +21,7 @@ from stimuli.scenes.school_furniture import (
     wall_clock,
     waste_bin,
 )
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.school_materials import (
     BRICK,
     CLOTH,
     CORRIDOR_WALL,
@@ -39,8 +39,8 @@ from stimuli.scenes.school_materials import (
     VINYL,
     WALL_POSTERS,
 )
-from stimuli.scenes.school_shelves import CASE_WIDTH, book_trolley, bookcase, stack_row
-from stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
+from evenlight.stimuli.scenes.school_shelves import CASE_WIDTH, book_trolley, bookcase, stack_row
+from evenlight.stimuli.scenes.school_walls import Faces, Opening, ceiling, floor, panel_lamp, picture, wall
 
 HALL_TOP, STACKS_TOP = 5.2, 2.9  # [m]
 TALL_WINDOWS = tuple(Opening(x, x + 2.1, 0.75, 4.6, 3, 5) for x in (1.0, 4.4, 7.5, 10.9))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from stimuli.scenes.scene import Material
-from stimuli.scenes.textures import (
+from evenlight.stimuli.scenes.scene import Material
+from evenlight.stimuli.scenes.textures import (
     asphalt,
     bark,
     brick,
@@ -21,7 +21,7 @@ from stimuli.scenes.textures import (
     tiles,
     wood,
 )
-from stimuli.scenes.textures_school import (
+from evenlight.stimuli.scenes.textures_school import (
     basketball_net,
     ceiling_tiles,
     chain_link,
@@ -30,7 +30,7 @@ from stimuli.scenes.textures_school import (
     plain,
     spokes,
 )
-from stimuli.scenes.textures_school_posters import (
+from evenlight.stimuli.scenes.textures_school_posters import (
     POSTERS,
     basketball,
     dim_classroom,
@@ -47,7 +47,7 @@ from stimuli.scenes.textures_school_posters import (
     screen,
     shelf_marks,
 )
-from stimuli.scenes.textures_school_print import (
+from evenlight.stimuli.scenes.textures_school_print import (
     catalogue_drawers,
     clock_face,
     drawn,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.school_materials import DARK_OAK, ENAMEL, PAPER, SPINES, STEEL, VINYL
-from stimuli.scenes.textures_school_print import SPINE_ROWS
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.school_materials import DARK_OAK, ENAMEL, PAPER, SPINES, STEEL, VINYL
+from evenlight.stimuli.scenes.textures_school_print import SPINE_ROWS
 
 BOOK_ROW = 0.25  # [m] of height that one row of the texture shows
 CASE_WIDTH = 0.925

@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.school_materials import BASKETBALL, BEECH, ENAMEL, NET, OAK, STEEL, VINYL
-from stimuli.scenes.shapes import ring, sphere
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school_materials import BASKETBALL, BEECH, ENAMEL, NET, OAK, STEEL, VINYL
+from evenlight.stimuli.scenes.shapes import ring, sphere
 
 WHITE, ORANGE = (0.92, 0.92, 0.9), (0.75, 0.2, 0.04)
 RIM = 3.05  # [m] above the floor

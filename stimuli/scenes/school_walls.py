@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.school_materials import CEILING, ENAMEL
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.school_materials import CEILING, ENAMEL
 
 XY = tuple[float, float]
 THICK = 0.3  # [m] of all walls

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.plants import hedge, shrub, tree
-from stimuli.scenes.school_bicycle import bicycle
-from stimuli.scenes.school_furniture import bench, school_bag, waste_bin
-from stimuli.scenes.school_materials import (
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.plants import hedge, shrub, tree
+from evenlight.stimuli.scenes.school_bicycle import bicycle
+from evenlight.stimuli.scenes.school_furniture import bench, school_bag, waste_bin
+from evenlight.stimuli.scenes.school_materials import (
     ASPHALT,
     BARK,
     BRICK,
@@ -29,8 +29,8 @@ from stimuli.scenes.school_materials import (
     STEEL,
     VINYL,
 )
-from stimuli.scenes.school_sport import ball, basket
-from stimuli.scenes.school_walls import Faces, Opening, floor, wall
+from evenlight.stimuli.scenes.school_sport import ball, basket
+from evenlight.stimuli.scenes.school_walls import Faces, Opening, floor, wall
 
 WEST, EAST, SOUTH = -12.0, 58.0, -34.0  # [m], of the asphalt
 TREES = (

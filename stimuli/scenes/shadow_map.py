@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stimuli.scenes.scene import Floats, Scene, direction_of
+from evenlight.stimuli.scenes.scene import Floats, Scene, direction_of
 
 if TYPE_CHECKING:
     import moderngl

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stimuli.scenes.scene import Floats
+from evenlight.stimuli.scenes.scene import Floats
 
 # The corners of each side of a unit box, counter-clockwise from outside; x is the lower side, X the upper.
 BOX_SIDES = {

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from stimuli.fractal_noise import fractal_noise, smoothstep
-from stimuli.scenes.scene import Floats, Scene, Sky, stream
+from evenlight.stimuli.fractal_noise import fractal_noise, smoothstep
+from evenlight.stimuli.scenes.scene import Floats, Scene, Sky, stream
 
 SIZE = (512, 2048)  # rows and columns of the picture
 GRADIENT = 0.45  # exponent of the change from horizon to zenith over the sine of the altitude

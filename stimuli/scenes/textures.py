@@ -7,10 +7,17 @@ Row 0 is the top of what stands upright (v = 1 if v is counted from below).
 
 from __future__ import annotations
 
-from stimuli.scenes.colours import Colour, Texture, linear
-from stimuli.scenes.textures_cloth import carpet, checked_fabric, curtain, fabric, rug, striped_fabric
-from stimuli.scenes.textures_garden import bark, blossoms, grass, gravel, leaves, soil, thicket
-from stimuli.scenes.textures_print import (
+from evenlight.stimuli.scenes.colours import Colour, Texture, linear
+from evenlight.stimuli.scenes.textures_cloth import (
+    carpet,
+    checked_fabric,
+    curtain,
+    fabric,
+    rug,
+    striped_fabric,
+)
+from evenlight.stimuli.scenes.textures_garden import bark, blossoms, grass, gravel, leaves, soil, thicket
+from evenlight.stimuli.scenes.textures_print import (
     SHELVES,
     SPINES,
     abstract_painting,
@@ -23,8 +30,8 @@ from stimuli.scenes.textures_print import (
     spine_cell,
     written,
 )
-from stimuli.scenes.textures_things import dial_face, keyboard, perforated, screen, wire
-from stimuli.scenes.textures_walls import (
+from evenlight.stimuli.scenes.textures_things import dial_face, keyboard, perforated, screen, wire
+from evenlight.stimuli.scenes.textures_walls import (
     asphalt,
     brick,
     chequered_tiles,
@@ -38,7 +45,7 @@ from stimuli.scenes.textures_walls import (
     terrazzo,
     tiles,
 )
-from stimuli.scenes.textures_wood import painted_boards, panel_door, planks, wood
+from evenlight.stimuli.scenes.textures_wood import painted_boards, panel_door, planks, wood
 
 __all__ = [
     "SHELVES",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import ridged, smoothstep
-from stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
-from stimuli.scenes.tileable import cells, ellipse, stamp, tileable_noise
+from evenlight.stimuli.fractal_noise import ridged, smoothstep
+from evenlight.stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
+from evenlight.stimuli.scenes.tileable import cells, ellipse, stamp, tileable_noise
 
 
 def grass(light: Colour, dark: Colour) -> Texture:

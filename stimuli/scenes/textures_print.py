@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import fractal_noise, smoothstep
-from stimuli.scenes.colours import Colour, Texture, albedo, blended, linear, rgb, shaded
-from stimuli.scenes.tileable import places, tileable_noise
+from evenlight.stimuli.fractal_noise import fractal_noise, smoothstep
+from evenlight.stimuli.scenes.colours import Colour, Texture, albedo, blended, linear, rgb, shaded
+from evenlight.stimuli.scenes.tileable import places, tileable_noise
 
 SPINES, SHELVES = 24, 4
 """Spines beside each other, and rows of them, in one tile of `book_spines`."""

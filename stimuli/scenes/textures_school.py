@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.colours import Texture, albedo, linear
-from stimuli.scenes.tileable import tileable_noise
+from evenlight.stimuli.scenes.colours import Texture, albedo, linear
+from evenlight.stimuli.scenes.tileable import tileable_noise
 
 Image = NDArray[np.float32]
 

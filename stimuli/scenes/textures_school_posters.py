@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stimuli.scenes.colours import Texture, albedo, linear
-from stimuli.scenes.textures_school import Image
-from stimuli.scenes.textures_school_print import Sheet, drawn, shaded
-from stimuli.scenes.tileable import tileable_noise
+from evenlight.stimuli.scenes.colours import Texture, albedo, linear
+from evenlight.stimuli.scenes.textures_school import Image
+from evenlight.stimuli.scenes.textures_school_print import Sheet, drawn, shaded
+from evenlight.stimuli.scenes.tileable import tileable_noise
 
 BRIGHT = ("#d2473b", "#3b7fd2", "#e2b93b", "#4fa35b", "#8d5bb3", "#e07b34", "#34a3a8", "#d25b8f")
 

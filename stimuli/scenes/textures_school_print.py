@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stimuli.scenes.colours import Texture, albedo
-from stimuli.scenes.textures_school import Image
-from stimuli.scenes.tileable import tileable_noise
+from evenlight.stimuli.scenes.colours import Texture, albedo
+from evenlight.stimuli.scenes.textures_school import Image
+from evenlight.stimuli.scenes.tileable import tileable_noise
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import smoothstep
-from stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
-from stimuli.scenes.textures_print import landscape_painting
-from stimuli.scenes.tileable import places, tileable_noise
+from evenlight.stimuli.fractal_noise import smoothstep
+from evenlight.stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
+from evenlight.stimuli.scenes.textures_print import landscape_painting
+from evenlight.stimuli.scenes.tileable import places, tileable_noise
 
 
 def screen(sky: Colour, glow: Colour) -> Texture:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.fractal_noise import smoothstep
-from stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
-from stimuli.scenes.tileable import cells, courses, places, stamp, tileable_noise
+from evenlight.stimuli.fractal_noise import smoothstep
+from evenlight.stimuli.scenes.colours import Colour, Texture, albedo, blended, rgb, shaded
+from evenlight.stimuli.scenes.tileable import cells, courses, places, stamp, tileable_noise
 
 
 def plaster(colour: Colour, roughness: float = 0.06) -> Texture:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from stimuli.fractal_noise import smoothstep
+from evenlight.stimuli.fractal_noise import smoothstep
 
 
 def tileable_noise(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stimuli.scenes.charts import Charts
-from stimuli.scenes.scene import Floats, Patches, Scene
+from evenlight.stimuli.scenes.charts import Charts
+from evenlight.stimuli.scenes.scene import Floats, Patches, Scene
 
 BLOCK = 4.0  # [m] of ground that a block covers
 STOREY = 3.0  # [m] of height that a block covers

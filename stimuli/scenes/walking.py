@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera import EYE_HEIGHT
-from stimuli.scenes.camera_path import CameraPath
-from stimuli.scenes.scene import Ground, Scene, Vector
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera import EYE_HEIGHT
+from evenlight.stimuli.scenes.camera_path import CameraPath
+from evenlight.stimuli.scenes.scene import Ground, Scene, Vector
 
 TOUCHING = 0.02  # [m] rectangles this near to each other are joined
 STEP_UP = 0.45  # [m] the highest step; a floor above or below is not reached by walking under or over it

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.shapes import BOX_SIDES
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.shapes import BOX_SIDES
 
 Point = tuple[float, float]
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from stimuli.scenes.furniture import WHITE, Tint
-from stimuli.scenes.household import WHOLE
-from stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.furniture import WHITE, Tint
+from evenlight.stimuli.scenes.household import WHOLE
+from evenlight.stimuli.scenes.model import Material, SceneModel
 
 DARK = (0.05, 0.05, 0.055)
 RED, BLUE, YELLOW = (0.55, 0.06, 0.04), (0.07, 0.16, 0.42), (0.75, 0.5, 0.05)

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from analysis.figure_style import Medium
+from evenlight.analysis.figure_style import Medium
 
 
 def boxes_of(figure: Figure) -> list[tuple[str, Any]]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.findings import Findings
-from analysis.reproduction.adaptation_differences import (
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.reproduction.adaptation_differences import (
     AdaptationInput,
     Differences,
     Dimming,
@@ -15,15 +15,15 @@ from analysis.reproduction.adaptation_differences import (
     differences,
     differences_of,
 )
-from analysis.reproduction.adaptation_figure import bar_edges, bars
-from analysis.reproduction.adaptation_findings import adaptation_findings
-from analysis.reproduction.adaptation_tracks import adaptation_input
-from analysis.reproduction.luminance_maps import LuminanceMaps
-from data_schema.errors import InputError
-from data_schema.statistic import Origin
-from method.adaptation import response_differences
-from method.preset_files import load_display
-from method.splitting import SplittingSolver
+from evenlight.analysis.reproduction.adaptation_figure import bar_edges, bars
+from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
+from evenlight.analysis.reproduction.adaptation_tracks import adaptation_input
+from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.statistic import Origin
+from evenlight.method.adaptation import response_differences
+from evenlight.method.preset_files import load_display
+from evenlight.method.splitting import SplittingSolver
 
 
 def maps_of(luminance: np.ndarray, seconds: float = 0.1) -> LuminanceMaps:

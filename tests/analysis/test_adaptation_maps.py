@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
-from data_schema.display import Display
-from data_schema.frame import Frame
-from method.luminance import emitted_luminance
+from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.method.luminance import emitted_luminance
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0, reflected_luminance=1.5)
 

@@ -5,17 +5,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.inference.adaptive_quadrature import (
+from evenlight.analysis.inference.adaptive_quadrature import (
     FINE_NODES,
     NODES,
     PaddedModel,
     marginal_likelihood,
     triangle,
 )
-from analysis.inference.cumulative_link import Link, OrdinalData
-from analysis.inference.cumulative_link_model import ordinal_model
-from analysis.inference.lognormal_times import CensoredTimes
-from analysis.inference.lognormal_times_model import times_model
+from evenlight.analysis.inference.cumulative_link import Link, OrdinalData
+from evenlight.analysis.inference.cumulative_link_model import ordinal_model
+from evenlight.analysis.inference.lognormal_times import CensoredTimes
+from evenlight.analysis.inference.lognormal_times_model import times_model
 
 Array = NDArray[np.float64]
 CUT_POINTS = np.array([-2.0, -0.3, 1.1])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.audit.audit_choices import (
+from evenlight.analysis.audit.audit_choices import (
     ChosenCount,
     chance_of_being_so_even,
     chosen_counts,
@@ -13,14 +13,14 @@ from analysis.audit.audit_choices import (
     detectability,
     numbers_that_fit,
 )
-from analysis.audit.audit_power_table import (
+from evenlight.analysis.audit.audit_power_table import (
     line_luminance,
     nominal_line,
     refitted_line,
     sample_power,
     table_powers,
 )
-from analysis.published import published
+from evenlight.analysis.published import published
 
 
 def test_the_percentages_are_nine_and_eight_of_seventeen() -> None:

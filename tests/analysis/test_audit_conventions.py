@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from analysis.audit.audit_conventions import (
+from evenlight.analysis.audit.audit_conventions import (
     CONVENTIONS,
     SCORES,
     Convention,

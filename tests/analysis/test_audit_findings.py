@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from analysis.audit.audit_conventions import CONVENTIONS, conventions_that_allow
-from analysis.audit.audit_distribution_section import CELLS
-from analysis.audit.audit_findings import audit_findings
-from analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN
-from analysis.audit.audit_ratings import printed_cell
-from analysis.figure_style import PAGE
-from analysis.findings import Findings, write_findings
-from analysis.published import SEQUENCES, published
-from analysis.report import Report, report_html
-from data_schema.statistic import Origin, PlottedPoint, Statistic
-from data_schema.text_files import read_rows
+from evenlight.analysis.audit.audit_conventions import CONVENTIONS, conventions_that_allow
+from evenlight.analysis.audit.audit_distribution_section import CELLS
+from evenlight.analysis.audit.audit_findings import audit_findings
+from evenlight.analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN
+from evenlight.analysis.audit.audit_ratings import printed_cell
+from evenlight.analysis.figure_style import PAGE
+from evenlight.analysis.findings import Findings, write_findings
+from evenlight.analysis.published import SEQUENCES, published
+from evenlight.analysis.report import Report, report_html
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.data_schema.text_files import read_rows
 
 DOCS = Path(__file__).parents[2] / "docs"
 

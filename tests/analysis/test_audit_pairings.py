@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.audit.audit_conventions import SCORES
-from analysis.audit.audit_paired_tests import (
+from evenlight.analysis.audit.audit_conventions import SCORES
+from evenlight.analysis.audit.audit_paired_tests import (
     PairedTest,
     PRange,
     Verdict,
@@ -18,7 +18,7 @@ from analysis.audit.audit_paired_tests import (
     p_ranges,
     paired_p_values,
 )
-from analysis.audit.audit_pairings import DIFFERENCES, reachable_differences
+from evenlight.analysis.audit.audit_pairings import DIFFERENCES, reachable_differences
 
 ratings_of_six = st.lists(st.integers(1, 5), min_size=6, max_size=6)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.audit.audit_conventions import SCORES, Printed
-from analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange, Verdict
-from analysis.audit.audit_pairings import DIFFERENCES
-from analysis.audit.audit_participants import participant_totals
-from analysis.audit.audit_ratings import (
+from evenlight.analysis.audit.audit_conventions import SCORES, Printed
+from evenlight.analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange, Verdict
+from evenlight.analysis.audit.audit_pairings import DIFFERENCES
+from evenlight.analysis.audit.audit_participants import participant_totals
+from evenlight.analysis.audit.audit_ratings import (
     SequenceRatings,
     correlations,
     ratings_behind,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 from statsmodels.stats.proportion import binom_tost, proportion_confint
 
-from analysis.inference.binomial_power import (
+from evenlight.analysis.inference.binomial_power import (
     answers_for_equivalence,
     answers_to_find,
     difference_power,
@@ -22,7 +22,7 @@ from analysis.inference.binomial_power import (
     smallest_margin_ever,
     smallest_share_found,
 )
-from analysis.inference.binomial_tests import (
+from evenlight.analysis.inference.binomial_tests import (
     bayes_factor,
     bayes_factor_within,
     clopper_pearson,

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.calibration.calibration import calibrate, summary_of, trials_of_one_task
-from analysis.calibration.level_estimates import difference_in_words, estimate_levels
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.thresholds import fit_thresholds_of
-from analysis.loading import RampData
-from analysis.session_loading import Session
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import Provenance
-from data_schema.ramp import Procedure, RampDesign, RampTrial, Response
-from data_schema.rate_limit import RateLimitForm
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.threshold import ThresholdFlag
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.calibration import calibrate, summary_of, trials_of_one_task
+from evenlight.analysis.calibration.level_estimates import difference_in_words, estimate_levels
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.thresholds import fit_thresholds_of
+from evenlight.analysis.loading import RampData
+from evenlight.analysis.session_loading import Session
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.threshold import ThresholdFlag
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 DISPLAY = Display("bench", 104.4, 0.2, 1.95, 72.28)
 RELATIVE = np.array([0.008, 0.013, 0.02, 0.028, 0.04, 0.055, 0.08, 0.12])

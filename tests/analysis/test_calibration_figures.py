@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from analysis.calibration.psychometric_figure import psychometric_figure
-from analysis.calibration.psychometric_panels import by_level, pooled_answers
-from analysis.calibration.rate_limit_figure import level_means, rate_limit_figure
-from analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
-from analysis.figure_style import (
+from evenlight.analysis.calibration.psychometric_figure import psychometric_figure
+from evenlight.analysis.calibration.psychometric_panels import by_level, pooled_answers
+from evenlight.analysis.calibration.rate_limit_figure import level_means, rate_limit_figure
+from evenlight.analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
+from evenlight.analysis.figure_style import (
     COLUMN,
     LIMIT,
     PAGE,
@@ -22,11 +22,11 @@ from analysis.figure_style import (
     Medium,
     png_bytes,
 )
-from data_schema.ramp import Procedure, RampTrial, Response
-from data_schema.threshold import Threshold, ThresholdFlag
-from method.preset_files import load_rate_limit
-from method.psychometric import yes_probability
-from method.rate_limit import rate_limit_at
+from evenlight.data_schema.ramp import Procedure, RampTrial, Response
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.psychometric import yes_probability
+from evenlight.method.rate_limit import rate_limit_at
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
-from analysis.measurement.arrival_clock import fit_arrivals
-from analysis.measurement.clock_fit import changes_of, fit_clock
-from analysis.measurement.clock_line import ClockLine, line_of
-from analysis.measurement.clock_windows import ClockWindows
-from analysis.measurement.ping_clock import fit_pings
-from analysis.measurement.sample_gaps import Samples
-from data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
+from evenlight.analysis.measurement.arrival_clock import fit_arrivals
+from evenlight.analysis.measurement.clock_fit import changes_of, fit_clock
+from evenlight.analysis.measurement.clock_line import ClockLine, line_of
+from evenlight.analysis.measurement.clock_windows import ClockWindows
+from evenlight.analysis.measurement.ping_clock import fit_pings
+from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
 
 Array = NDArray[np.float64]
 CLIP = Conditions(frames=120, sample_rate=400.0)

@@ -13,23 +13,23 @@ from scipy import stats
 from statsmodels.stats.contingency_tables import cochrans_q
 from statsmodels.stats.multitest import multipletests
 
-from analysis.comparison.comparison_chance import consistency_of, sequence_differences
-from analysis.comparison.comparison_counts import Choices, count_choices
-from analysis.comparison.comparison_figure import power_figure, shares_figure
-from analysis.comparison.comparison_findings import comparison_findings
-from analysis.comparison.comparison_limits import answer_limits
-from analysis.comparison.comparison_model import choice_model
-from analysis.comparison.comparison_results import Comparison, compare
-from analysis.comparison.comparison_sections import pooled_section, shares_section
-from analysis.comparison.comparison_shares import estimate_share, standard_error
-from analysis.comparison.comparison_statistics import statistics_of
-from analysis.comparison.comparison_words import lead_of
-from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
-from analysis.findings import Findings
-from analysis.inference.binomial_power import difference_power, smallest_margin_ever
-from analysis.plans.viewing_plan_comparison import ComparisonTruth
-from analysis.report import Picture
-from data_schema.errors import InputError
+from evenlight.analysis.comparison.comparison_chance import consistency_of, sequence_differences
+from evenlight.analysis.comparison.comparison_counts import Choices, count_choices
+from evenlight.analysis.comparison.comparison_figure import power_figure, shares_figure
+from evenlight.analysis.comparison.comparison_findings import comparison_findings
+from evenlight.analysis.comparison.comparison_limits import answer_limits
+from evenlight.analysis.comparison.comparison_model import choice_model
+from evenlight.analysis.comparison.comparison_results import Comparison, compare
+from evenlight.analysis.comparison.comparison_sections import pooled_section, shares_section
+from evenlight.analysis.comparison.comparison_shares import estimate_share, standard_error
+from evenlight.analysis.comparison.comparison_statistics import statistics_of
+from evenlight.analysis.comparison.comparison_words import lead_of
+from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from evenlight.analysis.findings import Findings
+from evenlight.analysis.inference.binomial_power import difference_power, smallest_margin_ever
+from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth
+from evenlight.analysis.report import Picture
+from evenlight.data_schema.errors import InputError
 
 
 @pytest.fixture(scope="module")

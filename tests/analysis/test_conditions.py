@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from analysis.calibration.conditions import Condition
-from analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from analysis.calibration.rate_limit_fit import fit_thresholds
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import Direction, Procedure
-from data_schema.rate_limit import RateLimitForm
-from data_schema.threshold import Threshold, ThresholdFlag
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.conditions import Condition
+from evenlight.analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_fit import fit_thresholds
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.method.rate_limit import rate_limit_at
 
 DISPLAY = Display("bench", 104.4, 0.2, 1.95, 72.28)
 LEVELS = (10.0, 20.0, 40.0, 70.0, 100.0)

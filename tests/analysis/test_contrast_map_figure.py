@@ -10,17 +10,22 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     COLUMN,
     LOST,
     PAGE,
     SLIDE,
     Medium,
 )
-from analysis.tracks.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure, map_picture
-from method.contrast_loss import contrast_loss
-from method.luminance import emitted_luminance
-from method.preset_files import load_display
+from evenlight.analysis.tracks.contrast_map_figure import (
+    ContrastMap,
+    contrast_map,
+    contrast_map_figure,
+    map_picture,
+)
+from evenlight.method.contrast_loss import contrast_loss
+from evenlight.method.luminance import emitted_luminance
+from evenlight.method.preset_files import load_display
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)

@@ -10,8 +10,8 @@ from ordinal_levels import OrdinalTruth, covered, simulated_answers
 from scipy import optimize, stats
 from statsmodels.miscmodels.ordinal_model import OrderedModel
 
-from analysis.inference.adaptive_quadrature import marginal_likelihood
-from analysis.inference.cumulative_link import (
+from evenlight.analysis.inference.adaptive_quadrature import marginal_likelihood
+from evenlight.analysis.inference.cumulative_link import (
     FitFlag,
     FixedEffect,
     Link,
@@ -19,7 +19,7 @@ from analysis.inference.cumulative_link import (
     OrdinalFit,
     fit_ordinal,
 )
-from analysis.inference.cumulative_link_model import ordinal_model
+from evenlight.analysis.inference.cumulative_link_model import ordinal_model
 
 # Bitterness of wine, Randall (1989, Biometrical J. 31, 781), as printed in Table 1 of Christensen's tutorial
 # on the R package ordinal: rows are bottles (cold and warm, each without and with contact, two of each),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings
 
-from analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
-from analysis.measurement.gamma_curve import Curve, PixelLevel
-from analysis.measurement.luminance_levels import middle_of, pixel_levels
-from analysis.measurement.meter_noise import Repeats
-from data_schema.errors import InputError
-from data_schema.sweep import LuminanceSweepDesign
-from hardware.simulated_panel import PanelPhysics
+from evenlight.analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
+from evenlight.analysis.measurement.gamma_curve import Curve, PixelLevel
+from evenlight.analysis.measurement.luminance_levels import middle_of, pixel_levels
+from evenlight.analysis.measurement.meter_noise import Repeats
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.sweep import LuminanceSweepDesign
+from evenlight.hardware.simulated_panel import PanelPhysics
 
 DESIGN = LuminanceSweepDesign(factors=(), warm_up=0.0)
 CURVE = Curve(gamma=2.2, peak=200.0, black=0.3)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.psychometric_fit import fit_psychometric
-from analysis.measurement.drift import TimedAnswers, drift_of
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.psychometric_fit import fit_psychometric
+from evenlight.analysis.measurement.drift import TimedAnswers, drift_of
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 N_LEVELS = 6

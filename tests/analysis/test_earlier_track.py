@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.tracks.earlier_track import clip_folder, start_factors, track_files
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
-from data_schema.errors import InputError
-from data_schema.provenance import Provenance
+from evenlight.analysis.tracks.earlier_track import clip_folder, start_factors, track_files
+from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import Provenance
 
 
 def write(folder: Path, factor: float) -> Path:

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.calibration.published_rate_limit import published_fit
-from analysis.fit_commands import fit
-from data_schema.errors import InputError
-from data_schema.ramp import RampDesign
-from data_schema.rate_limit import RateLimitForm
-from data_schema.text_files import read_rows
-from data_schema.threshold import Threshold
-from experiments.simulate_ramp import RampSimulation, simulate_dataset
-from experiments.simulated_observers import ObserverPopulation
-from method.preset_files import load_display, load_rate_limit
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.published_rate_limit import published_fit
+from evenlight.analysis.fit_commands import fit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.threshold import Threshold
+from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.rate_limit import rate_limit_at
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

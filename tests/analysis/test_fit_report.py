@@ -7,24 +7,24 @@ from pathlib import Path
 
 import pytest
 
-from analysis.calibration.calibration import Calibration, calibrate, write_calibration
-from analysis.calibration.calibration_figures import write_figures
-from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from analysis.calibration.fit_report import FitResults, write_fit_report
-from analysis.calibration.limit_choices import limit_choices
-from analysis.calibration.limit_choices_section import choices_section
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.threshold_sections import population_section, thresholds_section
-from analysis.figure_style import PAGE, new_figure, png_bytes
-from analysis.loading import load_ramp_data
-from analysis.report import SIMULATED_NOTE
-from data_schema.provenance import Provenance
-from data_schema.ramp import Direction, Procedure, RampDesign
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.text_files import read_json_record
-from experiments.simulate_ramp import RampSimulation, simulate_dataset
-from experiments.simulated_observers import ObserverPopulation
-from method.preset_files import load_display, load_rate_limit
+from evenlight.analysis.calibration.calibration import Calibration, calibrate, write_calibration
+from evenlight.analysis.calibration.calibration_figures import write_figures
+from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
+from evenlight.analysis.calibration.limit_choices import limit_choices
+from evenlight.analysis.calibration.limit_choices_section import choices_section
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
+from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.report import SIMULATED_NOTE
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Direction, Procedure, RampDesign
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.method.preset_files import load_display, load_rate_limit
 
 PNG = png_bytes(new_figure(PAGE, height=0.1))
 LINE = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1)

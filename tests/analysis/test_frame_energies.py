@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.measurement.clock_line import ClockLine
-from analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
-from analysis.measurement.power_recording import Flips
-from analysis.measurement.sample_gaps import Samples
-from data_schema.frame_energy import FrameEnergy, FrameFlag
+from evenlight.analysis.measurement.clock_line import ClockLine
+from evenlight.analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
+from evenlight.analysis.measurement.power_recording import Flips
+from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.frame_energy import FrameEnergy, FrameFlag
 
 SAME = ClockLine(0.0, 0.0)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.tracks.frame_samples import FrameSamples
-from data_schema.frame import Frame
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.data_schema.frame import Frame
 
 
 def refilled(count: int):

@@ -5,10 +5,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from analysis.calibration.goodness_of_fit import GoodnessOfFit, bin_starts, goodness_of_fit, joint_p_value
-from analysis.calibration.most_probable import Answers, most_probable
-from analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
-from method.psychometric import PsychometricFunction, log_likelihood, yes_probability
+from evenlight.analysis.calibration.goodness_of_fit import (
+    GoodnessOfFit,
+    bin_starts,
+    goodness_of_fit,
+    joint_p_value,
+)
+from evenlight.analysis.calibration.most_probable import Answers, most_probable
+from evenlight.analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.method.psychometric import PsychometricFunction, log_likelihood, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 

@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 from times_levels import TimesTruth, covers, fitted_time_effect, naive_effects, simulated_times
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.inference.lognormal_times import CensoredTimes, Contrast, FitFlag, fit_lognormal_times
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, Contrast, FitFlag, fit_lognormal_times
 
 LIMIT = 30.0
 TIMES = [3.1, 12.4, 7.7, 30, 5.2, 9.9, 30, 18.3, 2.6, 30, 14.1, 6.4, 22.8, 30, 8.3, 4.9, 30, 11.2, 27.5]

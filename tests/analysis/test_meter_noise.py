@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.measurement.meter_noise import (
+from evenlight.analysis.measurement.meter_noise import (
     Repeats,
     last_digits,
     noise_of,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import linalg
 
-from analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
 
 EXACT = 1e-9  # a standard error that is none
 

@@ -8,15 +8,15 @@ import pytest
 from online_spread_coverage import coverage, walk_ratios
 from scipy import stats
 
-from analysis.reproduction.online_findings import online_findings
-from analysis.reproduction.online_run import SweepPoint, TargetSweep, online_run, target_sweep
-from analysis.reproduction.online_spread import spread_ratio
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.statistic import Origin
-from method.controller import Controller, ControllerSettings
-from method.preset_files import load_rate_limit
-from method.scalar_rate_limit import scalar_rate_limit
+from evenlight.analysis.reproduction.online_findings import online_findings
+from evenlight.analysis.reproduction.online_run import SweepPoint, TargetSweep, online_run, target_sweep
+from evenlight.analysis.reproduction.online_spread import spread_ratio
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.statistic import Origin
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
 
 CONTROLLER = Controller(ControllerSettings(0.1), scalar_rate_limit(load_rate_limit("surace2025")))
 

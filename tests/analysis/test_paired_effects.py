@@ -18,8 +18,8 @@ from paired_truths import (
 )
 from scipy import optimize, stats
 
-from analysis.inference.exact_paired_tests import sign_flip_p_values
-from analysis.inference.paired_effects import (
+from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.paired_effects import (
     Effect,
     group_difference,
     mean_difference,

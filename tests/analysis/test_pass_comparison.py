@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.measurement.pass_comparison import Estimate, PassComparison
-from analysis.measurement.pass_power import equal_power
-from data_schema.played_power import PassPower
+from evenlight.analysis.measurement.pass_comparison import Estimate, PassComparison
+from evenlight.analysis.measurement.pass_power import equal_power
+from evenlight.data_schema.played_power import PassPower
 
 T_975 = {1: 12.706, 2: 4.303, 5: 2.571}  # Student's t, of any table
 T_95_1 = 6.314

@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.calibration.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
-from analysis.calibration.planning_draws import Experiments, participants_needed, resampling_spread
-from analysis.calibration.planning_figure import planning_figure
-from analysis.calibration.planning_pool import first_trials, with_trials_per_level
-from analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
-from analysis.plan_command import plan_command, whole_numbers, write_plan
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.plan import RampPlanRow
-from data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
-from data_schema.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
-from method.luminance import displayed_luminance
-from method.preset_files import load_display
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
+from evenlight.analysis.calibration.planning_draws import Experiments, participants_needed, resampling_spread
+from evenlight.analysis.calibration.planning_figure import planning_figure
+from evenlight.analysis.calibration.planning_pool import first_trials, with_trials_per_level
+from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from evenlight.analysis.plan_command import plan_command, whole_numbers, write_plan
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.plan import RampPlanRow
+from evenlight.data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
+from evenlight.method.luminance import displayed_luminance
+from evenlight.method.preset_files import load_display
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 PARTICIPANT_SD, LEVEL_SD = 0.25, 0.1  # of ln(threshold)
 RELATIVE_THRESHOLD = 0.03  # [1/s]

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.calibration.pooled_fit import logistic_threshold
-from analysis.calibration.posterior_grid import RampCounts
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.pooled_fit import logistic_threshold
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.geomspace(0.5, 16.0, 11)
 

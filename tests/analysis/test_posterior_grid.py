@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.calibration.posterior_grid import (
+from evenlight.analysis.calibration.posterior_grid import (
     FINE_NODES,
     Axis,
     PosteriorGrid,
@@ -15,7 +15,7 @@ from analysis.calibration.posterior_grid import (
     RampCounts,
     posterior_grid,
 )
-from method.psychometric import PsychometricFunction, log_likelihood
+from evenlight.method.psychometric import PsychometricFunction, log_likelihood
 
 PRIOR = PsychometricPrior()
 RATES = 100 * np.array([0.008, 0.013, 0.02, 0.028, 0.04, 0.055, 0.08, 0.12])

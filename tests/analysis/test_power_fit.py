@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.measurement.power_fit import fit_line, points_of, slope_through
-from data_schema.errors import InputError
+from evenlight.analysis.measurement.power_fit import fit_line, points_of, slope_through
+from evenlight.data_schema.errors import InputError
 
 FACTORS = np.repeat(np.arange(1, 11) / 10, 3)
 

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play, write_folder
 
-from analysis.measurement.power_figure import _binned
-from analysis.measurement.power_recording import _columns, load_recording
-from analysis.measurement.power_table import MeasuredPower, measure_power, write_power_results
-from data_schema.errors import InputError
-from data_schema.frame_energy import ClockMethod, FrameEnergy, FrameFlag
-from data_schema.played_power import PlayedPower, VersionPower
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.text_files import read_json_record, read_rows
-from method.preset_files import load_power_model
+from evenlight.analysis.measurement.power_figure import _binned
+from evenlight.analysis.measurement.power_recording import _columns, load_recording
+from evenlight.analysis.measurement.power_table import MeasuredPower, measure_power, write_power_results
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame_energy import ClockMethod, FrameEnergy, FrameFlag
+from evenlight.data_schema.played_power import PlayedPower, VersionPower
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.method.preset_files import load_power_model
 
 SHORT = Conditions(frames=60, sample_rate=500.0, content="ramps", passes=("ours", "baseline", "full") * 2)
 VERSIONS = ("baseline", "ours", "full")

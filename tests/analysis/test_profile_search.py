@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.inference.adaptive_quadrature import Array, Likelihood
-from analysis.inference.likelihood_search import Held, Maximum, Profile, ProfileEnd
+from evenlight.analysis.inference.adaptive_quadrature import Array, Likelihood
+from evenlight.analysis.inference.likelihood_search import Held, Maximum, Profile, ProfileEnd
 
 CRITICAL = 4.0
 

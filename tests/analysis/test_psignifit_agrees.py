@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-from analysis.calibration.psychometric_fit import Estimate, fit_psychometric
-from method.psychometric import WIDTH_LOGITS
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.psychometric_fit import Estimate, fit_psychometric
+from evenlight.method.psychometric import WIDTH_LOGITS
 
 Array = NDArray[np.float64]
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])

@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.psychometric_fit import fit_psychometric, posterior_band
-from method.psychometric import yes_probability
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.psychometric_fit import fit_psychometric, posterior_band
+from evenlight.method.psychometric import yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 

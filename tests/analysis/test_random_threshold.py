@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from analysis.calibration.level_estimates import pooled_counts
-from analysis.calibration.pooled_fit import logistic_threshold
-from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-from analysis.calibration.random_threshold import (
+from evenlight.analysis.calibration.level_estimates import pooled_counts
+from evenlight.analysis.calibration.pooled_fit import logistic_threshold
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.random_threshold import (
     RandomThresholdFit,
     _Model,
     _stacked,
@@ -18,7 +18,7 @@ from analysis.calibration.random_threshold import (
     fit_random_threshold,
     hermite_rule,
 )
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 MEDIAN, SD, PEOPLE = 3.1, 0.3, 12

@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimitForm
-from data_schema.threshold import Threshold, ThresholdFlag
-from method.preset_files import load_display
-from method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.method.preset_files import load_display
+from evenlight.method.rate_limit import rate_limit_at
 
 DISPLAY = Display("bench", 104.4, 0.2, 1.95, 72.28)
 WHITE = (20.9, 41.8, 62.6, 83.5, 104.4)

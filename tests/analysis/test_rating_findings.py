@@ -8,14 +8,14 @@ import pytest
 from made_ratings import Raters, drawn_ratings, rating_data, rating_trial
 from scipy import stats
 
-from analysis.findings import Findings, write_findings
-from analysis.inference.cumulative_link import FitFlag
-from analysis.rating.rating_findings import rating_findings
-from analysis.rating.rating_model import few_sample_p, permuted_interaction, rating_model
-from analysis.rating.rating_pairs import over_sequences, paired_ratings, version_ratings
-from analysis.rating.rating_results import pair_result
-from data_schema.statistic import Origin, Statistic
-from data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
+from evenlight.analysis.findings import Findings, write_findings
+from evenlight.analysis.inference.cumulative_link import FitFlag
+from evenlight.analysis.rating.rating_findings import rating_findings
+from evenlight.analysis.rating.rating_model import few_sample_p, permuted_interaction, rating_model
+from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings, version_ratings
+from evenlight.analysis.rating.rating_results import pair_result
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
 OURS, BASELINE = Version.OURS, Version.BASELINE
 

@@ -8,9 +8,9 @@ from made_ratings import Raters, drawn_ratings, rating_trial
 from rating_levels import model_free, shares
 from scipy import stats
 
-from analysis.rating.rating_order import order_effects, ordered_pairs
-from analysis.rating.rating_pairs import over_sequences, paired_ratings
-from data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
+from evenlight.analysis.rating.rating_order import order_effects, ordered_pairs
+from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
+from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
 BOTH = ("gym", "library")
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.rating.rating_power import POWER, Spread, likely_differences, smallest_difference
+from evenlight.analysis.rating.rating_power import POWER, Spread, likely_differences, smallest_difference
 
 SUPPORT = np.arange(-4, 5)
 

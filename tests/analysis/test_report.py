@@ -9,14 +9,22 @@ from pathlib import Path
 
 import pytest
 
-from analysis.calibration.calibration import Calibration, calibrate
-from analysis.calibration.calibration_figures import write_figures
-from analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.figure_style import PAGE, new_figure, png_bytes
-from analysis.loading import load_ramp_data
-from analysis.report import SIMULATED_NOTE, Picture, Report, Section, Table, report_html, write_report
-from analysis.report_sections import (
+from evenlight.analysis.calibration.calibration import Calibration, calibrate
+from evenlight.analysis.calibration.calibration_figures import write_figures
+from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
+from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.report import (
+    SIMULATED_NOTE,
+    Picture,
+    Report,
+    Section,
+    Table,
+    report_html,
+    write_report,
+)
+from evenlight.analysis.report_sections import (
     contrast_map_section,
     files_section,
     introduction_section,
@@ -24,13 +32,13 @@ from analysis.report_sections import (
     provenance_section,
     track_section,
 )
-from analysis.tracks.closed_loop import origins_of
-from data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign
-from experiments.simulate_ramp import RampSimulation, simulate_dataset
-from experiments.simulated_observers import ObserverPopulation
-from method.preset_files import load_display, load_rate_limit
+from evenlight.analysis.tracks.closed_loop import origins_of
+from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.method.preset_files import load_display, load_rate_limit
 
 HASH = "ab" * 32
 VOID = {"meta", "img", "br", "link"}

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.measurement.sample_gaps import Samples, count_samples, energy_knots, samples_once
-from data_schema.errors import InputError
+from evenlight.analysis.measurement.sample_gaps import Samples, count_samples, energy_knots, samples_once
+from evenlight.data_schema.errors import InputError
 
 
 def samples(

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from made_searches import SearchTruth, made_table, task_data, trials_of
 
-from analysis.findings import Findings, write_findings
-from analysis.inference.fixed_effects import FitFlag, FixedEffect
-from analysis.search.search_averages_section import averages_section
-from analysis.search.search_findings import search_findings
-from analysis.search.search_results import SearchResults, search_results
-from analysis.search.search_sections import brightness_section, pairs_section, times_section
-from analysis.search.search_statistics import statistics_of
-from analysis.search.search_trials import search_table
-from analysis.search.search_words import lead_of, slope_words
-from data_schema.errors import InputError
-from data_schema.search import SearchTrial
-from data_schema.statistic import Origin, PlottedPoint, Statistic
-from data_schema.text_files import read_rows
-from data_schema.viewing import Version
+from evenlight.analysis.findings import Findings, write_findings
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
+from evenlight.analysis.search.search_averages_section import averages_section
+from evenlight.analysis.search.search_findings import search_findings
+from evenlight.analysis.search.search_results import SearchResults, search_results
+from evenlight.analysis.search.search_sections import brightness_section, pairs_section, times_section
+from evenlight.analysis.search.search_statistics import statistics_of
+from evenlight.analysis.search.search_trials import search_table
+from evenlight.analysis.search.search_words import lead_of, slope_words
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import SearchTrial
+from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.viewing import Version
 
 Trials = tuple[SearchTrial, ...]
 RATIO = "time ratio, ours / baseline"

@@ -10,8 +10,8 @@ from made_searches import SearchTruth, made_table
 from scipy import stats
 from statsmodels.regression.linear_model import WLS
 
-from analysis.inference.fixed_effects import FitFlag, FixedEffect
-from analysis.search.search_models import (
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
+from evenlight.analysis.search.search_models import (
     BRIGHTNESS,
     SearchModels,
     brightness_fit,
@@ -22,15 +22,15 @@ from analysis.search.search_models import (
     version_effect,
     with_flags,
 )
-from analysis.search.search_over_locations import (
+from evenlight.analysis.search.search_over_locations import (
     ALL_ALIKE,
     TOO_FEW,
     LocationLine,
     for_people_and_locations,
     line_over_locations,
 )
-from analysis.search.search_sides import Side
-from analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_sides import Side
+from evenlight.analysis.search.search_trials import SearchTable
 
 MARGIN = math.log(1.25)
 

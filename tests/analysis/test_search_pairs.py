@@ -10,7 +10,7 @@ from scipy import stats
 from statsmodels.duration.hazard_regression import PHReg
 from statsmodels.stats.contingency_tables import mcnemar
 
-from analysis.search.search_pairs import (
+from evenlight.analysis.search.search_pairs import (
     ONE_PERSON,
     Pairs,
     detections,
@@ -19,8 +19,8 @@ from analysis.search.search_pairs import (
     matched_pairs,
     mcnemar_p,
 )
-from analysis.search.search_results import detection_change, first_found
-from analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_results import detection_change, first_found
+from evenlight.analysis.search.search_trials import SearchTable
 
 CELLS = [(one, other) for one in range(18) for other in range(18 - one)]  # of 17 pairs
 

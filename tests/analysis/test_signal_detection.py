@@ -5,15 +5,15 @@ import math
 import pytest
 from scipy import special
 
-from analysis.calibration.signal_detection import (
+from evenlight.analysis.calibration.signal_detection import (
     TWO_INTERVAL_D_PRIME,
     criterion_of,
     interval_bias_of,
     interval_biases,
     rate_of_d_prime,
 )
-from data_schema.ramp import Procedure, RampTrial, Response
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.data_schema.ramp import Procedure, RampTrial, Response
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 
 def choice(ramp: int, first: bool) -> RampTrial:

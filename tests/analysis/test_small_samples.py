@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.inference.small_samples import (
+from evenlight.analysis.inference.small_samples import (
     Reference,
     Sample,
     between_directions,

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.measurement.meter_noise import Noise, Repeats
-from analysis.measurement.steadiness import change_at_the_end, drifted, late_change, unsteady, untold
+from evenlight.analysis.measurement.meter_noise import Noise, Repeats
+from evenlight.analysis.measurement.steadiness import (
+    change_at_the_end,
+    drifted,
+    late_change,
+    unsteady,
+    untold,
+)
 
 NOISE = Noise(floor=0.0, share=0.002, freedom=34)
 

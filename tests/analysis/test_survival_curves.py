@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from statsmodels.duration.survfunc import SurvfuncRight
 
-from analysis.inference.survival_curves import (
+from evenlight.analysis.inference.survival_curves import (
     NO_UPPER_END,
     NOT_REACHED,
     TOO_FEW,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.ramp_counts import catch_counts, ramp_counts
-from analysis.calibration.signal_detection import criterion_of, false_alarm_warnings
-from analysis.calibration.thresholds import fit_thresholds_of, flag_of
-from data_schema.ramp import RampTrial, Response
-from data_schema.threshold import ThresholdFlag
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.ramp_counts import catch_counts, ramp_counts
+from evenlight.analysis.calibration.signal_detection import criterion_of, false_alarm_warnings
+from evenlight.analysis.calibration.thresholds import fit_thresholds_of, flag_of
+from evenlight.data_schema.ramp import RampTrial, Response
+from evenlight.data_schema.threshold import ThresholdFlag
 
 
 def trial(participant: str, rate: float, yes: bool, luminance: float = 100.0) -> RampTrial:

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     COLUMN,
     PAGE,
     SLIDE,
 )
-from analysis.tracks.thumbnails import small_picture, thumbnails_of
+from evenlight.analysis.tracks.thumbnails import small_picture, thumbnails_of
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)

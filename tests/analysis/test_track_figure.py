@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
 
-from analysis.figure_style import (
+from evenlight.analysis.figure_style import (
     BASELINE,
     COLUMN,
     LIMIT,
@@ -28,18 +28,18 @@ from analysis.figure_style import (
     png_bytes,
     write_png,
 )
-from analysis.tracks.rate_panel import drawn_rates
-from analysis.tracks.thumbnails import dimmed_picture
-from analysis.tracks.track_figure import track_figure
-from analysis.tracks.track_story import (
+from evenlight.analysis.tracks.rate_panel import drawn_rates
+from evenlight.analysis.tracks.thumbnails import dimmed_picture
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_story import (
     TrackStory,
     Weighing,
     budget_in_words,
     compared_in_words,
     outcome_in_words,
 )
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
-from data_schema.provenance import Provenance
+from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.provenance import Provenance
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)

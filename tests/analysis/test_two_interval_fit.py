@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.calibration.pooled_fit import logistic_threshold
-from analysis.calibration.posterior_grid import PsychometricPrior, RampCounts, posterior_grid
-from analysis.calibration.psychometric_fit import fit_psychometric, posterior_band
-from analysis.calibration.ramp_counts import catch_counts, ramp_counts
-from analysis.calibration.signal_detection import TWO_INTERVAL_D_PRIME
-from analysis.calibration.thresholds import fit_thresholds_of, flag_of
-from data_schema.ramp import Direction, Procedure, RampTrial, Response
-from data_schema.threshold import ThresholdFlag
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.pooled_fit import logistic_threshold
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts, posterior_grid
+from evenlight.analysis.calibration.psychometric_fit import fit_psychometric, posterior_band
+from evenlight.analysis.calibration.ramp_counts import catch_counts, ramp_counts
+from evenlight.analysis.calibration.signal_detection import TWO_INTERVAL_D_PRIME
+from evenlight.analysis.calibration.thresholds import fit_thresholds_of, flag_of
+from evenlight.data_schema.ramp import Direction, Procedure, RampTrial, Response
+from evenlight.data_schema.threshold import ThresholdFlag
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 PRIOR = PsychometricPrior()

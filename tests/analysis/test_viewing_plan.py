@@ -10,25 +10,31 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from analysis.comparison.comparison_counts import Choices
-from analysis.comparison.comparison_shares import estimate_share
-from analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
-from analysis.inference.binomial_power import difference_power
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.plans.viewing_plan import ViewingPlan, ViewingRequest, in_words, needed_in_words, plan_viewing
-from analysis.plans.viewing_plan_comparison import (
+from evenlight.analysis.comparison.comparison_counts import Choices
+from evenlight.analysis.comparison.comparison_shares import estimate_share
+from evenlight.analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
+from evenlight.analysis.inference.binomial_power import difference_power
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.plans.viewing_plan import (
+    ViewingPlan,
+    ViewingRequest,
+    in_words,
+    needed_in_words,
+    plan_viewing,
+)
+from evenlight.analysis.plans.viewing_plan_comparison import (
     ComparisonTruth,
     clustered_equivalence,
     person_in_the_middle,
 )
-from analysis.plans.viewing_plan_figure import viewing_plan_figure
-from analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
-from analysis.plans.viewing_plan_rating import RatingTruth, published_difference, published_spread
-from analysis.plans.viewing_plan_search import SearchTruth, version_effect
-from analysis.search.search_models import slowing
-from analysis.viewing_plan_command import write_viewing_plan
-from data_schema.plan import ViewingPlanRow
-from data_schema.text_files import read_rows
+from evenlight.analysis.plans.viewing_plan_figure import viewing_plan_figure
+from evenlight.analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from evenlight.analysis.plans.viewing_plan_rating import RatingTruth, published_difference, published_spread
+from evenlight.analysis.plans.viewing_plan_search import SearchTruth, version_effect
+from evenlight.analysis.search.search_models import slowing
+from evenlight.analysis.viewing_plan_command import write_viewing_plan
+from evenlight.data_schema.plan import ViewingPlanRow
+from evenlight.data_schema.text_files import read_rows
 
 RATING = RatingTruth(0.5, 0.8, 0.25, 4)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.measurement.power_fit import LineFit, fit_line, points_of
-from method.preset_files import load_power_model
+from evenlight.analysis.measurement.power_fit import LineFit, fit_line, points_of
+from evenlight.method.preset_files import load_power_model
 
 # Luminance of the panel [cd/m²] and current from its 5 V supply [A], as the authors published them.
 LUMINANCE = (750.0, 620.0, 440.0, 290.0, 128.0, 48.0, 8.4, 0.02)

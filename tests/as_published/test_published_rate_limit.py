@@ -3,20 +3,20 @@
 import numpy as np
 from numpy.polynomial import legendre
 
-from analysis.calibration.published_rate_limit import (
+from evenlight.analysis.calibration.published_rate_limit import (
     PUBLISHED_COEFFICIENTS,
     PUBLISHED_LUMINANCE,
     published_fit,
     published_rate_limit,
     published_rates,
 )
-from analysis.calibration.rate_limit_curve import RateLimitOptions
-from analysis.calibration.rate_limit_fit import fit_points
-from data_schema.mapping import mapping_from_record
-from data_schema.rate_limit import RateLimit
-from data_schema.text_files import read_json_record
-from method.preset_files import PRESETS, load_display
-from method.rate_limit import LimitCurve, rate_limit_at
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_fit import fit_points
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.method.preset_files import PRESETS, load_display
+from evenlight.method.rate_limit import LimitCurve, rate_limit_at
 
 # The authors' fitted curve, as printed by their program: luminance [cd/m^2], rate [cd/m^2/s].
 FITTED_AS_PUBLISHED = {

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.rig import Rig
-from experiments.stage import Clip, ShownClip
-from experiments.window_stage import WindowStage
-from hardware.backlights import SimulatedBacklight
-from hardware.clocks import RefreshClock
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.dithering import thresholds_of
-from stimuli.image_codes import image_codes
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.stage import Clip, ShownClip
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.dithering import thresholds_of
+from evenlight.stimuli.image_codes import image_codes
 
 LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
 RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)

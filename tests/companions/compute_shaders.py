@@ -4,8 +4,8 @@ import functools
 
 import pytest
 
-from data_schema.errors import InputError
-from method.gpu_context import OwnContext
+from evenlight.data_schema.errors import InputError
+from evenlight.method.gpu_context import OwnContext
 
 
 @functools.cache

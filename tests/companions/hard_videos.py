@@ -6,7 +6,7 @@ import numpy as np
 from hard_pictures import fractal, frame_of, letters
 from scipy import ndimage
 
-from data_schema.frame import Frame
+from evenlight.data_schema.frame import Frame
 
 SHAPE = (270, 384)  # large enough for its finest band not to be counted in every frame
 LENGTH = 33

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import read_track
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.text_files import write_json_record
-from method.preset_files import load_display
-from stimuli.video_writer import write_video
+from evenlight.data_schema.brightness_track import read_track
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.video_writer import write_video
 
 
 def texture(seed, height=36, width=48):

@@ -81,6 +81,6 @@ def _be_evenlight(words: list[str], environment: dict[str, str], folder: Path) -
         os.dup2(os.open(folder / name, os.O_WRONLY), number)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # the fork server itself minds no Ctrl-C
     sys.argv = ["evenlight", *words]
-    import evenlight
+    from evenlight import command as command_line
 
-    evenlight.main(words)
+    command_line.main(words)

@@ -7,6 +7,7 @@ import os
 # PsychoPy takes user site-packages for its own otherwise, as hardware/psychopy_window.py says.
 os.environ["PSYCHOPYNOPACKAGES"] = "1"
 # Not its window: the import of pyglet's connects to the screen, which each run is to do for itself.
-for name in ("experiments.run_command", "experiments.run_session", "psychopy.monitors", "psychopy.data"):
+SESSION = ("evenlight.experiments.run_command", "evenlight.experiments.run_session")
+for name in (*SESSION, "psychopy.monitors", "psychopy.data"):
     with contextlib.suppress(ImportError):  # a run says then what is missing
         importlib.import_module(name)

@@ -18,17 +18,17 @@ import numpy as np
 import pytest
 
 import evenlight
-from data_schema.errors import InputError
-from hardware import rig as rigs
-from hardware.backlight_curve import BacklightCurve
-from hardware.backlight_log import LoggedBacklight
-from hardware.backlight_notes import BACKLIGHTS
-from hardware.driver_table import SIMULATED, Driver, LinkKind
-from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from hardware.linear_backlight import LinearizedBacklight
-from hardware.luminance_meters import LUMINANCE_METERS
-from hardware.power_meters import POWER_METERS
-from hardware.protocols import (
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware import rig as rigs
+from evenlight.hardware.backlight_curve import BacklightCurve
+from evenlight.hardware.backlight_log import LoggedBacklight
+from evenlight.hardware.backlight_notes import BACKLIGHTS
+from evenlight.hardware.driver_table import SIMULATED, Driver, LinkKind
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from evenlight.hardware.linear_backlight import LinearizedBacklight
+from evenlight.hardware.luminance_meters import LUMINANCE_METERS
+from evenlight.hardware.power_meters import POWER_METERS
+from evenlight.hardware.protocols import (
     TRANSIENT,
     Backlight,
     Fault,
@@ -37,10 +37,10 @@ from hardware.protocols import (
     PowerMeter,
     Reading,
 )
-from hardware.rig_files import load_rig
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 LIBRARIES = ("serial", "ppk2_api", "monitorcontrol", "pyvisa", "pyvisa_py", "psychopy", "numpy", "scipy")
 PROTOCOLS: dict[str, tuple[type, dict[str, Driver], tuple[Any, ...]]] = {
     "luminance": (LuminanceMeter, rigs.LUMINANCE_METERS, LUMINANCE_METERS),
@@ -130,7 +130,7 @@ def test_nothing_is_read_by_looking_at_an_attribute(kind: str, name: str) -> Non
 def test_every_driver_is_imported_on_a_computer_without_device_libraries() -> None:
     """In a process of its own, where importing one of them fails."""
     modules = {
-        place.partition(":")[0]
+        f"evenlight.hardware.{place.partition(':')[0]}"
         for kind, name in DRIVERS
         for place in (driver_of(kind, name).place, driver_of(kind, name).emulator)
         if place

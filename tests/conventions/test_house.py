@@ -3,14 +3,17 @@
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 import typer
 
 import evenlight
+from evenlight import command as command_line
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
+FOLDERS = ("data_schema", "method", "hardware", "stimuli", "experiments", "analysis")
 BIN = Path(sys.executable).parent
 
 
@@ -30,7 +33,7 @@ def test_the_checks_of_make_check_pass(command: list[str]) -> None:
 
 
 def command_names() -> set[str]:
-    group = typer.main.get_command(evenlight.app)
+    group = typer.main.get_command(command_line.app)
     return set(group.commands)
 
 
@@ -71,18 +74,17 @@ def test_nothing_promises_that_a_change_cannot_be_noticed(pattern: str) -> None:
 
 
 def test_the_folders_of_the_readme_are_the_packages() -> None:
-    configured = re.search(r"^packages = \[(.*?)\]", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
-    assert configured is not None
+    configured = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-dir"]
+    assert set(configured.values()) == set(FOLDERS)
     readme = (ROOT / "README.md").read_text()
-    for package in re.findall(r'"(\w+)"', configured[1]):
+    for package in FOLDERS:
         assert f"`{package}/`" in readme
         assert (ROOT / package / "__init__.py").exists()
 
 
 def test_no_module_has_a_name_that_says_nothing() -> None:
     empty = {"utils", "util", "helpers", "helper", "common", "core", "base", "misc"}
-    packages = ("data_schema", "method", "hardware", "stimuli", "experiments", "analysis")
-    names = [path.stem for package in packages for path in (ROOT / package).glob("*.py")]
+    names = [path.stem for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
     assert len(names) > 50
     assert not empty & set(names)
     assert not {name for name in names if name in sys.stdlib_module_names}

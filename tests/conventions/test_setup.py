@@ -9,7 +9,7 @@ import pytest
 
 import evenlight
 
-SETUP = Path(evenlight.__file__).parent / "setup.sh"
+SETUP = Path(evenlight.__file__).parents[1] / "setup.sh"
 
 
 @pytest.fixture

@@ -12,25 +12,25 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
-from data_schema.benchmark import BenchmarkClaim, BenchmarkPoint
-from data_schema.brightness_track import OptimizationSummary
-from data_schema.display import Display
-from data_schema.frame_energy import LEFT_OUT, FrameEnergy
-from data_schema.frame_log import FrameLog
-from data_schema.mapping import type_hints
-from data_schema.meter_reading import MeterReading
-from data_schema.played_power import PassPower, VersionPower
-from data_schema.power_log import ClockPing
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.provenance import Provenance
-from data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
-from data_schema.rate_limit import RateLimit
-from data_schema.rig import Keys, Rig
-from data_schema.search import SearchDesign, SearchTrial, ViewLog
-from data_schema.section import AllowanceSection, WeightSection
-from data_schema.session import DESIGN_OF_TASK, SessionManifest
-from data_schema.statistic import Statistic
-from data_schema.sweep import (
+from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint
+from evenlight.data_schema.brightness_track import OptimizationSummary
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame_energy import LEFT_OUT, FrameEnergy
+from evenlight.data_schema.frame_log import FrameLog
+from evenlight.data_schema.mapping import type_hints
+from evenlight.data_schema.meter_reading import MeterReading
+from evenlight.data_schema.played_power import PassPower, VersionPower
+from evenlight.data_schema.power_log import ClockPing
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.rig import Keys, Rig
+from evenlight.data_schema.search import SearchDesign, SearchTrial, ViewLog
+from evenlight.data_schema.section import AllowanceSection, WeightSection
+from evenlight.data_schema.session import DESIGN_OF_TASK, SessionManifest
+from evenlight.data_schema.statistic import Statistic
+from evenlight.data_schema.sweep import (
     DESIGN_OF_SWEEP,
     LuminanceReading,
     LuminanceSweepDesign,
@@ -39,9 +39,9 @@ from data_schema.sweep import (
     ReadingStatus,
     SweepManifest,
 )
-from data_schema.sweep_fit import DisplayFit, PowerFit
-from data_schema.threshold import Threshold
-from data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
+from evenlight.data_schema.sweep_fit import DisplayFit, PowerFit
+from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 
 Values = dict[str, Any]
 
@@ -342,7 +342,7 @@ def display() -> Display:
 @pytest.fixture(scope="session")
 def manifest_of() -> Callable[..., SessionManifest]:
     """A complete ramp session, with what a test wants to be otherwise."""
-    from data_schema.session import SessionStatus
+    from evenlight.data_schema.session import SessionStatus
 
     def made(**changes: Any) -> SessionManifest:
         values: Values = {

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
-from data_schema.provenance import Provenance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.provenance import Provenance
 
 
 def curves(**changed: Any) -> LossCurves:

@@ -9,19 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack
-from data_schema.data_dictionary import data_dictionary
-from data_schema.errors import InputError
-from data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
-from data_schema.loss_curves import LossCurves
-from data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
-from data_schema.record_kind import RecordKind
-from data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL
-from data_schema.schema_problems import schema_problems
+from evenlight.data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack
+from evenlight.data_schema.data_dictionary import data_dictionary
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
+from evenlight.data_schema.record_kind import RecordKind
+from evenlight.data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL
+from evenlight.data_schema.schema_problems import schema_problems
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
 MAPPED = [kind for kind in KINDS if kind.record not in (LossCurves, BrightnessTrack)]
-REGENERATE = "run `python -m data_schema.json_schema`"
+REGENERATE = "run `python -m evenlight.data_schema.json_schema`"
 
 kinds = pytest.mark.parametrize("kind", MAPPED, ids=lambda kind: kind.name)
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from data_schema import provenance
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import (
+from evenlight.data_schema import provenance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import (
     SCHEMA_VERSION,
     Provenance,
     provenance_now,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import (
+from evenlight.data_schema.brightness_track import (
     TRACK_COLUMNS,
     BrightnessTrack,
     BudgetUnit,
@@ -16,15 +16,15 @@ from data_schema.brightness_track import (
     read_track,
     write_track,
 )
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
-from data_schema.provenance import SCHEMA_VERSION, Provenance
-from data_schema.ramp import RampDesign
-from data_schema.rate_limit import RateLimit
-from data_schema.session import SessionManifest
-from data_schema.text_files import read_json_record, read_rows, read_toml_record
-from data_schema.threshold import Threshold
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.provenance import SCHEMA_VERSION, Provenance
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.session import SessionManifest
+from evenlight.data_schema.text_files import read_json_record, read_rows, read_toml_record
+from evenlight.data_schema.threshold import Threshold
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("file.json", lambda path: read_json_record(RateLimit, path)),
@@ -216,7 +216,7 @@ def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
 def test_a_nested_record_is_named_by_its_keys(
     manifest_of: Callable[..., SessionManifest], tmp_path: Path
 ) -> None:
-    from data_schema.mapping import mapping_from_record
+    from evenlight.data_schema.mapping import mapping_from_record
 
     content = mapping_from_record(manifest_of())
     content["display"]["gamma"] = -1.0

@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, read_track, write_track
-from data_schema.contrast_model import ContrastModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial, Response
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from data_schema.text_files import read_toml_record, write_toml_record
-from data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    TrackHeader,
+    read_track,
+    write_track,
+)
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import RampDesign, RampTrial, Response
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.text_files import read_toml_record, write_toml_record
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 
 def test_a_display_survives_toml(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.brightness_track import (
+from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
@@ -17,17 +17,17 @@ from data_schema.brightness_track import (
     read_track,
     write_track,
 )
-from data_schema.display import Display
-from data_schema.frame_log import FrameLog
-from data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
-from data_schema.mapping import mapping_from_record, record_from_mapping
-from data_schema.power_model import PowerModel
-from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial
-from data_schema.rate_limit import RateLimit
-from data_schema.rig import Rig
-from data_schema.session import SessionEvent, SessionManifest
-from data_schema.text_files import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame_log import FrameLog
+from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import RampDesign, RampTrial
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session import SessionEvent, SessionManifest
+from evenlight.data_schema.text_files import (
     read_json_record,
     read_rows,
     read_toml_record,
@@ -35,7 +35,7 @@ from data_schema.text_files import (
     write_rows,
     write_toml_record,
 )
-from data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
 JSON_AND_TOML = [

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from checked_files import problems_of, results
 
-from data_schema.brightness_track import (
+from evenlight.data_schema.brightness_track import (
     BudgetUnit,
 )
-from data_schema.results_checks import mean_absolute_difference
-from data_schema.validation import validate
+from evenlight.data_schema.results_checks import mean_absolute_difference
+from evenlight.data_schema.validation import validate
 
 
 def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:

@@ -11,15 +11,16 @@ from checked_files import problems_of, results
 from typer.testing import CliRunner
 
 import evenlight
-from data_schema.dataset_layout import behaviour_file, session_folder
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.mapping import mapping_from_record
-from data_schema.provenance import SCHEMA_VERSION
-from data_schema.ramp import RampTrial, Response
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
-from data_schema.validation import validate
+from evenlight import command as command_line
+from evenlight.data_schema.dataset_layout import behaviour_file, session_folder
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import SCHEMA_VERSION
+from evenlight.data_schema.ramp import RampTrial, Response
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
+from evenlight.data_schema.validation import validate
 
 VERSION = f'"schema_version": {SCHEMA_VERSION}'
 CELLS = len(columns_of(RampTrial))
@@ -81,7 +82,7 @@ def test_a_right_dataset_has_no_problem_and_every_file_is_checked(dataset: Path)
 
 def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
     answer = CliRunner().invoke(
-        evenlight.app, ["simulate", "ramp", "--participants", "2", "--quiet", "--out", str(tmp_path / "d")]
+        command_line.app, ["simulate", "ramp", "--participants", "2", "--quiet", "--out", str(tmp_path / "d")]
     )
     assert answer.exit_code == 0
     assert problems_of(tmp_path / "d") == []
@@ -249,7 +250,7 @@ def test_a_file_is_known_by_its_keys_where_its_name_says_nothing(display: Displa
 
 
 def test_the_presets_are_right() -> None:
-    presets = Path(evenlight.__file__).parent / "method" / "presets"
+    presets = Path(evenlight.__file__).parents[1] / "method" / "presets"
     checked = list(validate(presets))
     assert {c.path.name for c in checked} == {p.name for p in presets.iterdir()}
     assert all(c.words and not c.problems for c in checked)
@@ -273,7 +274,7 @@ def test_a_single_file_that_is_nothing_known_is_refused(content: str, tmp_path: 
 
 def run(*arguments: str) -> tuple[Any, list[str]]:
     """The exit code of a command, as `main` ends with it, and the lines that it shows."""
-    answer = CliRunner().invoke(evenlight.app, list(arguments))
+    answer = CliRunner().invoke(command_line.app, list(arguments))
     refused = isinstance(answer.exception, InputError)
     return (2 if refused else answer.exit_code), answer.stdout.splitlines()
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.files import results_folder, write_whole
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder, write_whole
 
 
 def everything(folder: Path) -> dict[str, bytes | None]:

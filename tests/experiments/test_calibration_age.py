@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from data_schema.display import Display
-from experiments.calibration_age import too_old
+from evenlight.data_schema.display import Display
+from evenlight.experiments.calibration_age import too_old
 
 NOW = "2026-11-21T12:00:00+00:00"
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)

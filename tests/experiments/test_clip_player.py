@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from clip_windows import LAB, RIG, STEADY, Renderer, Video, Window, clip_of, played, readers, staged
 
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from experiments import clip_player, window_stage
-from experiments.blind_stage import BlindStage
-from experiments.stage import Clip, PausePressed
-from hardware.backlights import SimulatedBacklight
-from hardware.clocks import RefreshClock
-from hardware.simulated_keyboard import SimulatedKeyboard
-from method.luminance import emitted_luminance
-from stimuli.field_renderer import Field
-from stimuli.image_renderer import Picture
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.experiments import clip_player, window_stage
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.stage import Clip, PausePressed
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.method.luminance import emitted_luminance
+from evenlight.stimuli.field_renderer import Field
+from evenlight.stimuli.image_renderer import Picture
 
 
 @pytest.fixture(autouse=True)

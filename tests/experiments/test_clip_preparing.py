@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from clip_windows import Renderer, Video, Window, clip_of, played, readers, staged
 
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from experiments import clip_player, window_stage
-from experiments.stage import PausePressed
-from experiments.window_stage import WindowStage
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.field_renderer import Field
-from stimuli.image_renderer import Picture
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.experiments import clip_player, window_stage
+from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.field_renderer import Field
+from evenlight.stimuli.image_renderer import Picture
 
 TIMES = np.arange(50) / 25
 FEW = np.arange(10) / 25  # 0.4 s, all of which are decoded before the first is shown

@@ -7,22 +7,22 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
-from data_schema.display import Display
-from data_schema.provenance import Provenance
-from data_schema.ramp import Direction, Procedure, Response
-from experiments.brightness_changes import LuminanceCourse, changes_in_thresholds, luminance_course
-from experiments.comparison_observer import (
+from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Direction, Procedure, Response
+from evenlight.experiments.brightness_changes import LuminanceCourse, changes_in_thresholds, luminance_course
+from evenlight.experiments.comparison_observer import (
     ComparisonObserver,
     ComparisonPopulation,
     chance_of_choice,
     d_prime,
     draw_comparer,
 )
-from experiments.simulated_observers import SimulatedObserver
-from method.preset_files import load_rate_limit
-from method.psychometric import PsychometricFunction, yes_probability
-from method.rate_limit import rate_limit_at
+from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
+from evenlight.method.rate_limit import rate_limit_at
 
 LIMIT = load_rate_limit("surace2025")
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)

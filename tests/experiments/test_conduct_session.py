@@ -7,26 +7,26 @@ from typing import Any
 
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.provenance import Provenance
-from data_schema.ramp import Placement, Procedure, RampDesign, TrialFlag
-from data_schema.rig import Keys, Rig
-from data_schema.session import EventKind, SessionManifest, SessionStatus
-from experiments.blind_stage import BlindStage
-from experiments.conduct_session import Cast, conduct_session
-from experiments.dataset import enrol
-from experiments.pages import load_pages
-from experiments.participants import SimulatedParticipant
-from experiments.ramp_task import RampTask
-from experiments.session_store import SessionStore, begin_session, resume_session
-from experiments.simulated_answers import RampAnswers
-from experiments.simulated_observers import SimulatedObserver
-from experiments.stage import PausePressed, RampInterval, ShownInterval
-from hardware.clocks import RefreshClock
-from hardware.protocols import InstrumentError
-from hardware.simulated_keyboard import SimulatedKeyboard
-from method.preset_files import load_rate_limit
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Placement, Procedure, RampDesign, TrialFlag
+from evenlight.data_schema.rig import Keys, Rig
+from evenlight.data_schema.session import EventKind, SessionManifest, SessionStatus
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.conduct_session import Cast, conduct_session
+from evenlight.experiments.dataset import enrol
+from evenlight.experiments.pages import load_pages
+from evenlight.experiments.participants import SimulatedParticipant
+from evenlight.experiments.ramp_task import RampTask
+from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
+from evenlight.experiments.simulated_answers import RampAnswers
+from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.experiments.stage import PausePressed, RampInterval, ShownInterval
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.1, 2.2, 60.0)
 RIG = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from data_schema.psych_ds import FILE_NAME
-from data_schema.ramp import RampDesign
-from data_schema.text_files import write_toml_record
+from evenlight.data_schema.psych_ds import FILE_NAME
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.data_schema.text_files import write_toml_record
 
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
 NAMES = ("name", "birth", "email", "address", "phone")

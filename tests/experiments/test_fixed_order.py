@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.ramp import TrialFlag
-from experiments.fixed_order import MAX_SHOWINGS, FixedOrder
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import TrialFlag
+from evenlight.experiments.fixed_order import MAX_SHOWINGS, FixedOrder
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from experiments.flash_marker import flash
-from method.preset_files import load_display
+from evenlight.experiments.flash_marker import flash
+from evenlight.method.preset_files import load_display
 
 REFRESH_RATE = 60.0
 

@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from data_schema.live_control import LiveRefresh
-from experiments.live_dimming import LONGEST, LiveDimmer
-from experiments.walk_request import LiveRequest
-from method.control_curves import control_curves
-from method.controller import Controller, ControllerSettings
-from method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
-from method.preset_files import load_display, load_rate_limit
-from method.scalar_rate_limit import scalar_rate_limit
-from method.stability_margins import frame_gains, stable_slope
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.live_control import LiveRefresh
+from evenlight.experiments.live_dimming import LONGEST, LiveDimmer
+from evenlight.experiments.walk_request import LiveRequest
+from evenlight.method.control_curves import control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.stability_margins import frame_gains, stable_slope
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 OTHER = replace(load_display("varjo-xr3"), name="other", peak_luminance=250.0)

@@ -7,25 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.live_control import LiveControl, LiveRefresh
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PanelKind, PowerModel
-from experiments.live_dimming import LiveDimmer
-from experiments.live_governor import LiveBudget, LiveGovernor, PictureUse
-from experiments.live_record import BudgetMet, how_met, live_control, settings_of, with_budget
-from experiments.walk import Walked
-from experiments.walk_request import LiveRequest, WalkRequest, budget_asked
-from experiments.walk_words import words_of_walk
-from method.choices import LimitCurve
-from method.control_curves import Governed, control_curves
-from method.controller import Aim, Controller, ControllerSettings, ControllerState
-from method.frame_costs import frame_costs
-from method.governor import GovernorSettings, governor_of
-from method.horizon_errors import HorizonErrors
-from method.preset_files import load_display, load_power_model, load_rate_limit
-from method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.live_control import LiveControl, LiveRefresh
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.experiments.live_dimming import LiveDimmer
+from evenlight.experiments.live_governor import LiveBudget, LiveGovernor, PictureUse
+from evenlight.experiments.live_record import BudgetMet, how_met, live_control, settings_of, with_budget
+from evenlight.experiments.walk import Walked
+from evenlight.experiments.walk_request import LiveRequest, WalkRequest, budget_asked
+from evenlight.experiments.walk_words import words_of_walk
+from evenlight.method.choices import LimitCurve
+from evenlight.method.control_curves import Governed, control_curves
+from evenlight.method.controller import Aim, Controller, ControllerSettings, ControllerState
+from evenlight.method.frame_costs import frame_costs
+from evenlight.method.governor import GovernorSettings, governor_of
+from evenlight.method.horizon_errors import HorizonErrors
+from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
+from evenlight.method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 LCD = load_power_model("surace2025")

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from data_schema.control import LoopReport, TuningReport
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.live_control import LiveRefresh
-from data_schema.provenance import Provenance
-from data_schema.text_files import write_json_record
-from experiments.live_record import between_answers, live_control, over_time, settings_of
-from method.choices import LimitCurve
-from method.preset_files import load_rate_limit
+from evenlight.data_schema.control import LoopReport, TuningReport
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.live_control import LiveRefresh
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.experiments.live_record import between_answers, live_control, over_time, settings_of
+from evenlight.method.choices import LimitCurve
+from evenlight.method.preset_files import load_rate_limit
 
 BENCH = Display("bench", 104.4, 0.2, 1.95, 72.28)
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from compute_shaders import own_context
 
-from data_schema.display import Display
-from experiments.loss_meters import GpuMeter, ProcessorMeter
-from experiments.picture_luminance import PictureLuminance
-from method.gpu_fence import Fence, _Calls
-from method.gpu_loss import GpuLoss
-from method.luminance import emitted_luminance
-from method.one_factor import OneFactorLoss
-from stimuli.image_codes import GRID_LEVELS
-from stimuli.sequence_format import codes_on_grid
+from evenlight.data_schema.display import Display
+from evenlight.experiments.loss_meters import GpuMeter, ProcessorMeter
+from evenlight.experiments.picture_luminance import PictureLuminance
+from evenlight.method.gpu_fence import Fence, _Calls
+from evenlight.method.gpu_loss import GpuLoss
+from evenlight.method.luminance import emitted_luminance
+from evenlight.method.one_factor import OneFactorLoss
+from evenlight.stimuli.image_codes import GRID_LEVELS
+from evenlight.stimuli.sequence_format import codes_on_grid
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
@@ -136,7 +136,7 @@ def test_a_fence_asks_without_waiting_until_what_is_before_it_is_done(monkeypatc
         return answers.pop(0)
 
     calls = _Calls(lambda *_: 7, wait, deleted.append)
-    monkeypatch.setattr("method.gpu_fence._calls", lambda: calls)
+    monkeypatch.setattr("evenlight.method.gpu_fence._calls", lambda: calls)
     fence = Fence()
     assert [fence.passed() for _ in range(3)] == [False, False, True]
     assert waited == [(7, 1, 0)] * 3
@@ -146,7 +146,7 @@ def test_a_fence_asks_without_waiting_until_what_is_before_it_is_done(monkeypatc
 
 @pytest.mark.parametrize("calls", [None, _Calls(lambda *_: None, None, None)])
 def test_without_fences_a_refresh_of_patience_does(monkeypatch: Any, calls: Any) -> None:
-    monkeypatch.setattr("method.gpu_fence._calls", lambda: calls)
+    monkeypatch.setattr("evenlight.method.gpu_fence._calls", lambda: calls)
     fence = Fence()
     assert [fence.passed() for _ in range(3)] == [False, True, True]
     fence.release()

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis.calibration.posterior_grid import PsychometricPrior
-from data_schema.ramp import Placement
-from experiments.placement import JITTER_STEPS, AdaptivePlacement, expected_entropy
-from experiments.placement_grid import (
+from evenlight.analysis.calibration.posterior_grid import PsychometricPrior
+from evenlight.data_schema.ramp import Placement
+from evenlight.experiments.placement import JITTER_STEPS, AdaptivePlacement, expected_entropy
+from evenlight.experiments.placement_grid import (
     CANDIDATES,
     FALLOFF,
     GUESS_PRIOR,
@@ -22,7 +22,7 @@ from experiments.placement_grid import (
     PlacementGrid,
     placement_grid,
 )
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 YES_NO, TWO = placement_grid(15.0, two_interval=False), placement_grid(20.0, two_interval=True)
 MIDDLE = 0.5  # of the jitter

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from data_schema.rig import Rig
-from experiments import clip_player, playback
-from experiments.play_log import COLUMNS, Pass, write_log
-from experiments.playback import Devices, Dimming, Playback, Player
-from experiments.stage import ShownClip
-from hardware.clocks import RefreshClock
-from hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments import clip_player, playback
+from evenlight.experiments.play_log import COLUMNS, Pass, write_log
+from evenlight.experiments.playback import Devices, Dimming, Playback, Player
+from evenlight.experiments.stage import ShownClip
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
 
 LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
 RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from data_schema.power_log import ClockPing, PlayedFlip, PowerLog, PowerSample
-from data_schema.text_files import read_json_record, read_rows
-from experiments.power_recording import PINGS_AT_ONCE, RATES, PowerRecording
-from hardware.clocks import WaitingClock
-from hardware.protocols import Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_meter import SimulatedPowerMeter
+from evenlight.data_schema.power_log import ClockPing, PlayedFlip, PowerLog, PowerSample
+from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.experiments.power_recording import PINGS_AT_ONCE, RATES, PowerRecording
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_meter import SimulatedPowerMeter
 
 LOG = PowerLog(True, "clip", 1.0, ("ours",), 60.0, 1000.0, 0.5, 0.5, True)
 

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.ramp import Direction, Placement, Procedure, RampDesign
-from data_schema.rig import Actuator
-from experiments.counterbalancing import williams_row
-from experiments.design import ramp_conditions, ramp_levels, trial_count
-from experiments.design_files import design_names, load_design
-from experiments.ramp_schedule import RampSchedule
-from experiments.session_plan import Slot, session_plan
-from method.preset_files import load_display
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.ramp import Direction, Placement, Procedure, RampDesign
+from evenlight.data_schema.rig import Actuator
+from evenlight.experiments.counterbalancing import williams_row
+from evenlight.experiments.design import ramp_conditions, ramp_levels, trial_count
+from evenlight.experiments.design_files import design_names, load_design
+from evenlight.experiments.ramp_schedule import RampSchedule
+from evenlight.experiments.session_plan import Slot, session_plan
+from evenlight.method.preset_files import load_display
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)
 TWO = RampDesign(procedure=Procedure.TWO_INTERVAL, repetitions=5)

@@ -13,18 +13,18 @@ from pathlib import Path
 import pytest
 
 import evenlight
-from data_schema.dataset_layout import EVENTS, READINGS
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from data_schema.session import SessionStatus
-from data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
-from experiments import sweep_devices
-from experiments.run_sweep import SweepRequest, run_sweep
-from experiments.stage import PausePressed
-from experiments.staging import Staging
-from experiments.sweep_store import SweepStore
-from hardware.protocols import Fault, InstrumentError
+from evenlight.data_schema.dataset_layout import EVENTS, READINGS
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session import SessionStatus
+from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
+from evenlight.experiments import sweep_devices
+from evenlight.experiments.run_sweep import SweepRequest, run_sweep
+from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.staging import Staging
+from evenlight.experiments.sweep_store import SweepStore
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 DISPLAY = Display("bench", 120.0, 0.3, 2.2, pixels_per_degree=40.0, reflected_luminance=0.05)
 RIG = Rig("bench", "bench.display.toml", 0.6, 60.0, luminance_meter="simulated", power_meter="simulated")
@@ -173,7 +173,7 @@ t.sweep_devices.open_luminance_meter = lambda *a: Killed(opened(*a), {{}})
 t.run_sweep(t.request(Path({str(tmp_path)!r})))
 """
     ended = subprocess.run(
-        [sys.executable, "-c", script], cwd=Path(evenlight.__file__).parent, env=os.environ, timeout=100
+        [sys.executable, "-c", script], cwd=Path(evenlight.__file__).parents[1], env=os.environ, timeout=100
     )
     assert ended.returncode == -signal.SIGKILL
     assert len(lines(tmp_path)) == 7

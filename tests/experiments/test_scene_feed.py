@@ -10,19 +10,19 @@ import moderngl
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from experiments.scene_feed import SceneFeed
-from stimuli.dithering import thresholds_of
-from stimuli.image_codes import image_codes
-from stimuli.image_renderer import ImageRenderer, Picture
-from stimuli.scenes import scenes
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.scene import Material, Scene
-from stimuli.scenes.scene_sequence import SceneSequence
-from stimuli.sequence_format import SequenceFormat
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.experiments.scene_feed import SceneFeed
+from evenlight.stimuli.dithering import thresholds_of
+from evenlight.stimuli.image_codes import image_codes
+from evenlight.stimuli.image_renderer import ImageRenderer, Picture
+from evenlight.stimuli.scenes import scenes
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.scene import Material, Scene
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.stimuli.sequence_format import SequenceFormat
 
 SIZE = (48, 28)
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)

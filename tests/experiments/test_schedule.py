@@ -7,14 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.mapping import mapping_from_record, record_from_mapping
-from data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response, TrialFlag
-from experiments.design import PlannedRamp
-from experiments.ramp_schedule import MAX_SHOWINGS, RampSchedule
-from experiments.simulated_observers import SimulatedObserver, answer_generator
-from method.preset_files import load_rate_limit
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.ramp import (
+    Direction,
+    Placement,
+    Procedure,
+    RampDesign,
+    RampTrial,
+    Response,
+    TrialFlag,
+)
+from evenlight.experiments.design import PlannedRamp
+from evenlight.experiments.ramp_schedule import MAX_SHOWINGS, RampSchedule
+from evenlight.experiments.simulated_observers import SimulatedObserver, answer_generator
+from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)
 SEED = 5

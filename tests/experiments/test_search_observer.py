@@ -10,25 +10,25 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import special
 
-from data_schema.display import Display
-from data_schema.rig import Actuator
-from data_schema.search import ORIENTATIONS
-from data_schema.viewing import Version
-from experiments.ring_views import RingPicture, RingViews, angle_between
-from experiments.ring_visibility import ring_alone, ring_visibility
-from experiments.search_observer import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Actuator
+from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments.ring_views import RingPicture, RingViews, angle_between
+from evenlight.experiments.ring_visibility import ring_alone, ring_visibility
+from evenlight.experiments.search_observer import (
     RingSight,
     SearchObserver,
     SearchPopulation,
     draw_searcher,
 )
-from experiments.search_schedule import PlannedSearch
-from method.bands import band_frequencies
-from method.csf import contrast_sensitivity
-from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
-from stimuli.landolt import Ring
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Vector
+from evenlight.experiments.search_schedule import PlannedSearch
+from evenlight.method.bands import band_frequencies
+from evenlight.method.csf import contrast_sensitivity
+from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Vector
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=24.0)
 PEOPLE = SearchPopulation()

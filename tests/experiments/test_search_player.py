@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Actuator, Dither, Rig
-from experiments import search_player
-from experiments.blind_stage import BlindStage
-from experiments.stage import PausePressed, Searched, SearchView
-from experiments.window_stage import WindowStage
-from hardware.backlights import SimulatedBacklight
-from hardware.clocks import RefreshClock
-from hardware.simulated_keyboard import SimulatedKeyboard
-from hardware.simulated_pointer import SimulatedPointer
-from stimuli.dithering import thresholds_of
-from stimuli.image_codes import image_codes
-from stimuli.landolt import Ring
-from stimuli.ring_scene import RingScene
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator, Dither, Rig
+from evenlight.experiments import search_player
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.stage import PausePressed, Searched, SearchView
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated_pointer import SimulatedPointer
+from evenlight.stimuli.dithering import thresholds_of
+from evenlight.stimuli.image_codes import image_codes
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 SIZE = (96, 72)
 LAB = Display("lab", 100.0, 0.1, 2.0, pixels_per_degree=12.0)

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from data_schema.search import ORIENTATIONS, SearchDesign
-from data_schema.viewing import Version
-from experiments.search_schedule import (
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments.search_schedule import (
     PlannedSearch,
     SearchPoint,
     relative_azimuth,
@@ -18,10 +18,10 @@ from experiments.search_schedule import (
     search_points,
     search_practice,
 )
-from method.preset_files import load_display
-from stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.camera_path import path_named
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import path_named
 
 XR3 = load_display("varjo-xr3")
 N = 12

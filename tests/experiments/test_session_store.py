@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from data_schema.dataset_layout import EVENTS, MANIFEST, TRIALS
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame_log import FrameLog
-from data_schema.provenance import Provenance
-from data_schema.ramp import RampDesign, RampTrial, Response
-from data_schema.session import EventKind, SessionManifest, SessionStatus
-from data_schema.text_files import read_json_record
-from experiments.dataset import enrol
-from experiments.session_store import SessionStore, begin_session, resume_session
+from evenlight.data_schema.dataset_layout import EVENTS, MANIFEST, TRIALS
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame_log import FrameLog
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import RampDesign, RampTrial, Response
+from evenlight.data_schema.session import EventKind, SessionManifest, SessionStatus
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.experiments.dataset import enrol
+from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
 
 
 def manifest(participant: str = "01", session: str = "01") -> SessionManifest:
@@ -144,7 +144,8 @@ def test_an_unknown_participant_is_named_with_the_sessions_that_there_are(interr
 def test_a_second_program_cannot_write_the_same_session(interrupted: Path) -> None:
     """The lock is the system's: another process asks, not another object in this one."""
     program = (
-        "import sys; from pathlib import Path; from experiments.session_store import resume_session\n"
+        "import sys; from pathlib import Path\n"
+        "from evenlight.experiments.session_store import resume_session\n"
         "try: resume_session(Path(sys.argv[1]), '01', '01')\n"
         "except ValueError as error: sys.exit(str(error))"
     )

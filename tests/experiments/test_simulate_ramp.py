@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.mapping import record_from_mapping
-from data_schema.ramp import Procedure, RampDesign, RampTrial
-from data_schema.session import SessionManifest
-from data_schema.text_files import read_json_record, write_toml_record
-from experiments.commands import simulate
-from experiments.design import ramp_levels
-from experiments.design_files import load_design
-from experiments.ramp_schedule import RampSchedule
-from experiments.simulate_ramp import simulated_trials, simulated_trials_and_thresholds
-from experiments.simulated_observers import ObserverPopulation
-from method.preset_files import load_display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial
+from evenlight.data_schema.session import SessionManifest
+from evenlight.data_schema.text_files import read_json_record, write_toml_record
+from evenlight.experiments.commands import simulate
+from evenlight.experiments.design import ramp_levels
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.ramp_schedule import RampSchedule
+from evenlight.experiments.simulate_ramp import simulated_trials, simulated_trials_and_thresholds
+from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.method.preset_files import load_display
 
 DESIGN = RampDesign(
     factors=(0.4, 1.0), relative_rates=(0.02, 0.05), repetitions=2

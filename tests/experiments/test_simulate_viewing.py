@@ -11,24 +11,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.search import SearchDesign
-from data_schema.session import SessionManifest
-from data_schema.text_files import read_json_record, write_toml_record
-from data_schema.validation import validate
-from data_schema.viewing import ComparisonDesign, RatingDesign, Version
-from experiments import simulate_viewing, simulated_viewers
-from experiments.commands import simulate
-from experiments.ring_views import RingPicture
-from experiments.ring_visibility import ring_alone
-from experiments.search_schedule import SearchPoint
-from experiments.stimulus_folder import LoadedStimulus
-from method.preset_files import load_display
-from stimuli.landolt import Ring
-from stimuli.ring_place_files import KeypointRings
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Vector
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import SearchDesign
+from evenlight.data_schema.session import SessionManifest
+from evenlight.data_schema.text_files import read_json_record, write_toml_record
+from evenlight.data_schema.validation import validate
+from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign, Version
+from evenlight.experiments import simulate_viewing, simulated_viewers
+from evenlight.experiments.commands import simulate
+from evenlight.experiments.ring_views import RingPicture
+from evenlight.experiments.ring_visibility import ring_alone
+from evenlight.experiments.search_schedule import SearchPoint
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_place_files import KeypointRings
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Vector
 
 XR3 = load_display("varjo-xr3")
 NAMES = ("dark", "bright")

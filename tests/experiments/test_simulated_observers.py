@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from data_schema.ramp import Direction, Procedure, Response
-from experiments.design import PlannedRamp, RampCondition, RampLevel, planned_ramp
-from experiments.simulated_observers import (
+from evenlight.data_schema.ramp import Direction, Procedure, Response
+from evenlight.experiments.design import PlannedRamp, RampCondition, RampLevel, planned_ramp
+from evenlight.experiments.simulated_observers import (
     ObserverPopulation,
     SimulatedObserver,
     answer_generator,
     draw_observer,
 )
-from method.preset_files import load_rate_limit
-from method.rate_limit import rate_limit_at
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.rate_limit import rate_limit_at
 
 LIMIT = load_rate_limit("surace2025")
 LUMINANCES = (104.4, 41.8, 20.9)  # of the white screen at factors 1, 0.4, 0.2

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.ramp import Procedure, RampDesign
-from data_schema.rig import Rig
-from experiments.blind_stage import BlindStage
-from experiments.design import PlannedRamp
-from experiments.pages import load_pages
-from experiments.ramp_task import RampTask
-from experiments.stage import RampInterval, ShownInterval
-from experiments.task import TrialPlace
-from hardware.clocks import RefreshClock
-from hardware.protocols import KeyPress
-from hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.ramp import Procedure, RampDesign
+from evenlight.data_schema.rig import Rig
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.design import PlannedRamp
+from evenlight.experiments.pages import load_pages
+from evenlight.experiments.ramp_task import RampTask
+from evenlight.experiments.stage import RampInterval, ShownInterval
+from evenlight.experiments.task import TrialPlace
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.protocols import KeyPress
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
 
 DISPLAY = Display("bench", 100.0, 0.1, 2.2, 60.0)
 RIG = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)

@@ -7,26 +7,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.provenance import Provenance
-from data_schema.ramp import Response
-from data_schema.rig import Keys
-from data_schema.search import ORIENTATIONS, SearchDesign
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.viewing import Version
-from experiments import simulated_viewers, viewing_answers
-from experiments.experiment_kinds import Setting
-from experiments.ring_views import RingPicture
-from experiments.ring_visibility import ring_alone
-from experiments.search_observer import SearchAnswer
-from experiments.search_schedule import SearchPoint, search_order, search_practice
-from experiments.simulated_viewers import SimulatedViewer
-from experiments.viewing_answers import ViewingAnswers
-from hardware.rig_files import load_rig
-from stimuli.landolt import Ring
-from stimuli.ring_place_files import KeypointRings
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.scene import Vector
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.ramp import Response
+from evenlight.data_schema.rig import Keys
+from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments import simulated_viewers, viewing_answers
+from evenlight.experiments.experiment_kinds import Setting
+from evenlight.experiments.ring_views import RingPicture
+from evenlight.experiments.ring_visibility import ring_alone
+from evenlight.experiments.search_observer import SearchAnswer
+from evenlight.experiments.search_schedule import SearchPoint, search_order, search_practice
+from evenlight.experiments.simulated_viewers import SimulatedViewer
+from evenlight.experiments.viewing_answers import ViewingAnswers
+from evenlight.hardware.rig_files import load_rig
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_place_files import KeypointRings
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.scene import Vector
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=24.0)
 DESIGN = SearchDesign(sequences=("library",), practice_trials=3)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from experiments.walk import EYE_HEIGHT, SPEED, Walker, moved, start_in, write_path
-from experiments.walk_request import WalkRequest
-from stimuli.scenes.camera_path import path_named
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.scene import Material, Scene
+from evenlight.data_schema.errors import InputError
+from evenlight.experiments.walk import EYE_HEIGHT, SPEED, Walker, moved, start_in, write_path
+from evenlight.experiments.walk_request import WalkRequest
+from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.scene import Material, Scene
 
 NOTHING = (0.0, 0.0)
 

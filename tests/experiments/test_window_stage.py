@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from clip_windows import LAB, RIG, Renderer, staged
 
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from experiments import window_stage
-from experiments.blind_stage import BlindStage
-from experiments.stage import PausePressed, RampInterval
-from experiments.window_stage import WindowStage
-from hardware.backlights import SimulatedBacklight
-from hardware.clocks import RefreshClock
-from hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.experiments import window_stage
+from evenlight.experiments.blind_stage import BlindStage
+from evenlight.experiments.stage import PausePressed, RampInterval
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
 
 FALL = RampInterval(80.0, 70.0, 1.0, adaptation=1.0, duration=5.0, hold=1.0, noise_seed=9)
 

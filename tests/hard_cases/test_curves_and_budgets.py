@@ -8,25 +8,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import SolverName
-from method.control_curves import Governed, control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.frame_costs import frame_costs
-from method.governor import GovernorSettings, governor_of
-from method.lower_bound import lower_bound
-from method.modulation import largest_rate_ratio
-from method.objective import pairwise_spread, proximal_spread
-from method.optimize import Problem, Request, is_feasible, optimize, pose
-from method.preset_files import load_power_model
-from method.rate_limit import rate_limit_at
-from method.scalar_rate_limit import scalar_rate_limit
-from method.solvers import make_solver
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import SolverName
+from evenlight.method.control_curves import Governed, control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.frame_costs import frame_costs
+from evenlight.method.governor import GovernorSettings, governor_of
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.objective import pairwise_spread, proximal_spread
+from evenlight.method.optimize import Problem, Request, is_feasible, optimize, pose
+from evenlight.method.preset_files import load_power_model
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.solvers import make_solver
 
 OLED = PowerModel("o", PanelKind.OLED, 0.1, red_power=0.3, green_power=1.0, blue_power=0.4)
 KNOTS = 17

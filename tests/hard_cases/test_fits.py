@@ -9,17 +9,23 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
-from analysis.calibration.rate_limit_fit import fit_points
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.preset_files import load_rate_limit
-from method.psychometric import WIDTH_LOGITS, PsychometricFunction, log_likelihood, rate_at, yes_probability
-from method.rate_limit import rate_limit_at
-from method.scalar_rate_limit import scalar_rate_limit
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
+from evenlight.analysis.calibration.rate_limit_fit import fit_points
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.psychometric import (
+    WIDTH_LOGITS,
+    PsychometricFunction,
+    log_likelihood,
+    rate_at,
+    yes_probability,
+)
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
 
 RATES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
 # The authors' coefficients of ln(rate) over L, highest power first (their published program).

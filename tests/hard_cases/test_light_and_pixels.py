@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from data_schema.contrast_model import DEFAULT_MODEL
-from data_schema.display import Display
-from data_schema.frame import Frame
-from method.adaptation import half_saturation
-from method.contrast_loss import contrast_loss, visible_contrast
-from method.critical_factor import band_table
-from method.csf import contrast_sensitivity, optical_blur, pupil_diameter
-from method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from method.luminance import emitted_luminance
-from method.masking import perceived_contrast
-from method.one_pass import convert_integers, expanded, reduced
-from method.pyramid import adaptation_luminance, collapsed, gaussian_pyramid, laplacian_bands
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.method.adaptation import half_saturation
+from evenlight.method.contrast_loss import contrast_loss, visible_contrast
+from evenlight.method.critical_factor import band_table
+from evenlight.method.csf import contrast_sensitivity, optical_blur, pupil_diameter
+from evenlight.method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
+from evenlight.method.luminance import emitted_luminance
+from evenlight.method.masking import perceived_contrast
+from evenlight.method.one_pass import convert_integers, expanded, reduced
+from evenlight.method.pyramid import adaptation_luminance, collapsed, gaussian_pyramid, laplacian_bands
 
 KERNEL = np.array([0.05, 0.25, 0.4, 0.25, 0.05])  # Burt & Adelson with a = 0.4
 

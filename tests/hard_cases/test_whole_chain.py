@@ -11,24 +11,24 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from data_schema.brightness_track import BudgetUnit, TrackHeader, read_track, write_track
-from data_schema.display import Display
-from data_schema.frame import Frame
-from data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.provenance import Provenance
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import LimitCurve, ModulatedLuminance, SolverName
-from method.control_curves import control_curves
-from method.controller import Controller, ControllerSettings
-from method.evaluate import Answer, Effort, summarize, track_of
-from method.loss_curves import analyze_frames, brightness_factors
-from method.lower_bound import lower_bound
-from method.modulation import largest_rate_ratio
-from method.optimize import Problem, Request, is_feasible, optimize, pose
-from method.power import power
-from method.scalar_rate_limit import scalar_rate_limit
-from method.solvers import make_solver
+from evenlight.data_schema.brightness_track import BudgetUnit, TrackHeader, read_track, write_track
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import LimitCurve, ModulatedLuminance, SolverName
+from evenlight.method.control_curves import control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.evaluate import Answer, Effort, summarize, track_of
+from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.optimize import Problem, Request, is_feasible, optimize, pose
+from evenlight.method.power import power
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.solvers import make_solver
 
 PICTURES = {
     "flat": lambda x, y, rng: np.full(x.shape, rng.random()),

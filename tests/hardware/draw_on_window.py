@@ -9,19 +9,19 @@ import sys
 
 import numpy as np
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Dither, Rig
-from experiments.stage import RampInterval
-from experiments.window_stage import WindowStage
-from hardware.clocks import RefreshClock
-from hardware.psychopy_window import PsychoPyWindow
-from hardware.rig import open_window
-from hardware.rig_files import load_rig
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.dithering import dithered_codes, thresholds_of
-from stimuli.field_renderer import Field, FieldRenderer
-from stimuli.page_image import page_image
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Dither, Rig
+from evenlight.experiments.stage import RampInterval
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.rig import open_window
+from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.dithering import dithered_codes, thresholds_of
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.page_image import page_image
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=60.0)
 SLOW = RampInterval(100.0, 99.0, 1.0, 0.0, 5.0, 0.2, noise_seed=20260731)  # 0.2 cd/m^2/s
@@ -115,7 +115,7 @@ def main(bits: int) -> None:
     with open_window(rig, rehearsal=True) as window:
         times = [window.now(), window.flip(), window.flip(), window.now()]
         result |= {"real_times": times, "real_clock": window.apparatus()["clock"]}
-        from hardware.rig import open_keyboard
+        from evenlight.hardware.rig import open_keyboard
 
         with open_keyboard() as keyboard:
             result |= {"pressed": len(keyboard.pressed()), "keyboard": keyboard.apparatus()["keyboard"]}

@@ -3,9 +3,9 @@
 import dataclasses
 import json
 
-from hardware.clocks import RefreshClock
-from hardware.rig import open_pointer, open_window
-from hardware.rig_files import load_rig
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.rig import open_pointer, open_window
+from evenlight.hardware.rig_files import load_rig
 
 
 def main() -> None:

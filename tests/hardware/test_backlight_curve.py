@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from data_schema.sweep_fit import LuminanceLevel
-from data_schema.text_files import write_rows
-from hardware.backlight_curve import BacklightCurve, read_backlight_curve
-from hardware.backlights import SimulatedBacklight
-from hardware.linear_backlight import LinearizedBacklight
-from hardware.protocols import InstrumentError
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.sweep_fit import LuminanceLevel
+from evenlight.data_schema.text_files import write_rows
+from evenlight.hardware.backlight_curve import BacklightCurve, read_backlight_curve
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.linear_backlight import LinearizedBacklight
+from evenlight.hardware.protocols import InstrumentError
 
 TENTHS = tuple(k / 10 for k in range(1, 11))
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from data_schema.power_log import BacklightSetting
-from hardware.backlight_log import LoggedBacklight
-from hardware.backlights import SimulatedBacklight
-from hardware.protocols import InstrumentError
+from evenlight.data_schema.power_log import BacklightSetting
+from evenlight.hardware.backlight_log import LoggedBacklight
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.protocols import InstrumentError
 
 
 class Slow(SimulatedBacklight):

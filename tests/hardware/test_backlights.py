@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from hardware.backlights import SimulatedBacklight, SysfsBacklight
-from hardware.protocols import Fault, InstrumentError
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.backlights import SimulatedBacklight, SysfsBacklight
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from hardware.ddc_backlight import BRIGHTNESS, COMMAND_INTERVAL, DdcBacklight, checksum
-from hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
-from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from hardware.protocols import TRANSIENT, Fault, InstrumentError
+from evenlight.hardware.ddc_backlight import BRIGHTNESS, COMMAND_INTERVAL, DdcBacklight, checksum
+from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
 
 @contextmanager

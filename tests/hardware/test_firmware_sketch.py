@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware.board_link import PowerBoard
-from hardware.power_average import averaged
-from hardware.power_board import BoardBacklight, BoardPowerMeter
-from hardware.protocols import InstrumentError
+from evenlight.hardware.board_link import PowerBoard
+from evenlight.hardware.power_average import averaged
+from evenlight.hardware.power_board import BoardBacklight, BoardPowerMeter
+from evenlight.hardware.protocols import InstrumentError
 
 ROOT = Path(__file__).parents[2]
 STAND_INS = Path(__file__).parent / "firmware"

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from hardware.clocks import WaitingClock
-from hardware.emulators.hwmon import HwmonEmulator
-from hardware.hwmon_power import HwmonPowerMeter
-from hardware.power_average import average_power
-from hardware.protocols import Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.emulators.hwmon import HwmonEmulator
+from evenlight.hardware.hwmon_power import HwmonPowerMeter
+from evenlight.hardware.power_average import average_power
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W]
 

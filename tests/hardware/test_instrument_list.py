@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware.instrument_list import Present, known_instruments, list_lines, missing_lines
+from evenlight.hardware.instrument_list import Present, known_instruments, list_lines, missing_lines
 
 
 @dataclass

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 
 import pytest
 
-from data_schema.meter_reading import MeterReading
-from data_schema.sweep import LuminanceReading, PowerReading, ReadingStatus, SweepPhase
-from hardware.colorcal import ColorCal
-from hardware.emulators.link import EmulatedLink
-from hardware.emulators.scripted import ScriptedInstrument
-from hardware.konica_minolta import CHECK_CODES, Cs100a, Ls100
-from hardware.photo_research import ERROR_CODES, Pr655, Pr670
-from hardware.photo_research_650 import QUALITY, Pr650
-from hardware.protocols import Fault, InstrumentError, LuminanceMeter, Reading
+from evenlight.data_schema.meter_reading import MeterReading
+from evenlight.data_schema.sweep import LuminanceReading, PowerReading, ReadingStatus, SweepPhase
+from evenlight.hardware.colorcal import ColorCal
+from evenlight.hardware.emulators.link import EmulatedLink
+from evenlight.hardware.emulators.scripted import ScriptedInstrument
+from evenlight.hardware.konica_minolta import CHECK_CODES, Cs100a, Ls100
+from evenlight.hardware.photo_research import ERROR_CODES, Pr655, Pr670
+from evenlight.hardware.photo_research_650 import QUALITY, Pr650
+from evenlight.hardware.protocols import Fault, InstrumentError, LuminanceMeter, Reading
 
 TIMEOUT = 0.4  # [s]
 Script = Sequence[tuple[bytes, bytes]]

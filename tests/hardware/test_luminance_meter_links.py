@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hardware.clocks import WaitingClock
-from hardware.colorcal import ColorCal
-from hardware.emulators.colorcal import EmulatedColorCal
-from hardware.emulators.konica_minolta import EmulatedCs100a, EmulatedLs100, EmulatedLs110
-from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from hardware.emulators.meter import WHITE
-from hardware.emulators.photo_research import EmulatedPr650, EmulatedPr655, EmulatedPr670
-from hardware.konica_minolta import Cs100a, Ls100, Ls110
-from hardware.photo_research import Pr655, Pr670
-from hardware.photo_research_650 import Pr650
-from hardware.protocols import TRANSIENT, Fault, InstrumentError, LuminanceMeter
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.colorcal import ColorCal
+from evenlight.hardware.emulators.colorcal import EmulatedColorCal
+from evenlight.hardware.emulators.konica_minolta import EmulatedCs100a, EmulatedLs100, EmulatedLs110
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from evenlight.hardware.emulators.meter import WHITE
+from evenlight.hardware.emulators.photo_research import EmulatedPr650, EmulatedPr655, EmulatedPr670
+from evenlight.hardware.konica_minolta import Cs100a, Ls100, Ls110
+from evenlight.hardware.photo_research import Pr655, Pr670
+from evenlight.hardware.photo_research_650 import Pr650
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, LuminanceMeter
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 TIMEOUT = 0.3  # [s]
 LATE = 0.45  # [s] after the driver gave up

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from data_schema.sweep import ReadingStatus
-from hardware.luminance_table import luminance_readings_from_csv
-from hardware.manual_meter import ManualMeter
-from hardware.protocols import Fault, InstrumentError
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.sweep import ReadingStatus
+from evenlight.hardware.luminance_table import luminance_readings_from_csv
+from evenlight.hardware.manual_meter import ManualMeter
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 TABLE = """pixel_value,luminance_cd_m2,factor
 0,u,

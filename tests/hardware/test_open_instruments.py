@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.rig import Rig
-from data_schema.sweep_fit import LuminanceLevel
-from data_schema.text_files import write_rows
-from hardware.emulators.link import EmulatedLink
-from hardware.emulators.power_board import PowerBoardEmulator
-from hardware.linear_backlight import LinearizedBacklight
-from hardware.protocols import Fault, InstrumentError
-from hardware.rig import (
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.sweep_fit import LuminanceLevel
+from evenlight.data_schema.text_files import write_rows
+from evenlight.hardware.emulators.link import EmulatedLink
+from evenlight.hardware.emulators.power_board import PowerBoardEmulator
+from evenlight.hardware.linear_backlight import LinearizedBacklight
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.rig import (
     backlights_smallest_factor,
     open_backlight,
     open_luminance_meter,
     open_power_meter,
     open_swept_backlight,
 )
-from hardware.rig_files import load_rig
-from hardware.serial_link import LineSettings, SerialLink
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.serial_link import LineSettings, SerialLink
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
 
 RIG = """
 name = "lab"

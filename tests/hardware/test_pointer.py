@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import evenlight
-from hardware.rig import open_pointer
+from evenlight.hardware.rig import open_pointer
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 
 
 def test_movements_are_heard_upwards_and_without_end_until_it_is_let_go(

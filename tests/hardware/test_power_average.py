@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.power_log import PowerSample
-from hardware.clocks import WaitingClock
-from hardware.power_average import PowerAverage, average_power
-from hardware.power_average import averaged as averaged_over
-from hardware.protocols import Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_meter import SimulatedPowerMeter
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.power_average import PowerAverage, average_power
+from evenlight.hardware.power_average import averaged as averaged_over
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_meter import SimulatedPowerMeter
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 
 def rows(*numbers: tuple[int, float, float]) -> list[PowerSample]:

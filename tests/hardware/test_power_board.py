@@ -8,19 +8,19 @@ import time
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.power_log import PowerSample
-from hardware import board_protocol as protocol
-from hardware.board_link import PowerBoard
-from hardware.clocks import WaitingClock
-from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from hardware.emulators.power_board import BoardBuild, PowerBoardEmulator
-from hardware.emulators.scripted import ScriptedInstrument
-from hardware.power_average import average_power, averaged
-from hardware.power_board import SILENCE, BoardBacklight, BoardPowerMeter
-from hardware.protocols import Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.hardware import board_protocol as protocol
+from evenlight.hardware.board_link import PowerBoard
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from evenlight.hardware.emulators.power_board import BoardBuild, PowerBoardEmulator
+from evenlight.hardware.emulators.scripted import ScriptedInstrument
+from evenlight.hardware.power_average import average_power, averaged
+from evenlight.hardware.power_board import SILENCE, BoardBacklight, BoardPowerMeter
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 BASE, SLOPE = 0.2945, 0.001858 * 200  # [W] of the panel: P(b) = BASE + SLOPE * b
 TIMEOUT = 3.0  # [s]

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.mapping import keys_of
-from data_schema.rig import Rig
-from hardware.backlights import SimulatedBacklight
-from hardware.rig import open_backlight, require_refresh_rate
-from hardware.rig_files import RIGS, load_rig
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import keys_of
+from evenlight.data_schema.rig import Rig
+from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.hardware.rig import open_backlight, require_refresh_rate
+from evenlight.hardware.rig_files import RIGS, load_rig
 
 RIG = """
 name = "lab"

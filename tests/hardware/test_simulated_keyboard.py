@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.clocks import RefreshClock
-from hardware.protocols import KeyPress
-from hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.protocols import KeyPress
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
 
 
 @given(st.floats(24, 240), st.integers(0, 10**6))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hardware.clocks import RefreshClock, WaitingClock
-from hardware.protocols import Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_meter import SHORTEST_WAY, SimulatedPowerMeter
-from hardware.simulated_power_sensor import MEMORY, PowerMeterPhysics
+from evenlight.hardware.clocks import RefreshClock, WaitingClock
+from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_meter import SHORTEST_WAY, SimulatedPowerMeter
+from evenlight.hardware.simulated_power_sensor import MEMORY, PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W] of the panel at b = 1
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from hardware.clocks import WaitingClock
-from hardware.emulators.link import FaultPlan, LinkFault
-from hardware.emulators.meter import WHITE
-from hardware.emulators.spotread import WORDS, EmulatedSpotread
-from hardware.protocols import TRANSIENT, Fault, InstrumentError
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.spotread import Spotread
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.emulators.link import FaultPlan, LinkFault
+from evenlight.hardware.emulators.meter import WHITE
+from evenlight.hardware.emulators.spotread import WORDS, EmulatedSpotread
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.spotread import Spotread
 
 TIMEOUT = 0.8  # [s] the program itself takes some 0.05 s to start
 PANEL = PanelPhysics(peak_luminance=100.0, black_level=0.0, gamma=1.0, warm_up_share=0.0)

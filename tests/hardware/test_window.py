@@ -13,7 +13,7 @@ import pytest
 
 import evenlight
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 Drawn = dict[str, Any]
 
 
@@ -127,9 +127,9 @@ def test_bits_and_screens_that_are_not_there_are_refused(drawn_8: Drawn, drawn_1
 
 
 OPEN = """
-from data_schema.errors import InputError
-from hardware.rig import open_window
-from hardware.rig_files import load_rig
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.rig import open_window
+from evenlight.hardware.rig_files import load_rig
 {before}
 try:
     open_window(load_rig("simulated")[0])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
 
-from method.adaptation import (
+from evenlight.method.adaptation import (
     BLEACHING_TIME,
     NEURAL_TIME,
     ConeState,

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.contrast_model import BandFrequency
-from data_schema.display import Display
-from method.bands import band_frequencies
-from method.pyramid import gaussian_pyramid, laplacian_bands, level_shapes
+from evenlight.data_schema.contrast_model import BandFrequency
+from evenlight.data_schema.display import Display
+from evenlight.method.bands import band_frequencies
+from evenlight.method.pyramid import gaussian_pyramid, laplacian_bands, level_shapes
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=72.28)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
+from evenlight.method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
 
 KNOTS = np.linspace(0.2, 1.0, 5)
 STEPS = 160  # of a fine grid of factors

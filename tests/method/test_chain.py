@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, minimize
 
-from method.chain import ChainLimits, minimize_chain
+from evenlight.method.chain import ChainLimits, minimize_chain
 
 Array = NDArray[np.float64]
 

@@ -8,20 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from data_schema.contrast_model import (
+from evenlight.data_schema.contrast_model import (
     BandFrequency,
     ContrastModel,
     MaskingNeighbourhood,
     SensitivityModel,
     Visibility,
 )
-from data_schema.display import Display
-from method.contrast import csf_contrast
-from method.contrast_loss import contrast_loss, loss_of, perceived_contrasts, visible_contrast, visible_map
-from method.csf import contrast_sensitivity
-from method.luminance import dimmed_luminance
-from method.masking import neighbourhood_mean, perceived_contrast
-from method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands, level_shapes
+from evenlight.data_schema.display import Display
+from evenlight.method.contrast import csf_contrast
+from evenlight.method.contrast_loss import (
+    contrast_loss,
+    loss_of,
+    perceived_contrasts,
+    visible_contrast,
+    visible_map,
+)
+from evenlight.method.csf import contrast_sensitivity
+from evenlight.method.luminance import dimmed_luminance
+from evenlight.method.masking import neighbourhood_mean, perceived_contrast
+from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands, level_shapes
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 ALTERNATIVES = [

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from data_schema.loss_curves import LossCurves
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import LimitCurve
-from method.control_curves import ControlledTrack, control_curves
-from method.controller import Controller, ControllerSettings, ControllerState, FrameSeen
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.modulation import largest_rate_ratio
-from method.preset_files import load_rate_limit
-from method.rate_limit import rate_limit_at
-from method.scalar_rate_limit import scalar_rate_limit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import LimitCurve
+from evenlight.method.control_curves import ControlledTrack, control_curves
+from evenlight.method.controller import Controller, ControllerSettings, ControllerState, FrameSeen
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import BudgetUnit, TrackHeader
-from data_schema.provenance import Provenance
-from method.evaluate import Answer, Effort, summarize, track_of
-from method.lower_bound import lower_bound
-from method.optimize import Problem, Request, Solution, optimize, pose
-from method.preset_files import load_power_model, load_rate_limit
-from method.splitting import SplittingSolver
+from evenlight.data_schema.brightness_track import BudgetUnit, TrackHeader
+from evenlight.data_schema.provenance import Provenance
+from evenlight.method.evaluate import Answer, Effort, summarize, track_of
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.optimize import Problem, Request, Solution, optimize, pose
+from evenlight.method.preset_files import load_power_model, load_rate_limit
+from evenlight.method.splitting import SplittingSolver
 
 
 @pytest.fixture

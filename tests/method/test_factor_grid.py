@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.benchmarks.optimizer_peers import SAME, best_of
-from analysis.benchmarks.optimizer_problems import curves_of, mean_factor_problem, odd_problems
-from method.budgeted_chain import nearest_feasible
-from method.factor_grid import Grid, _improved, distance_from, grid_starts
-from method.optimize import is_feasible, optimize
-from method.splitting import SHORTEST, SplittingSolver
+from benchmarks.optimizer_peers import SAME, best_of
+from benchmarks.optimizer_problems import curves_of, mean_factor_problem, odd_problems
+from evenlight.method.budgeted_chain import nearest_feasible
+from evenlight.method.factor_grid import Grid, _improved, distance_from, grid_starts
+from evenlight.method.optimize import is_feasible, optimize
+from evenlight.method.splitting import SHORTEST, SplittingSolver
 
 KNOTS = np.linspace(0.2, 1.0, 17)
 

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from data_schema.contrast_model import ContrastModel, SensitivityModel
-from data_schema.display import Display
-from method.critical_factor import band_table
-from method.fine_bands import settle
-from method.fine_differences import difference_shares, difference_thresholds
-from method.frame_analysis import MANY_PIXELS, FrameAnalysis, FrameCounts
-from method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from method.luminance import emitted_luminance
-from method.thrift import Thrift
+from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
+from evenlight.data_schema.display import Display
+from evenlight.method.critical_factor import band_table
+from evenlight.method.fine_bands import settle
+from evenlight.method.fine_differences import difference_shares, difference_thresholds
+from evenlight.method.frame_analysis import MANY_PIXELS, FrameAnalysis, FrameCounts
+from evenlight.method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
+from evenlight.method.luminance import emitted_luminance
+from evenlight.method.thrift import Thrift
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 FACTORS = brightness_factors(0.2, 17)

@@ -2,12 +2,12 @@
 
 import pytest
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.power_model import PanelKind, PowerModel
-from method.controller import ControllerState
-from method.frame_costs import ContentCosts, first_factor
-from method.governor import Governor, GovernorSettings
-from method.preset_files import load_power_model
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.method.controller import ControllerState
+from evenlight.method.frame_costs import ContentCosts, first_factor
+from evenlight.method.governor import Governor, GovernorSettings
+from evenlight.method.preset_files import load_power_model
 
 LCD = load_power_model("surace2025")
 OLED = PowerModel("oled", PanelKind.OLED, 0.2, red_power=0.5, green_power=1.0, blue_power=1.5)

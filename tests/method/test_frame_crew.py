@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hard_videos import frames_of
 
-from data_schema.contrast_model import DEFAULT_MODEL
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from method import frame_crew
-from method.frame_analysis import FrameAnalysis
-from method.loss_curves import analyze_frames, brightness_factors
-from method.thrift import Thrift
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.method import frame_crew
+from evenlight.method.frame_analysis import FrameAnalysis
+from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.thrift import Thrift
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 FACTORS = brightness_factors(0.2, 9)
@@ -104,7 +104,7 @@ def test_few_frames_are_in_memory_however_long_the_video(tolerance, jobs, monkey
 
     crew = frame_crew.frame_losses
     monkeypatch.setattr(
-        "method.loss_curves.frame_losses",
+        "evenlight.method.loss_curves.frame_losses",
         lambda analysis, frames, thrift, spare: crew(analysis, counted_alive(frames), thrift, spare),
     )
     n = 100

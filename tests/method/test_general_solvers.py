@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from data_schema.errors import InputError
-from method.choices import SolverName
-from method.coarse_start import BLOCK, coarse_problem, refined_solution
-from method.lower_bound import lower_bound
-from method.objective import pairwise_spread, weight_of_pairs
-from method.optimize import is_feasible, optimize
-from method.pair_sum_rows import comparators, pair_sum_rows
-from method.solvers import make_solver
-from method.splitting import FAR_TO_NEAR, SplittingSolver
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import SolverName
+from evenlight.method.coarse_start import BLOCK, coarse_problem, refined_solution
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.objective import pairwise_spread, weight_of_pairs
+from evenlight.method.optimize import is_feasible, optimize
+from evenlight.method.pair_sum_rows import comparators, pair_sum_rows
+from evenlight.method.solvers import make_solver
+from evenlight.method.splitting import FAR_TO_NEAR, SplittingSolver
 
 CLARABEL = importlib.util.find_spec("clarabel") is not None
 GENERAL = [SolverName.HIGHS, *([SolverName.CLARABEL] if CLARABEL else [])]

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.loss_curves import LossCurves
-from data_schema.power_model import PanelKind, PowerModel
-from method.control_curves import ControlledTrack, Governed, control_curves
-from method.controller import Aim, Controller, ControllerSettings, ControllerState
-from method.curve_lookup import loss_and_slope
-from method.frame_costs import FrameCost, frame_costs
-from method.governor import (
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.method.control_curves import ControlledTrack, Governed, control_curves
+from evenlight.method.controller import Aim, Controller, ControllerSettings, ControllerState
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.frame_costs import FrameCost, frame_costs
+from evenlight.method.governor import (
     PAYBACK,
     Excess,
     Governor,
@@ -24,10 +24,10 @@ from method.governor import (
     governor_of,
     horizon_warning,
 )
-from method.modulation import largest_rate_ratio
-from method.power import power
-from method.preset_files import load_power_model, load_rate_limit
-from method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
+from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.power import power
+from evenlight.method.preset_files import load_power_model, load_rate_limit
+from evenlight.method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 LCD = load_power_model("surace2025")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from data_schema.contrast_model import (
+from evenlight.data_schema.contrast_model import (
     BandFrequency,
     ContrastModel,
     MaskingNeighbourhood,
@@ -18,15 +18,15 @@ from data_schema.contrast_model import (
     SensitivityModel,
     Visibility,
 )
-from data_schema.display import Display
-from data_schema.errors import InputError
-from method import gpu_one_pass
-from method.bands import band_frequencies
-from method.frame_analysis import FrameAnalysis
-from method.gpu_frame_analysis import GpuFrameAnalysis
-from method.loss_curves import brightness_factors, loss_curves_by_definition
-from method.luminance import channel_means, emitted_luminance
-from method.pyramid import level_shapes
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method import gpu_one_pass
+from evenlight.method.bands import band_frequencies
+from evenlight.method.frame_analysis import FrameAnalysis
+from evenlight.method.gpu_frame_analysis import GpuFrameAnalysis
+from evenlight.method.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.luminance import channel_means, emitted_luminance
+from evenlight.method.pyramid import level_shapes
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)

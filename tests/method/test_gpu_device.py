@@ -8,18 +8,18 @@ import pytest
 from compute_shaders import own_context
 from hard_pictures import frame_of
 
-from data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from method.analysis_device import make_frame_analysis
-from method.choices import Device
-from method.frame_analysis import FrameAnalysis
-from method.gpu_context import OwnContext, compute_context, is_software, require_compute
-from method.gpu_frame_analysis import GpuFrameAnalysis
-from method.gpu_loss import GpuLoss
-from method.loss_curves import analyze_frames, brightness_factors
-from method.thrift import Thrift
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.method.analysis_device import make_frame_analysis
+from evenlight.method.choices import Device
+from evenlight.method.frame_analysis import FrameAnalysis
+from evenlight.method.gpu_context import OwnContext, compute_context, is_software, require_compute
+from evenlight.method.gpu_frame_analysis import GpuFrameAnalysis
+from evenlight.method.gpu_loss import GpuLoss
+from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.thrift import Thrift
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 FACTORS = brightness_factors(0.2, 7)
@@ -106,7 +106,7 @@ def test_a_context_without_compute_shaders_is_released_before_the_next_is_tried(
 @pytest.mark.parametrize("software", [True, False])
 def test_automatic_takes_the_graphics_processor_only_where_it_is_one(software, monkeypatch):
     own_context()
-    monkeypatch.setattr("method.analysis_device.is_software", lambda _: software)
+    monkeypatch.setattr("evenlight.method.analysis_device.is_software", lambda _: software)
     chosen = made(Device.AUTO)
     assert chosen.device is (Device.CPU if software else Device.GPU)
     assert ("runs on the processor here" in chosen.reason) is software

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from data_schema.contrast_model import (
+from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     BandFrequency,
     ContrastModel,
@@ -18,16 +18,16 @@ from data_schema.contrast_model import (
     SensitivityModel,
     Visibility,
 )
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.frame import Frame
-from method import critical_factor
-from method.contrast_loss import visible_contrast
-from method.csf import contrast_sensitivity
-from method.frame_analysis import FrameAnalysis
-from method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from method.luminance import channel_means, dimmed_luminance, emitted_luminance
-from method.one_pass import exp2, log2
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.method import critical_factor
+from evenlight.method.contrast_loss import visible_contrast
+from evenlight.method.csf import contrast_sensitivity
+from evenlight.method.frame_analysis import FrameAnalysis
+from evenlight.method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
+from evenlight.method.luminance import channel_means, dimmed_luminance, emitted_luminance
+from evenlight.method.one_pass import exp2, log2
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.contrast_model import PixelToLuminance
-from data_schema.display import Display
-from method.luminance import channel_means, dimmed_luminance, displayed_luminance, emitted_luminance
+from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.display import Display
+from evenlight.method.luminance import channel_means, dimmed_luminance, displayed_luminance, emitted_luminance
 
 LAB = Display("lab", peak_luminance=101.0, black_level=1.0, gamma=2.0, pixels_per_degree=60.0)
 BRIGHT_ROOM = dataclasses.replace(LAB, reflected_luminance=5.0)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.benchmarks.optimizer_problems import made_curves, mean_factor_problem
-from method.optimize import is_feasible, optimize
-from method.splitting import LONG, MEDIUM, SETTLED, SplittingSolver
+from benchmarks.optimizer_problems import made_curves, mean_factor_problem
+from evenlight.method.optimize import is_feasible, optimize
+from evenlight.method.splitting import LONG, MEDIUM, SETTLED, SplittingSolver
 
 
 def test_more_searches_are_no_worse_and_the_default_takes_more_than_one() -> None:

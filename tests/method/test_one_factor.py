@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.contrast_model import (
+from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     MaskingNeighbourhood,
     PixelToLuminance,
     SensitivityModel,
     Visibility,
 )
-from data_schema.errors import InputError
-from method import one_factor
-from method.contrast_loss import contrast_loss
-from method.luminance import emitted_luminance
-from method.one_factor import OneFactorLoss
-from method.preset_files import load_display
-from method.row_strips import STRIP, counted_rows
+from evenlight.data_schema.errors import InputError
+from evenlight.method import one_factor
+from evenlight.method.contrast_loss import contrast_loss
+from evenlight.method.luminance import emitted_luminance
+from evenlight.method.one_factor import OneFactorLoss
+from evenlight.method.preset_files import load_display
+from evenlight.method.row_strips import STRIP, counted_rows
 
 DISPLAY = load_display("varjo-xr3")
 

@@ -5,15 +5,23 @@ import dataclasses
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import ModulatedLuminance, SolverName
-from method.lower_bound import lower_bound
-from method.optimize import Problem, Request, Solution, feasible_blend, optimize, pose, require_possible
-from method.preset_files import load_power_model
-from method.solvers import make_solver
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import ModulatedLuminance, SolverName
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.optimize import (
+    Problem,
+    Request,
+    Solution,
+    feasible_blend,
+    optimize,
+    pose,
+    require_possible,
+)
+from evenlight.method.preset_files import load_power_model
+from evenlight.method.solvers import make_solver
 
 SOLVERS = [SolverName.SPLITTING, SolverName.SLSQP]  # test_general_solvers.py has the slower ones
 
@@ -188,7 +196,7 @@ def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     assert ours.frame_weights is not None
     poor = dataclasses.replace(ours, frame_weights=0.5 * ours.frame_weights)
     both = lower_bound(problem, poor)
-    monkeypatch.setattr("method.lower_bound.ENOUGH", -np.inf)  # the first will do
+    monkeypatch.setattr("evenlight.method.lower_bound.ENOUGH", -np.inf)  # the first will do
     assert lower_bound(problem, poor) < both <= problem.objective(ours.factors)
 
 

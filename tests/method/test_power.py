@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from data_schema.power_model import PanelKind, PowerModel
-from method.power import power, power_per_factor
-from method.preset_files import load_power_model
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.method.power import power, power_per_factor
+from evenlight.method.preset_files import load_power_model
 
 
 def test_the_published_model_at_full_brightness() -> None:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from data_schema.contrast_model import DEFAULT_MODEL, Visibility
-from data_schema.errors import InputError
-from method.preset_files import (
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, Visibility
+from evenlight.data_schema.errors import InputError
+from evenlight.method.preset_files import (
     load_contrast_model,
     load_display,
     load_power_model,

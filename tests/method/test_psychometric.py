@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from method.psychometric import PsychometricFunction, log_likelihood, rate_at, yes_probability
+from evenlight.method.psychometric import PsychometricFunction, log_likelihood, rate_at, yes_probability
 
 functions = st.builds(
     PsychometricFunction,

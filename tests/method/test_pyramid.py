@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from method.pyramid import (
+from evenlight.method.pyramid import (
     adaptation_luminance,
     collapsed,
     expanded,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rate_limit import RateLimit, RateLimitForm
-from method.choices import LimitCurve
-from method.preset_files import load_display, load_rate_limit
-from method.rate_limit import rate_limit_at, require_same_display
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.method.choices import LimitCurve
+from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.rate_limit import rate_limit_at, require_same_display
 
 
 def test_the_relative_rate_is_held_below_the_measured_luminances() -> None:

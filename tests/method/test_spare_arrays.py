@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
-from data_schema.display import Display
-from method.frame_analysis import FrameAnalysis
-from method.loss_curves import brightness_factors
-from method.spare_arrays import SpareArrays
+from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
+from evenlight.data_schema.display import Display
+from evenlight.method.frame_analysis import FrameAnalysis
+from evenlight.method.loss_curves import brightness_factors
+from evenlight.method.spare_arrays import SpareArrays
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 ROOM = Display("room", 104.4, 0.2, 1.95, pixels_per_degree=72.28, reflected_luminance=2.0)

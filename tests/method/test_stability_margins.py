@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from method.controller import Controller, ControllerSettings, FrameSeen
-from method.stability_margins import FrameGains, frame_gains, margins, open_loop, stable_slope
+from evenlight.method.controller import Controller, ControllerSettings, FrameSeen
+from evenlight.method.stability_margins import FrameGains, frame_gains, margins, open_loop, stable_slope
 
 GAIN = st.floats(0.0, 2.0).map(lambda gain: round(gain, 3))
 GAINS = st.builds(FrameGains, GAIN, GAIN.map(lambda gain: max(gain, 0.01)), GAIN)

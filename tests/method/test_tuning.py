@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_schema.loss_curves import LossCurves
-from method.control_curves import control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import factor_at_loss, loss_and_slope
-from method.preset_files import load_rate_limit
-from method.scalar_rate_limit import scalar_rate_limit
-from method.stability_margins import frame_gains, margins
-from method.tuning import AS_GOOD, Demands, Tuned, content_slopes, rms_error, tune
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.method.control_curves import control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.stability_margins import frame_gains, margins
+from evenlight.method.tuning import AS_GOOD, Demands, Tuned, content_slopes, rms_error, tune
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 CONTROLLER = Controller(ControllerSettings(0.08), LIMIT)

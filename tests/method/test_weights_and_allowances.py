@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schema.brightness_track import BudgetUnit
-from data_schema.errors import InputError
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.section import AllowanceSection, WeightSection
-from method.lower_bound import lower_bound
-from method.objective import order_weights, pairwise_spread, proximal_spread
-from method.optimize import Request, is_feasible, optimize, pose
-from method.preset_files import load_power_model, load_rate_limit
-from method.sections import frame_weights, step_allowances
-from method.shared_budget import clip_of, joined_curves, joints
-from method.splitting import FAR_TO_NEAR, SplittingSolver
+from evenlight.data_schema.brightness_track import BudgetUnit
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.section import AllowanceSection, WeightSection
+from evenlight.method.lower_bound import lower_bound
+from evenlight.method.objective import order_weights, pairwise_spread, proximal_spread
+from evenlight.method.optimize import Request, is_feasible, optimize, pose
+from evenlight.method.preset_files import load_power_model, load_rate_limit
+from evenlight.method.sections import frame_weights, step_allowances
+from evenlight.method.shared_budget import clip_of, joined_curves, joints
+from evenlight.method.splitting import FAR_TO_NEAR, SplittingSolver
 
 LIMIT = load_rate_limit("surace2025")
 ONE_SEARCH = SplittingSolver(looks=FAR_TO_NEAR)

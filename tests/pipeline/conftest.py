@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from warm_evenlight import Run
 
-from data_schema.dataset_layout import EVENTS, TRIALS
-from data_schema.text_files import write_toml_record
-from hardware.rig_files import load_rig
+from evenlight.data_schema.dataset_layout import EVENTS, TRIALS
+from evenlight.data_schema.text_files import write_toml_record
+from evenlight.hardware.rig_files import load_rig
 
 
 class Laboratory:

@@ -13,13 +13,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
-import hardware.rig
-from data_schema.ramp import RampDesign
-from experiments import run_session
-from experiments.pages import load_pages
-from experiments.staging import Staging
-from hardware.rig_files import load_rig
-from method.preset_files import load_display
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.experiments import run_session
+from evenlight.experiments.pages import load_pages
+from evenlight.experiments.staging import Staging
+from evenlight.hardware import rig as rig_module
+from evenlight.hardware.rig_files import load_rig
+from evenlight.method.preset_files import load_display
 
 DESIGN = RampDesign(
     screens=("white",),
@@ -94,7 +94,7 @@ def press(name: str) -> None:
 
 
 def main(dataset: Path) -> None:
-    hardware.rig.require_refresh_rate = lambda rig, measured: None
+    rig_module.require_refresh_rate = lambda rig, measured: None
     run_session.Person = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
     rig, display = load_rig("simulated")
     request = run_session.SessionRequest(

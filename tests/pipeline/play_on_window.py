@@ -12,18 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-import evenlight
-from data_schema.display import Display
-from data_schema.rig import Dither
-from experiments.stage import Clip
-from experiments.window_stage import WindowStage
-from hardware.clocks import RefreshClock
-from hardware.psychopy_window import PsychoPyWindow
-from hardware.rig import open_held_keys, open_window
-from hardware.rig_files import load_rig
-from hardware.simulated_keyboard import SimulatedKeyboard
-from stimuli.dithering import dithered_codes, thresholds_of
-from stimuli.video_source import open_video
+from evenlight import command as command_line
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.experiments.stage import Clip
+from evenlight.experiments.window_stage import WindowStage
+from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.rig import open_held_keys, open_window
+from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.stimuli.dithering import dithered_codes, thresholds_of
+from evenlight.stimuli.video_source import open_video
 
 LAB = Display("lab", 100.0, 0.2, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)
 SIZE = (161, 123)
@@ -113,7 +113,7 @@ def commanded(arguments: list[str]) -> dict[str, object]:
     out, err, code = io.StringIO(), io.StringIO(), None
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            evenlight.main(arguments)
+            command_line.main(arguments)
         except SystemExit as ended:
             code = ended.code
     return {"code": code, "out": out.getvalue(), "err": err.getvalue()}

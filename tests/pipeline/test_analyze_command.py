@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-import evenlight
-from data_schema.analysis_summary import AnalysisSummary
-from data_schema.dataset_layout import MANIFEST, TRIALS
-from data_schema.statistic import Origin, Statistic
-from data_schema.text_files import read_json_record, read_rows
+from evenlight import command as command_line
+from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.dataset_layout import MANIFEST, TRIALS
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.text_files import read_json_record, read_rows
 
 SEQUENCES = ("library", "gym", "living_room", "basement")
 SESSION_OF = {"ramp": "01", "rating": "02", "comparison": "03"}
@@ -18,7 +18,7 @@ SESSION_OF = {"ramp": "01", "rating": "02", "comparison": "03"}
 
 def run(*arguments: object) -> None:
     with pytest.raises(SystemExit) as ended:
-        evenlight.main([str(a) for a in arguments])
+        command_line.main([str(a) for a in arguments])
     assert not ended.value.code
 
 

@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.brightness_track import read_track
-from data_schema.control import TargetRow
-from data_schema.loss_curves import read_loss_curves
-from data_schema.power_model import PanelKind, PowerModel
-from data_schema.text_files import read_rows, write_toml_record
-from experiments.track_fit import load_track, require_fit
-from method.control_curves import control_curves
-from method.controller import Controller, ControllerSettings
-from method.curve_lookup import loss_and_slope
-from method.objective import pairwise_spread
-from method.preset_files import load_rate_limit
-from method.scalar_rate_limit import scalar_rate_limit
-from stimuli.video_source import open_video
-from stimuli.video_writer import write_video
+from evenlight.data_schema.brightness_track import read_track
+from evenlight.data_schema.control import TargetRow
+from evenlight.data_schema.loss_curves import read_loss_curves
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.text_files import read_rows, write_toml_record
+from evenlight.experiments.track_fit import load_track, require_fit
+from evenlight.method.control_curves import control_curves
+from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.method.objective import pairwise_spread
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -30,7 +30,7 @@ FIGURES = {"track.png", "contrast_map.png"}
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the figures of the track, in tests that are about what else there is."""
-    monkeypatch.setattr("analysis.tracks.control_results._draw", lambda *_: None)
+    monkeypatch.setattr("evenlight.analysis.tracks.control_results._draw", lambda *_: None)
 
 
 def room(seed: int, light: float) -> np.ndarray:

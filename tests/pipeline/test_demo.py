@@ -6,21 +6,21 @@ import shutil
 import numpy as np
 import pytest
 
-import evenlight
-from data_schema.brightness_track import OptimizationSummary, read_track
-from data_schema.provenance import sha256_of_file, sha256_of_record
-from data_schema.rate_limit import RateLimit
-from data_schema.text_files import read_json_record, read_rows
-from data_schema.threshold import Threshold
-from method.rate_limit import rate_limit_at
-from stimuli.sequences import built_in_sequence
+from evenlight import command as command_line
+from evenlight.data_schema.brightness_track import OptimizationSummary, read_track
+from evenlight.data_schema.provenance import sha256_of_file, sha256_of_record
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.threshold import Threshold
+from evenlight.method.rate_limit import rate_limit_at
+from evenlight.stimuli.sequences import built_in_sequence
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("demo") / "out"
     with pytest.raises(SystemExit) as ended:
-        evenlight.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
+        command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
     assert not ended.value.code
     return out
 
@@ -80,10 +80,10 @@ def test_everything_validates(folder, command) -> None:
 def test_a_second_demo_may_take_the_place_of_the_first(folder, monkeypatch) -> None:
     """Of a smaller video: what is shown of the first is in the tests above."""
     shorter = built_in_sequence("sunrise", size=(64, 36), duration=4.0, frames_per_second=5.0)
-    monkeypatch.setattr("stimuli.sequences.built_in_sequence", lambda name, **_: shorter)
+    monkeypatch.setattr("evenlight.stimuli.sequences.built_in_sequence", lambda name, **_: shorter)
     before = sha256_of_file(folder / "calibration" / "thresholds.csv")
     with pytest.raises(SystemExit) as ended:
-        evenlight.main(["demo", "--out", str(folder), "--participants", "2", "--seed", "3", "--quiet"])
+        command_line.main(["demo", "--out", str(folder), "--participants", "2", "--seed", "3", "--quiet"])
     assert not ended.value.code
     assert sha256_of_file(folder / "calibration" / "thresholds.csv") != before
     assert len(list((folder / "dataset").glob("sub-*"))) == 2
@@ -123,7 +123,7 @@ def test_a_second_demo_that_fails_leaves_the_first_as_it_was(command, folder, tm
     def fill_the_place_of_the_report(dataset, source, budget, results, quiet) -> None:
         (results / "report.html").write_text("a file where a folder is")
 
-    monkeypatch.setattr("analysis.tracks.closed_loop.close_loop", fill_the_place_of_the_report)
+    monkeypatch.setattr("evenlight.analysis.tracks.closed_loop.close_loop", fill_the_place_of_the_report)
     (again / "report.html").unlink()
     (again / "report.html").mkdir()
     (again / "report.html" / "mine.txt").write_text("mine")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import evenlight
+from evenlight import command as command_line
 
-EVENLIGHT = [sys.executable, "-c", "import evenlight; evenlight.main()"]
+EVENLIGHT = [sys.executable, "-c", "from evenlight.command import main; main()"]
 LONG_RUN = ["optimize", "sunrise", "--budget", "0.4", "--fps", "25", "--quiet"]  # of half a minute or more
 
 
@@ -58,7 +58,7 @@ def test_the_command_runs_beside_the_main_thread_too() -> None:
 
     def run() -> None:
         with pytest.raises(SystemExit) as ended:
-            evenlight.main(["--version"])
+            command_line.main(["--version"])
         codes.append(ended.value.code)
 
     thread = threading.Thread(target=run)

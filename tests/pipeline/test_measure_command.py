@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.meter_reading import MeterReading
-from data_schema.power_log import PowerSample
-from data_schema.text_files import read_rows
-from hardware import measuring
-from hardware.emulators.colorcal import EmulatedColorCal
-from hardware.emulators.konica_minolta import EmulatedLs100
-from hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from hardware.emulators.photo_research import EmulatedPr655
-from hardware.emulators.power_board import PowerBoardEmulator
-from hardware.instrument_list import driver_names
-from hardware.serial_link import LineSettings, SerialLink
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.data_schema.meter_reading import MeterReading
+from evenlight.data_schema.power_log import PowerSample
+from evenlight.data_schema.text_files import read_rows
+from evenlight.hardware import measuring
+from evenlight.hardware.emulators.colorcal import EmulatedColorCal
+from evenlight.hardware.emulators.konica_minolta import EmulatedLs100
+from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
+from evenlight.hardware.emulators.photo_research import EmulatedPr655
+from evenlight.hardware.emulators.power_board import PowerBoardEmulator
+from evenlight.hardware.instrument_list import driver_names
+from evenlight.hardware.serial_link import LineSettings, SerialLink
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
 
 
 @pytest.fixture(autouse=True)
@@ -335,7 +335,7 @@ def test_a_process_that_is_interrupted_has_its_samples_on_the_disk(tmp_path: Pat
     table = tmp_path / "simulated-power.csv"
     words = ["measure", "power", "--instrument", "simulated:board", "--seconds", "60", "--out", str(table)]
     with subprocess.Popen(
-        [sys.executable, "-c", "import evenlight; evenlight.main()", *words],
+        [sys.executable, "-c", "from evenlight.command import main; main()", *words],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from data_schema.power_log import FlashMark, PlayedFlip, PowerSample
-from data_schema.text_files import read_rows
-from hardware.simulated_panel import PanelPhysics
-from method.preset_files import load_display
+from evenlight.data_schema.power_log import FlashMark, PlayedFlip, PowerSample
+from evenlight.data_schema.text_files import read_rows
+from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.method.preset_files import load_display
 
 FRAMES, RATE = 30, 20.0
 

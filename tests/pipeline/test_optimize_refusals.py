@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from optimized_videos import limit_file, optimized, refused, texture, video
 
+from evenlight.method.splitting import SplittingSolver
+
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
 
@@ -152,12 +154,11 @@ def test_loss_curves_that_err_more_than_is_asked_for(command, tmp_path, clip) ->
 
 
 def test_an_interruption_leaves_nothing(command, tmp_path, clip, monkeypatch) -> None:
-    import method.splitting
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(method.splitting.SplittingSolver, "solve", interrupt)
+    monkeypatch.setattr(SplittingSolver, "solve", interrupt)
     result = command("optimize", clip, "--budget", 0.5, "--out", tmp_path / "results", "--quiet")
     assert result.code == 130
     assert not (tmp_path / "results").exists()

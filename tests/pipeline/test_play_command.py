@@ -14,14 +14,14 @@ import pytest
 from PIL import Image
 
 import evenlight
-from data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
-from data_schema.frame import Frame
-from data_schema.provenance import Provenance
-from experiments.track_fit import mean_factor
-from method.preset_files import load_display
-from stimuli.video_writer import write_video
+from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance
+from evenlight.experiments.track_fit import mean_factor
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.video_writer import write_video
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 N, RATE = 30, 25.0
 FACTORS = np.linspace(0.9, 0.5, N)
 

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import evenlight
-from analysis.reproduction import reproduction
-from data_schema.analysis_summary import AnalysisSummary
-from data_schema.frame import Frame
-from data_schema.provenance import Provenance, sha256_of_bytes
-from data_schema.search import SearchDesign, SearchTrial
-from data_schema.session import SessionManifest, SessionStatus
-from data_schema.statistic import Origin, Statistic
-from data_schema.text_files import read_json_record, read_rows
-from data_schema.viewing import Version
-from experiments.dataset import new_dataset, write_description, write_participants, write_session
-from method.preset_files import load_display
+from evenlight import command as command_line
+from evenlight.analysis.reproduction import reproduction
+from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
+from evenlight.data_schema.search import SearchDesign, SearchTrial
+from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.viewing import Version
+from evenlight.experiments.dataset import new_dataset, write_description, write_participants, write_session
+from evenlight.method.preset_files import load_display
 
 FRAMES = 30
 SEQUENCES = ("library", "gym", "living_room", "basement")
@@ -85,7 +85,7 @@ def reproduced(lab: Path, out: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "built_in_sequence", pattern)
         with pytest.raises(SystemExit) as ended:
-            evenlight.main(["reproduce", "--quick", "--data", str(lab), "--out", str(out), "--quiet"])
+            command_line.main(["reproduce", "--quick", "--data", str(lab), "--out", str(out), "--quiet"])
     assert not ended.value.code
 
 

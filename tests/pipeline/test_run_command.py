@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from blind_sessions import RIG, SMALL, arguments, rows, written
 
-from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
-from data_schema.ramp import RampDesign, RampTrial
+from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from evenlight.data_schema.ramp import RampDesign, RampTrial
 
 Command = Callable[..., Any]
 

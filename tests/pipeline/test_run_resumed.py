@@ -16,13 +16,13 @@ from blind_sessions import RIG, SMALL, arguments, rows, written
 from warm_evenlight import Run
 
 import evenlight
-from data_schema.dataset_layout import EVENTS, TRIALS
-from data_schema.ramp import Placement, Procedure, RampDesign
-from data_schema.text_files import write_toml_record
+from evenlight.data_schema.dataset_layout import EVENTS, TRIALS
+from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
+from evenlight.data_schema.text_files import write_toml_record
 
 Command = Callable[..., Any]
 PROGRAM = [sys.executable, "-m", "evenlight"]
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 ADAPTIVE = RampDesign(
     procedure=Procedure.TWO_INTERVAL,
     placement=Placement.TARGETED,

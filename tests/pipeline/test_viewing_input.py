@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from data_schema.text_files import write_toml_record
-from data_schema.viewing import RatingDesign
-from hardware.rig_files import load_rig
-from method.preset_files import load_display
+from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.viewing import RatingDesign
+from evenlight.hardware.rig_files import load_rig
+from evenlight.method.preset_files import load_display
 
 NAMES = ("bright", "dark")
 N = 10

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST
-from data_schema.rig import Rig
-from data_schema.search import SearchDesign
-from data_schema.text_files import write_toml_record
-from data_schema.viewing import ComparisonDesign, RatingDesign
-from hardware.rig_files import load_rig
-from method.preset_files import load_display
-from stimuli.scenes.camera_path import path_named
+from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.search import SearchDesign
+from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign
+from evenlight.hardware.rig_files import load_rig
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.scenes.camera_path import path_named
 
 NAMES = ("bright", "dark")
 SIZE = (160, 96)

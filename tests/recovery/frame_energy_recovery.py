@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from played_power_truth import Conditions, play
 
-from analysis.measurement.clock_fit import fit_clock
-from analysis.measurement.clock_line import line_of
-from analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
+from evenlight.analysis.measurement.clock_fit import fit_clock
+from evenlight.analysis.measurement.clock_line import line_of
+from evenlight.analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
 
 Array = NDArray[np.float64]
 CLOCKS = {

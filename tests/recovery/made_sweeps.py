@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from data_schema.append_log import record_line
-from data_schema.dataset_layout import READINGS, SWEEP_MANIFEST
-from data_schema.provenance import Provenance
-from data_schema.rig import Rig
-from data_schema.session import SessionStatus
-from data_schema.sweep import (
+from evenlight.data_schema.append_log import record_line
+from evenlight.data_schema.dataset_layout import READINGS, SWEEP_MANIFEST
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.session import SessionStatus
+from evenlight.data_schema.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
     PowerReading,
@@ -23,8 +23,8 @@ from data_schema.sweep import (
     SweepManifest,
     SweepPhase,
 )
-from data_schema.text_files import write_json_record
-from hardware.simulated_panel import PanelPhysics, SimulatedPanel
+from evenlight.data_schema.text_files import write_json_record
+from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel
 
 STARTED = "2026-03-02T09:00:00Z"
 WARM = PanelPhysics(warm_up_share=0.0)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schema.ramp import Direction, Procedure, Response
-from experiments.design import PlannedRamp
-from experiments.simulated_observers import REFERENCE_DURATION, SimulatedObserver
-from method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
+from evenlight.data_schema.ramp import Direction, Procedure, Response
+from evenlight.experiments.design import PlannedRamp
+from evenlight.experiments.simulated_observers import REFERENCE_DURATION, SimulatedObserver
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
 PRIOR_WIDTH = 1.6  # ln(rate), median of the fit's prior (docs/decisions/threshold-definition.md)
 MANY_LAPSES = 0.06  # of the answers to a clear ramp; the fit's prior for two intervals has a mean of 1.6 %

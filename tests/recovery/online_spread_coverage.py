@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
 
 PERIOD = 0.2  # [s] of a frame
 MEDIAN, SPREAD = 0.08, 0.5  # of the content's loss at factor 0, and SD of its logarithm

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.inference.paired_effects import Effect
+from evenlight.analysis.inference.paired_effects import Effect
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measurement.power_recording import Flips, Recording
-from analysis.measurement.sample_gaps import Samples, samples_once
-from data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
-from data_schema.text_files import write_json_record, write_rows
-from hardware.simulated_panel import PanelPhysics
+from evenlight.analysis.measurement.power_recording import Flips, Recording
+from evenlight.analysis.measurement.sample_gaps import Samples, samples_once
+from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
+from evenlight.data_schema.text_files import write_json_record, write_rows
+from evenlight.hardware.simulated_panel import PanelPhysics
 
 Array = NDArray[np.float64]
 MARKER = 0.5  # [s] bright, and as long dark

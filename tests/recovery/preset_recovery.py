@@ -11,8 +11,8 @@ import numpy as np
 from odd_observers import Flat, Lapsing, WeibullShaped, changed_into
 from recovered_thresholds import MODES, Mode, Recovery, recover
 
-from experiments.design_files import load_design
-from experiments.simulated_observers import SimulatedObserver
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.simulated_observers import SimulatedObserver
 
 SEED = 11
 PRESETS = {

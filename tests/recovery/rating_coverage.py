@@ -10,8 +10,13 @@ import numpy as np
 from paired_truths import PAIRS, TRUTHS, coverage, histograms, intervals, listed, probabilities, true_effects
 from scipy import stats
 
-from analysis.inference.exact_paired_tests import Zeros, sign_flip_p_values, sign_test, signed_rank_test
-from analysis.inference.paired_effects import (
+from evenlight.analysis.inference.exact_paired_tests import (
+    Zeros,
+    sign_flip_p_values,
+    sign_test,
+    signed_rank_test,
+)
+from evenlight.analysis.inference.paired_effects import (
     mean_difference,
     rank_biserial,
     standardized_difference,

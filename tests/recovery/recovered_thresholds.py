@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.calibration.ramp_counts import catch_counts, ramp_counts
-from data_schema.ramp import Placement, Procedure, RampDesign
-from data_schema.session_length import trial_seconds
-from experiments.design import ramp_levels
-from experiments.simulate_ramp import RampSimulation, answered_session, participant_id, participant_of
-from experiments.simulated_observers import ObserverPopulation, SimulatedObserver
-from method.preset_files import load_display, load_rate_limit
+from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.ramp_counts import catch_counts, ramp_counts
+from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
+from evenlight.data_schema.session_length import trial_seconds
+from evenlight.experiments.design import ramp_levels
+from evenlight.experiments.simulate_ramp import (
+    RampSimulation,
+    answered_session,
+    participant_id,
+    participant_of,
+)
+from evenlight.experiments.simulated_observers import ObserverPopulation, SimulatedObserver
+from evenlight.method.preset_files import load_display, load_rate_limit
 
 YES_NO_RATES = RampDesign().relative_rates  # of the paper mode
 TWO_INTERVAL_RATES = tuple(np.geomspace(0.004, 0.08, 8).round(5).tolist())  # where that task's thresholds are

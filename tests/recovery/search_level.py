@@ -15,8 +15,8 @@ import numpy as np
 from made_searches import SearchTruth, made_table
 from scipy import integrate, stats
 
-from analysis.inference.fixed_effects import FixedEffect
-from analysis.search.search_models import (
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.search.search_models import (
     BRIGHTNESS,
     brightness_fit,
     effect_of,
@@ -24,10 +24,10 @@ from analysis.search.search_models import (
     informative,
     version_effect,
 )
-from analysis.search.search_over_locations import for_people_and_locations, line_over_locations
-from analysis.search.search_pairs import matched_pairs
-from analysis.search.search_results import detection_change, first_found
-from analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_over_locations import for_people_and_locations, line_over_locations
+from evenlight.analysis.search.search_pairs import matched_pairs
+from evenlight.analysis.search.search_results import detection_change, first_found
+from evenlight.analysis.search.search_trials import SearchTable
 
 SEED = 11
 # What each question asks has a known truth only in some populations: "over people" is about these locations,

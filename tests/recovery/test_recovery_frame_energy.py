@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
-from analysis.measurement.clock_fit import fit_clock
-from analysis.measurement.clock_line import line_of
-from analysis.measurement.frame_energy import frame_energies, frame_spans
-from analysis.measurement.sample_gaps import samples_once
-from data_schema.frame_energy import LEFT_OUT, ClockFit, ClockMethod
-from hardware.simulated_panel import SimulatedPanel
+from evenlight.analysis.measurement.clock_fit import fit_clock
+from evenlight.analysis.measurement.clock_line import line_of
+from evenlight.analysis.measurement.frame_energy import frame_energies, frame_spans
+from evenlight.analysis.measurement.sample_gaps import samples_once
+from evenlight.data_schema.frame_energy import LEFT_OUT, ClockFit, ClockMethod
+from evenlight.hardware.simulated_panel import SimulatedPanel
 
 Array = NDArray[np.float64]
 FEW = range(4)

@@ -12,9 +12,9 @@ import pytest
 from odd_observers import Flat, Lapsing, WeibullShaped, changed_into, weibull_probability
 from recovered_thresholds import MODES, Recovery, recover
 
-from experiments.design_files import load_design
-from experiments.simulated_observers import SimulatedObserver
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 PARTICIPANTS = 140
 SEED = 2024

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.calibration.posterior_grid import RampCounts
-from analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from analysis.calibration.rate_limit_curve import RateLimitOptions, basis_for
-from analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
-from data_schema.ramp import RampDesign
-from experiments.simulated_observers import draw_observer
-from method.preset_files import load_rate_limit
-from method.psychometric import PsychometricFunction, yes_probability
+from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions, basis_for
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
+from evenlight.data_schema.ramp import RampDesign
+from evenlight.experiments.simulated_observers import draw_observer
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 DESIGN = RampDesign()
 LUMINANCE = 100.0  # of the one level [cd/m²]

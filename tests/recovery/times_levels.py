@@ -15,7 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from ordinal_levels import covers
 
-from analysis.inference.lognormal_times import CensoredTimes, Contrast, FixedEffect, fit_lognormal_times
+from evenlight.analysis.inference.lognormal_times import (
+    CensoredTimes,
+    Contrast,
+    FixedEffect,
+    fit_lognormal_times,
+)
 
 PARTICIPANTS = 17
 LIMIT = 30.0  # s

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.frame import Frame
-from stimuli.coarser_frames import area_weights, coarser
+from evenlight.data_schema.frame import Frame
+from evenlight.stimuli.coarser_frames import area_weights, coarser
 
 GAMMA = 2.2
 

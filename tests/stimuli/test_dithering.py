@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from stimuli.dithering import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.stimuli.dithering import (
     LEVELS,
     bayer_matrix,
     dithered_codes,

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from av.video.frame import VideoFrame
 
-from data_schema.errors import InputError
-from stimuli.image_folder import natural_order, open_image_folder
-from stimuli.video_source import open_video
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.image_folder import natural_order, open_image_folder
+from evenlight.stimuli.video_source import open_video
 
 
 def picture(seed=0, size=(24, 16), kind=np.uint8):

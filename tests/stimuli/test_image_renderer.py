@@ -7,13 +7,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.rig import Dither
-from method.luminance import emitted_luminance
-from stimuli.dithering import dithered_codes, hashed, luminance_of_codes, thresholds_of
-from stimuli.image_codes import GRID, image_codes, level_luminance, levels_of, mean_of_codes
-from stimuli.image_renderer import Image, ImageRenderer, Picture
-from stimuli.sequence_format import on_grid
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.method.luminance import emitted_luminance
+from evenlight.stimuli.dithering import dithered_codes, hashed, luminance_of_codes, thresholds_of
+from evenlight.stimuli.image_codes import GRID, image_codes, level_luminance, levels_of, mean_of_codes
+from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
+from evenlight.stimuli.sequence_format import on_grid
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=60.0)
 ROOM = Display("room", 250.0, 0.4, 1.9, pixels_per_degree=60.0, reflected_luminance=3.0)

@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.search import ORIENTATIONS
-from stimuli.landolt import Ring, covered, gap_pixels, require_drawable
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.stimuli.landolt import Ring, covered, gap_pixels, require_drawable
 
 RING = Ring(azimuth=30.0, altitude=-5.0, gap=10.0, contrast=-0.3, orientation=45)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from stimuli.legibility import ink_on
-from stimuli.page_image import MARGIN, SMALLEST_SHARE, TEXT_SIZE, centred_image, page_image
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.legibility import ink_on
+from evenlight.stimuli.page_image import MARGIN, SMALLEST_SHARE, TEXT_SIZE, centred_image, page_image
 
 PAGE = """# How it works
 

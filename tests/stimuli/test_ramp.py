@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Actuator
-from stimuli.ramp import frame_count, ramp_luminance, reachable_luminances, require_reachable
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Actuator
+from evenlight.stimuli.ramp import frame_count, ramp_luminance, reachable_luminances, require_reachable
 
 LAB = Display("lab", 100.0, 0.5, 2.2, pixels_per_degree=60.0, reflected_luminance=1.0)
 

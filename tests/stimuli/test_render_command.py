@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from data_schema.errors import InputError
-from evenlight import app
-from stimuli.sequences import built_in_sequence
-from stimuli.video_source import open_video
+from evenlight.command import app
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.sequences import built_in_sequence
+from evenlight.stimuli.video_source import open_video
 
 
 def render(*arguments):

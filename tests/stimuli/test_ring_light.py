@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.display import Display
-from stimuli.image_codes import level_luminance
-from stimuli.ring_light import shown_contrast
+from evenlight.data_schema.display import Display
+from evenlight.stimuli.image_codes import level_luminance
+from evenlight.stimuli.ring_light import shown_contrast
 
 LAB = Display("lab", 100.0, 0.5, 2.2, pixels_per_degree=60.0)
 contrasts = st.floats(-1.0, 3.0)

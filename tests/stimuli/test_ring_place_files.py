@@ -5,20 +5,27 @@ import math
 
 import pytest
 
-from data_schema.errors import InputError
-from data_schema.text_files import read_json_record
-from data_schema.viewing import PAPER_SEQUENCES
-from stimuli.choose_ring_places import DISPLAY, SIZE
-from stimuli.landolt import Ring
-from stimuli.ring_place_files import PATHS, PRACTICE_SIZE, SUFFIX, KeypointRings, RingPlaces, ring_places
-from stimuli.ring_places import PlaceRules, lies_on_a_surface
-from stimuli.ring_scene import RingScene
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.camera_path import Keypoint, path_named
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import direction_of
-from stimuli.scenes.scenes import scene_named
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.text_files import read_json_record
+from evenlight.data_schema.viewing import PAPER_SEQUENCES
+from evenlight.stimuli.choose_ring_places import DISPLAY, SIZE
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_place_files import (
+    PATHS,
+    PRACTICE_SIZE,
+    SUFFIX,
+    KeypointRings,
+    RingPlaces,
+    ring_places,
+)
+from evenlight.stimuli.ring_places import PlaceRules, lies_on_a_surface
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import Keypoint, path_named
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import direction_of
+from evenlight.stimuli.scenes.scenes import scene_named
 
 RULES = PlaceRules()
 MEASURED = "basement"  # of both scenes, its scene is drawn the sooner
@@ -43,7 +50,7 @@ def rings_of(keypoint: KeypointRings, point: Keypoint) -> list[tuple[Ring, float
 
 @pytest.mark.parametrize("name", PAPER_SEQUENCES)
 def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name) -> None:
-    """If a scene or a path has changed: python -m stimuli.choose_ring_places NAME."""
+    """If a scene or a path has changed: python -m evenlight.stimuli.choose_ring_places NAME."""
     path = path_named(name)
     scene = scene_named(path.scene)
     keypoints = ring_places(name).keypoints

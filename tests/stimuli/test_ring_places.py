@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from stimuli.landolt import Ring
-from stimuli.ring_light import Surroundings
-from stimuli.ring_places import PlaceRules, RingPlace, choose_places, lies_on_a_surface
-from stimuli.ring_scene import RingScene
-from stimuli.scene_rays import NOTHING, seen_along
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import Scene, direction_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_light import Surroundings
+from evenlight.stimuli.ring_places import PlaceRules, RingPlace, choose_places, lies_on_a_surface
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scene_rays import NOTHING, seen_along
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Scene, direction_of
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=24.0)
 EYE = Camera((0.0, 0.0, 1.5), azimuth=0.0)

@@ -10,17 +10,17 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from data_schema.display import Display
-from data_schema.errors import InputError
-from data_schema.rig import Dither
-from data_schema.search import ORIENTATIONS
-from stimuli.image_renderer import Image, ImageRenderer, Picture
-from stimuli.landolt import Ring
-from stimuli.ring_light import PaintedRing
-from stimuli.ring_scene import RingScene
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rig import Dither
+from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
+from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.ring_light import PaintedRing
+from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.viewing_geometry import focal_length_of
 
 SIZE = (400, 300)
 HERE = (1.0, 2.0, 1.65)

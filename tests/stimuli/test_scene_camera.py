@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import direction_of
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import direction_of
 
 SIZE = (320, 180)
 

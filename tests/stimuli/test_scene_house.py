@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stimuli.scenes import house_materials
-from stimuli.scenes.camera import EYE_HEIGHT, Camera
-from stimuli.scenes.camera_path import CameraPath, path_named
-from stimuli.scenes.house import house
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene import Floats, Material, Scene
+from evenlight.stimuli.scenes import house_materials
+from evenlight.stimuli.scenes.camera import EYE_HEIGHT, Camera
+from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
+from evenlight.stimuli.scenes.house import house
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Floats, Material, Scene
 
 PATHS = ("living_room", "basement", "house")
 CLEARANCE = 0.2  # [m] that an eye keeps from everything

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import evenlight
-from stimuli.scenes.kept_files import OLD, cache_folder, keep, kept, one_at_a_time
+from evenlight.stimuli.scenes.kept_files import OLD, cache_folder, keep, kept, one_at_a_time
 
-ROOT = Path(evenlight.__file__).parent
+ROOT = Path(evenlight.__file__).parents[1]
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,8 @@ def test_another_versions_array_stays_until_it_is_old() -> None:
 def test_a_second_process_waits_until_the_first_has_made_it_and_then_finds_it() -> None:
     """The first holds the lock until it is told; the second is started meanwhile and must not make it too."""
     source = (
-        "import sys; from stimuli.scenes.kept_files import kept, keep, one_at_a_time; import numpy as np\n"
+        "import sys; import numpy as np\n"
+        "from evenlight.stimuli.scenes.kept_files import kept, keep, one_at_a_time\n"
         "print('asks', flush=True)\n"
         "with one_at_a_time('light'):\n"
         "    print('found' if kept('light-a') is not None else 'makes', flush=True)\n"

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.tone import PEAK, shown_share
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.tone import PEAK, shown_share
 
 SIZE = (64, 48)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stimuli.scenes import graphics_scene
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes import graphics_scene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 
 SIZE = (320, 180)
 CODE = 65535 / 1023  # pixel values per code of 10 bits

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stimuli.scenes.ray_tree import CHOSEN, DEPTH, LEAF, blocked, nearest, ray_tree
-from stimuli.scenes.scene import Patches
+from evenlight.stimuli.scenes.ray_tree import CHOSEN, DEPTH, LEAF, blocked, nearest, ray_tree
+from evenlight.stimuli.scenes.scene import Patches
 
 N_RAYS = 1500
 EDGE = 1e-4  # share of a patch's side: whether so near its edge a ray hits is up to rounding

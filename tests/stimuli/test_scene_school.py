@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from stimuli.scenes import school_materials
-from stimuli.scenes.camera_path import path_named
-from stimuli.scenes.model import SceneModel
-from stimuli.scenes.scene import Material
-from stimuli.scenes.scenes import SEED, scene_named
-from stimuli.scenes.school import school
-from stimuli.scenes.school_shelves import book_row
-from stimuli.scenes.textures_school_print import SPINE_ROWS, library_spines
+from evenlight.stimuli.scenes import school_materials
+from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.scene import Material
+from evenlight.stimuli.scenes.scenes import SEED, scene_named
+from evenlight.stimuli.scenes.school import school
+from evenlight.stimuli.scenes.school_shelves import book_row
+from evenlight.stimuli.scenes.textures_school_print import SPINE_ROWS, library_spines
 
 CLEARANCE = 0.2  # [m] between an eye and what it passes
 WALKS = ("library", "gym")

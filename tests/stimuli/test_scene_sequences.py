@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera import Camera
-from stimuli.scenes.camera_path import path_named
-from stimuli.scenes.kept_files import cache_folder
-from stimuli.scenes.light_quality import Quality
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.offscreen import offscreen_context
-from stimuli.scenes.renderer import SceneRenderer
-from stimuli.scenes.scene_sequence import SceneSequence
-from stimuli.scenes.scenes import scene_named
-from stimuli.sequence_format import SequenceFormat
-from stimuli.sequences import WALKS, built_in_sequence
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.kept_files import cache_folder
+from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.offscreen import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.sequence_format import SequenceFormat
+from evenlight.stimuli.sequences import WALKS, built_in_sequence
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = (160, 90)
@@ -160,10 +160,10 @@ sys.path[:0] = [{root!r}, {tests!r}]
 from psychopy import visual
 import moderngl
 from test_scene_sequences import CAMERA, SIZE, pixel_values, small_scene
-from stimuli.scenes.renderer import SceneRenderer
-from data_schema.display import Display
-from data_schema.rig import Dither
-from stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.rig import Dither
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
 
 window = visual.Window((320, 200), units="pix", gammaErrorPolicy="warn", checkTiming=False, useFBO=False)
 context = moderngl.create_context(require=330)

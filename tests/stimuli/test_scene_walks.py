@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_schema.errors import InputError
-from stimuli.scenes.camera_path import PATHS, path_from_text, path_named
-from stimuli.scenes.model import Material, SceneModel
-from stimuli.scenes.scenes import scene_named
-from stimuli.scenes.walking import check_path, on_ground, walked
-from stimuli.sequences import WALKS
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.camera_path import PATHS, path_from_text, path_named
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.scenes.walking import check_path, on_ground, walked
+from evenlight.stimuli.sequences import WALKS
 
 POINTS = [
     {"name": "door", "time_s": 0, "position_m": [0, 0, 1.65], "azimuth_deg": 350, "altitude_deg": 0},

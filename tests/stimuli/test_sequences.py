@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from stimuli.checkerboard import white_tiles
-from stimuli.sequence_format import SequenceFormat, encoded_light, on_grid
-from stimuli.sequences import SEQUENCES, WALKS, built_in_sequence
-from stimuli.video_source import open_video
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.checkerboard import white_tiles
+from evenlight.stimuli.sequence_format import SequenceFormat, encoded_light, on_grid
+from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence
+from evenlight.stimuli.video_source import open_video
 
 SMALL = (96, 54)
 # Those that are painted; walks through scenes are tested in test_scene_sequences.py.

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from av.video.frame import VideoFrame
 
-from data_schema.errors import InputError
-from stimuli.video_file import open_video_file
-from stimuli.video_source import open_video
-from stimuli.video_writer import write_video
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.video_file import open_video_file
+from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.video_writer import write_video
 
 
 def moving_picture(k, size=(96, 64)):
@@ -258,7 +258,8 @@ def test_the_decoder_says_nothing_on_its_own(tmp_path):
     content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
     path.write_bytes(bytes(content))
     program = (
-        "import sys; from data_schema.errors import InputError; from stimuli.video_source import open_video\n"
+        "import sys; from evenlight.data_schema.errors import InputError\n"
+        "from evenlight.stimuli.video_source import open_video\n"
         "try: list(open_video(sys.argv[1]).frames())\n"
         "except InputError: print('refused')"
     )

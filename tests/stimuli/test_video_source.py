@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from stimuli.video_source import open_video, open_videos
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.video_source import open_video, open_videos
 
 
 @pytest.fixture

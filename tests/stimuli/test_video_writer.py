@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from data_schema.errors import InputError
-from stimuli.video_source import open_video
-from stimuli.video_writer import write_video
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.video_writer import write_video
 
 
 def noise(kind, size=(33, 17), frames=4):

@@ -1,0 +1,44 @@
+"""What a process of its own does to measure the memory that the curves of a video take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.method.loss_curves import analyze_frames
+from evenlight.method.thrift import Thrift
+
+RATE = 12.5  # [Hz]
+SIZE = (384, 270)  # large enough for its finest band not to be counted in every frame
+DISPLAY = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
+
+
+def analyze_minutes(
+    minutes: str, tolerance: str, jobs: str = "1", order: str = PixelToLuminance.LINEAR_FIRST.value
+) -> LossCurves:
+    """Analyse a video of so many minutes that is made as it is asked for."""
+    n = round(float(minutes) * 60 * RATE)
+    model = ContrastModel(pixel_to_luminance=PixelToLuminance(order))
+    thrift = Thrift(float(tolerance), int(jobs))
+    return analyze_frames(_frames(n), "made", DISPLAY, model, thrift=thrift)
+
+
+def curves_size(minutes: float) -> float:
+    """Return the memory of the curves themselves [MiB]."""
+    n, knots = round(minutes * 60 * RATE), 65
+    return 8 * n * (knots + 8) / 2**20  # loss; two times, three channels, contrast, luminance, share
+
+
+def _frames(n: int) -> Iterator[Frame]:
+    """Yield noise that moves, in an array that is filled again."""
+    width, height = SIZE
+    noise = np.random.default_rng(1).integers(0, 255, (height, 2 * width, 3), dtype=np.uint8)
+    pixels = np.empty((height, width, 3), np.uint8)
+    for k in range(n):
+        pixels[:] = noise[:, k % width : k % width + width]
+        yield Frame(k / RATE, 1 / RATE, pixels)

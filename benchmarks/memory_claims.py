@@ -1,0 +1,74 @@
+"""Whether a video ten times as long takes more memory: by default, on two cores, and with luma first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchmarks.curves_memory import curves_size
+from benchmarks.measured import Pains, claim, not_measured
+from benchmarks.peak_memory import peak_memory
+from benchmarks.video_points import TOLERANCE
+from evenlight.data_schema.benchmark import BenchmarkClaim
+from evenlight.data_schema.contrast_model import PixelToLuminance
+
+MEMORY = "benchmarks.curves_memory:analyze_minutes"
+SAME_MEMORY = 1.05  # two runs of the same differ by as much
+COPIES = 2  # of the curves: the rows as they come in, and the record that checks and keeps them
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """One way to analyse a video, and how long the shorter one is [min]."""
+
+    name: str
+    jobs: int
+    order: PixelToLuminance
+    short: float
+
+
+_WAYS = (
+    _Way("default", 1, PixelToLuminance.LINEAR_FIRST, 1.0),
+    _Way("2 jobs", 2, PixelToLuminance.LINEAR_FIRST, 1.0),
+    _Way("luma first", 1, PixelToLuminance.LUMA_FIRST, 0.2),  # five times as slow
+)
+
+
+def memory_claims(pains: Pains) -> list[BenchmarkClaim]:
+    """Return the targets of memory: a video ten times as long takes no more, whatever the way."""
+    claims = []
+    for way in _WAYS:
+        pains.say(f"memory of long videos, {way.name}")
+        if pains.quick and way.order is PixelToLuminance.LUMA_FIRST:
+            claims.append(
+                not_measured(_words(way, way.short), SAME_MEMORY, "", "a quick run leaves this out")
+            )
+        else:
+            claims.append(_memory_claim(way, 0.1 if pains.quick else way.short))
+    return claims
+
+
+def _words(way: _Way, short: float) -> str:
+    """Return the target of memory of one way, in words."""
+    return (
+        f"memory of a video of {10 * short:g} min over that of {short:g} min, {way.name}, apart from "
+        f"{COPIES} copies of the curves; {SAME_MEMORY - 1:.0%} are allowed for runs of the same that differ"
+    )
+
+
+def _memory_claim(way: _Way, short: float) -> BenchmarkClaim:
+    """Return the target of memory of one way."""
+    words, long = _words(way, short), 10 * short
+    least, most = (
+        peak_memory(MEMORY, str(minutes), str(TOLERANCE), str(way.jobs), way.order.value)
+        for minutes in (short, long)
+    )
+    if least is None or most is None:
+        return not_measured(words, SAME_MEMORY, "", "the system does not tell how much memory a process used")
+    apart = [used - COPIES * curves_size(minutes) for used, minutes in ((least, short), (most, long))]
+    note = (
+        f"{least:.1f} and {most:.1f} MiB, of which the curves take {curves_size(short):.1f} and "
+        f"{curves_size(long):.1f}, twice: as they come in, and checked; what is left differs by "
+        f"{apart[1] - apart[0]:.1f} MiB, the frames' times as lists among it; frames of 384 x 270, made one "
+        "by one"
+    )
+    return claim(words, SAME_MEMORY, apart[1] / apart[0], "", note)

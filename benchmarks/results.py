@@ -1,0 +1,60 @@
+"""The files of a benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from benchmarks.chart import chart_png
+from benchmarks.machine import machine
+from benchmarks.measured import Measured, Pains, Subject
+from benchmarks.page import page
+from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
+from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.text_files import write_json_record, write_rows
+
+
+def measure_all(subjects: Mapping[str, Subject], pains: Pains, folder: Path) -> list[Measured]:
+    """Measure subjects one after the other, write the files of all, and return what was measured.
+
+    Parameters
+    ----------
+    subjects : mapping of str to Subject
+        By name.
+    pains : Pains
+        How much trouble to take.
+    folder : Path
+        Gets `NAME_benchmark.csv`, `NAME_claims.csv`, `NAME_growth.csv` and figures of each, `benchmarks.md`
+        and `benchmark.json` of all.
+    """
+    where = machine()
+    measured = []
+    for subject in subjects.values():
+        measured.append(subject(pains))
+        _write(folder, measured[-1])
+    write_whole(folder / "benchmarks.md", page(where, measured, pains.quick, "").encode())
+    write_json_record(folder / "benchmark.json", _summary(measured, pains, where))
+    return measured
+
+
+def _write(folder: Path, measured: Measured) -> None:
+    """Write the tables and figures of one subject."""
+    write_rows(folder / f"{measured.name}_benchmark.csv", BenchmarkPoint, measured.points)
+    if measured.claims:
+        write_rows(folder / f"{measured.name}_claims.csv", BenchmarkClaim, measured.claims)
+    if measured.growth:
+        write_rows(folder / f"{measured.name}_growth.csv", BenchmarkGrowth, measured.growth)
+    for chart in measured.charts:
+        write_whole(folder / f"bench-{chart.name}.png", chart_png(chart, measured.points))
+
+
+def _summary(measured: Sequence[Measured], pains: Pains, where: dict[str, str]) -> BenchmarkSummary:
+    """Return the record of a run."""
+    return BenchmarkSummary(
+        machine=where,
+        quick=pains.quick,
+        leads={m.name: m.lead for m in measured},
+        refused={what: why for m in measured for what, why in m.refused.items()},
+        provenance=provenance_now(pains.seed),
+    )

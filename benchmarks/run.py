@@ -1,0 +1,50 @@
+"""A run of `evenlight bench`: the subjects by name, measured one after the other, and the closing lines."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from benchmarks.measured import Pains, Subject
+from benchmarks.results import measure_all
+from evenlight.data_schema.files import results_folder
+
+
+def subjects(names: Sequence[str]) -> dict[str, Subject]:
+    """Return the subjects of some names, imported only now: each brings its peers."""
+    return {name: importlib.import_module(f"benchmarks.{name}_subject").measure for name in names}
+
+
+def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) -> None:
+    """Measure subjects, write their files, and say what was found.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the subjects: "curves", "optimizer", "fit", "online".
+    out : Path
+        The folder of results.
+    quick : bool
+        Small sizes, each timed once.
+    seed : int
+        Of everything that is drawn.
+    quiet : bool
+        No progress, no closing lines.
+    """
+    console = Console(stderr=True)
+    console.quiet = quiet or not console.is_terminal
+    with results_folder(out) as folder, console.status("measuring") as status:
+        pains = Pains(quick, seed, lambda words: status.update(f"measuring: {words}"))
+        measured = measure_all(subjects(names), pains, folder)
+    if quiet:
+        return
+    for one in measured:
+        typer.echo(one.lead)
+    missed = sum(claim.met is False for one in measured for claim in one.claims)
+    if missed:
+        typer.echo(f"{missed} of the targets missed; the page says by how much")
+    typer.echo(f"{out / 'benchmarks.md'} has the tables and figures")

@@ -1,0 +1,147 @@
+"""Loss curves of a video: frames counted whole, fine bands where they change, one frame in ten."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from benchmarks.measured import Approach, Pains, point
+from benchmarks.online_content import picture
+from benchmarks.stopwatch import timed_in_turn
+from benchmarks.video_definition import DefaultErrors, default_errors
+from evenlight.data_schema.benchmark import BenchmarkPoint, Role
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.method.loss_curves import analyze_frames
+from evenlight.method.thrift import Thrift
+from evenlight.stimuli.sequences import built_in_sequence
+
+RATE = 25.0  # [Hz]
+SMALL, FEW = (640, 360), 33  # pixels and frames of a video that takes seconds
+ONE_IN = 10  # frames, as the paper samples a video
+TOLERANCE = 1e-3  # of `evenlight optimize`
+ERROR = "largest difference of contrast loss from every frame counted whole, over all frames and knots"
+USUAL = f"tolerance {TOLERANCE:g}"
+EVERY_FRAME = "every frame whole"
+
+Array = NDArray[np.float64]
+Frames = list[Frame]
+
+
+@dataclass(frozen=True, slots=True)
+class _Clip:
+    """A video in memory, so that what is timed is its analysis."""
+
+    name: str
+    frames: Frames
+
+    @property
+    def task(self) -> str:
+        """What is done with it."""
+        height, width, _ = self.frames[0].pixel_values.shape
+        return f"{self.name}: {len(self.frames)} frames of {width} x {height}"
+
+
+def video_points(pains: Pains, display: Display) -> tuple[list[BenchmarkPoint], list[DefaultErrors]]:
+    """Return the points of two videos, and what the default misses the definition by in some of their frames.
+
+    They are a rendered sequence, and a film of what is hard.
+    """
+    points, errors = [], []
+    for clip in _clips(pains):
+        pains.say(f"a video, {clip.name}")
+        points += _points(clip, display, pains)
+        pains.say(f"a video, {clip.name}, by the definition")
+        errors.append(_errors(clip, display, 0 if pains.quick else 1))
+    if not pains.quick:  # whose frames have this size anyhow
+        errors.append(_errors(_sunrise(SMALL, FEW), display, 3))
+    return points, errors
+
+
+def _errors(clip: _Clip, display: Display, many: int) -> DefaultErrors:
+    """Return what the default misses the definition by, in its worst frame and some others."""
+    usual, whole = (
+        analyze_frames(clip.frames, clip.name, display, thrift=Thrift(tolerance))
+        for tolerance in (TOLERANCE, 0.0)
+    )
+    return default_errors(clip.frames, usual, whole.loss, many)
+
+
+def _clips(pains: Pains) -> Iterator[_Clip]:
+    """Yield the videos."""
+    size, n = (SMALL, FEW) if pains.quick else ((1280, 720), 100)
+    yield _sunrise(size, n)
+    yield _Clip("film", list(film(*size, n, pains.seed)))
+
+
+def _sunrise(size: tuple[int, int], n: int) -> _Clip:
+    """Return the first frames of a rendered sequence."""
+    frames = itertools.islice(built_in_sequence("sunrise", size).frames(), n)
+    return _Clip("sunrise", [replace(f, pixel_values=f.pixel_values.copy()) for f in frames])
+
+
+def film(width: int, height: int, n: int, seed: int) -> Iterator[Frame]:
+    """Yield a film of four shots: still with grain, panned, faded out, and panned fast with a flash in it."""
+    rng = np.random.default_rng(seed)
+    shots = [picture(height, width, rng) for _ in range(4)]
+    for k in range(n):
+        shot, way = 4 * k // n, (4 * k % n) / n
+        pixels = np.roll(shots[shot], (0, 2, 0, 15)[shot] * k, axis=1).astype(np.float64)
+        if shot == 0:
+            pixels += 4 * rng.standard_normal((height, width, 1))
+        pixels *= 1 - way if shot == 2 else 1
+        pixels += 60 if k == n - 5 else 0
+        yield Frame(k / RATE, 1 / RATE, np.clip(pixels.round(), 0, 255).astype(np.uint8))
+
+
+def _points(clip: _Clip, display: Display, pains: Pains) -> list[BenchmarkPoint]:
+    """Return the points of one video."""
+
+    def counted(tolerance: float, jobs: int = 1) -> LossCurves:
+        return analyze_frames(clip.frames, clip.name, display, thrift=Thrift(tolerance, jobs))
+
+    runs: dict[str, Callable[[], LossCurves | Array]] = {
+        USUAL: lambda: counted(TOLERANCE),
+        f"{USUAL}, 2 cores": lambda: counted(TOLERANCE, 2),
+        "tolerance 1e-4": lambda: counted(1e-4),
+        "tolerance 1e-2": lambda: counted(1e-2),
+        EVERY_FRAME: lambda: counted(0.0),
+        f"{EVERY_FRAME}, 2 cores": lambda: counted(0.0, 2),
+        f"one frame in {ONE_IN}, linear (as the paper)": lambda: _one_in_ten(clip.frames, display, np.interp),
+        f"one frame in {ONE_IN}, splines": lambda: _one_in_ten(clip.frames, display, _spline),
+    }
+    times = timed_in_turn(runs, pains.repeats(3))
+    exact = counted(0.0).loss
+    roles = {USUAL: Role.DEFAULT, EVERY_FRAME: Role.REFERENCE}
+    points = []
+    for name, run in runs.items():
+        result = run()
+        loss, note = (result.loss, _share(result)) if isinstance(result, LossCurves) else (result, "")
+        role = roles.get(name, Role.PEER if "paper" in name else Role.VARIANT)
+        approach = Approach(clip.task, name, role, len(clip.frames), "frames")
+        points.append(point(approach, times[name], float(np.abs(loss - exact).max()), ERROR, note))
+    return points
+
+
+def _share(curves: LossCurves) -> str:
+    """Return what share of the pixels was counted."""
+    return f"{curves.counted.mean():.0%} of the pixels counted"
+
+
+def _one_in_ten(frames: Frames, display: Display, between: Callable[[Array, Array, Array], Array]) -> Array:
+    """Return the loss of every frame from that of one in ten and of the last, interpolated over time."""
+    sampled = sorted({*range(0, len(frames), ONE_IN), len(frames) - 1})
+    known = analyze_frames([frames[k] for k in sampled], "sampled", display).loss
+    every, at = np.arange(len(frames), dtype=np.float64), np.array(sampled, dtype=np.float64)
+    return np.array([between(every, at, knot) for knot in known.T]).T
+
+
+def _spline(every: Array, at: Array, values: Array) -> Array:
+    """Return a cubic spline through values."""
+    return np.asarray(CubicSpline(at, values)(every))

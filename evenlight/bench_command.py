@@ -1,0 +1,48 @@
+"""The command that measures speed against error, with the benchmarks of a checkout."""
+
+from __future__ import annotations
+
+import enum
+import importlib
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.seeds import require_seed
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+
+class SubjectName(enum.Enum):
+    """What `evenlight bench` measures."""
+
+    CURVES = "curves"
+    OPTIMIZER = "optimizer"
+    FIT = "fit"
+    ONLINE = "online"
+    ALL = "all"
+
+
+def bench(
+    subject: Annotated[SubjectName, typer.Argument(help="What to measure; `all` writes the page of all.")],
+    out: Annotated[Path, typer.Option(help="Folder for benchmarks.md, the tables and the figures.")],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small sizes, each timed once: rough figures.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+) -> None:
+    """Measure speed against error: loss curves, optimizer, psychometric fit, online controller."""
+    require_seed(seed)
+    if not (CHECKOUT / "benchmarks" / "__init__.py").exists():
+        raise InputError(
+            "the benchmarks are not part of the installed package; clone Evenlight's repository, "
+            "run `make setup` there, and then `.venv/bin/evenlight bench`"
+        )
+    sys.path.insert(0, str(CHECKOUT))  # before a folder `benchmarks` of somebody else
+    names = [n for n in SubjectName if n is not SubjectName.ALL] if subject is SubjectName.ALL else [subject]
+    run = importlib.import_module("benchmarks.run")
+    run.run([n.value for n in names], out, quick, seed, quiet)

@@ -1,0 +1,204 @@
+"""Evenlight's one command: it mounts the commands of the folders, and turns input errors into one line."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, cast
+
+import typer
+
+from evenlight import bench_command
+from evenlight.analysis import (
+    analyze_command,
+    audit_command,
+    control_command,
+    fit_commands,
+    optimize_command,
+    plan_command,
+    reproduce_command,
+)
+from evenlight.data_schema import export_command, validate_command
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.files import results_folder
+from evenlight.data_schema.sealed_folder import require_sealed, seal
+from evenlight.experiments import commands as experiment_commands
+from evenlight.experiments import play_command, run_command
+from evenlight.hardware import measure_command
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.stimuli import commands as stimuli_commands
+
+app = typer.Typer(
+    name="evenlight",
+    help="Temporal brightness management: dim a display over time, to a power budget, within a rate limit.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
+DATASET = "dataset"  # the demo's
+
+# Typer has moved this class between its versions; its public subclass tells where it is.
+UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
+
+
+@app.callback(invoke_without_command=True)
+def start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Temporal brightness management: dim a display over time, to a power budget, within a rate limit."""
+    if version:
+        from importlib import metadata
+
+        typer.echo(f"evenlight {metadata.version('evenlight')}")
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def _simulated_ramps(design: Any, display: Any, participants: int, seed: int) -> Any:
+    """Return the trials and true thresholds of simulated participants: who answers in a plan."""
+    from evenlight.experiments.simulate_ramp import simulated_trials_and_thresholds
+
+    return simulated_trials_and_thresholds(design, display, participants, seed)
+
+
+def _ramp_design(name_or_path: str) -> Any:
+    """Return a design of the ramp experiment."""
+    from evenlight.experiments.design_files import load_design
+
+    return load_design(name_or_path)
+
+
+def _fit_sweep(folder: Path) -> list[str]:
+    """Write the results of a sweep into its folder, and return what is to be said of them."""
+    from evenlight.analysis.measurement.sweep_results import fit_sweep
+
+    return fit_sweep(folder, folder)
+
+
+def _write_power(folder: Path, power_model: str | None) -> list[str]:
+    """Write the results of measured power into its folder, and return what is to be said of them."""
+    from evenlight.analysis.measurement.power_table import write_power_results
+    from evenlight.method.preset_files import load_power_model
+
+    return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
+
+
+def _simulate(task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
+    """Write a data set of simulated participants, in the paper's design."""
+    experiment_commands.simulate(task, out, participants, seed, stimuli=stimuli, quiet=True)
+
+
+app.command()(stimuli_commands.render)
+app.command()(play_command.play_command(_write_power))
+app.command()(run_command.run_command(_fit_sweep))
+app.command()(experiment_commands.simulate)
+app.command()(fit_commands.fit)
+app.command()(analyze_command.analyze)
+app.command()(optimize_command.optimize)
+app.command()(control_command.control)
+app.command()(audit_command.audit)
+app.command("reproduce")(reproduce_command.reproduce_command(_simulate))
+app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
+app.add_typer(measure_command.measure, name="measure")
+app.command()(bench_command.bench)
+app.command()(validate_command.validate)
+app.command()(export_command.export)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for all of it; report.html tells the story.")],
+    participants: Annotated[int, typer.Option(help="How many simulated participants.", min=2)] = 10,
+    budget: Annotated[float, typer.Option(help="Mean brightness factor of the track.")] = 0.4,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated participants.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
+) -> None:
+    """Run the whole loop, small: simulated calibration, rate limit, a track, a report."""
+    from evenlight.analysis.tracks.closed_loop import close_loop
+    from evenlight.stimuli.sequences import built_in_sequence
+
+    if not 0.2 <= budget <= 1:
+        raise InputError(f"--budget must lie between 0.2 and 1, got {budget:g}")
+    require_sealed(out / DATASET, "demo")
+    # Experiments and analysis meet here alone, and only through the files of the data set.
+    with results_folder(out, replacing=(DATASET,)) as folder:
+        experiment_commands.simulate("ramp", folder / DATASET, participants, seed, quiet=True)
+        seal(folder / DATASET)
+        sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
+        close_loop(folder / DATASET, sunrise, budget, folder, quiet)
+    if not quiet:
+        typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command; end with exit code 2 and one line if its input cannot be used, 1 if a device fails.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of the command line's.
+    """
+    try:
+        with _termination_raised():
+            code = app(arguments, standalone_mode=False)
+    except InputError as error:
+        _end(str(error), 2)
+    except InstrumentError as error:
+        _end(str(error), 1)
+    except UsageError as error:
+        _end(_usage(error), 2)
+    except _Terminated:
+        _end("terminated; nothing half-written is left", TERMINATED)
+    except (typer.Abort, KeyboardInterrupt):
+        code = INTERRUPTED
+    if code == INTERRUPTED:  # Typer may have turned the interruption into this number
+        _end("interrupted; nothing half-written is left", INTERRUPTED)
+    sys.exit(code or 0)
+
+
+class _Terminated(BaseException):
+    """Somebody asked the process to end; like an interruption, it is no error that a program handles."""
+
+
+@contextmanager
+def _termination_raised() -> Iterator[None]:
+    """Turn the signals that end a process (SIGTERM; SIGHUP, of a terminal that was closed) into an exception.
+
+    So what was begun is cleared.
+    """
+
+    def once(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_IGN)  # clearing away is not to be interrupted
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():  # Python lets no other set handlers
+        yield
+        return
+    ends = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {end: signal.signal(end, once) for end in ends}
+    try:
+        yield
+    finally:
+        for end, handler in before.items():
+            signal.signal(end, handler or signal.SIG_DFL)
+
+
+def _usage(error: Any) -> str:
+    """Return what is wrong with the command line, and where its help is."""
+    where = error.ctx.command_path if error.ctx else "evenlight"
+    return f"{error.format_message().rstrip('.')}; see {where} --help"
+
+
+def _end(message: str, code: int) -> NoReturn:
+    """Say one line on the error stream, if anybody still reads it, and end."""
+    try:
+        print("evenlight: " + " ".join(message.split()), file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = None  # else Python tries again at its end, and ends with another code
+    sys.exit(code)
