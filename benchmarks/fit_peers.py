@@ -7,10 +7,10 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, special, stats
 
 from evenlight.analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import (
     THRESHOLD_PROBABILITY,
     WIDTH_LOGITS,
@@ -18,7 +18,6 @@ from evenlight.method.psychometric import (
     log_likelihood,
 )
 
-Array = NDArray[np.float64]
 WIDEST = 12.0  # of ln(rate), for psignifit's grid
 
 

@@ -9,7 +9,6 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fit_peers import (
     most_likely_ln_threshold,
@@ -26,6 +25,7 @@ from evenlight.analysis.calibration.posterior_grid import (
     posterior_grid,
 )
 from evenlight.analysis.calibration.psychometric_fit import fit_psychometric
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
@@ -41,7 +41,6 @@ MANY_RATES = "one participant at one level, so many different rates"
 TO_POSTERIOR = "largest distance of ln(threshold) from the mean of the fine-grid posterior"
 RMS_TO_TRUTH = "RMS distance of ln(threshold) from the simulated participant's own"
 
-Array = NDArray[np.float64]
 Fit = Callable[[RampCounts], float]
 
 

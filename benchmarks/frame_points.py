@@ -15,6 +15,7 @@ from benchmarks.measured import Approach, Pains, point
 from benchmarks.online_content import picture
 from benchmarks.stopwatch import Times, timed_in_turn
 from benchmarks.unfused_pass import TABLE_STEPS, UnfusedPass
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
@@ -35,7 +36,6 @@ GROWTH = "one frame, by size"
 # Surace et al. (2025), supplement: five factors of one frame of 640 x 272, on a processor not named.
 PUBLISHED = 0.4
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 Curve = Callable[[], Array]
 

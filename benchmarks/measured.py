@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 from scipy import stats
 
-from benchmarks.stopwatch import Array, Times
+from benchmarks.stopwatch import Times
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 
 # Of three sizes one degree of freedom is left: an interval of 13 standard errors to each side says nothing.

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.provenance import Provenance
 from evenlight.method.loss_curves import analyze_frames, brightness_factors
 from evenlight.stimuli.sequences import built_in_sequence
-
-Array = NDArray[np.float64]
 
 
 def picture(height: int, width: int, rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from benchmarks.measured import Approach, Pains, claim, point
 from benchmarks.online_content import bound_content, extreme_content, step_content
-from benchmarks.stopwatch import Array, timed_in_turn
+from benchmarks.stopwatch import timed_in_turn
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.display import Display

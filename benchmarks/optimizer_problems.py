@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
@@ -20,8 +21,6 @@ from evenlight.method.optimize import Problem, Request, optimize, pose
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.splitting import SplittingSolver
 from evenlight.stimuli.sequences import built_in_sequence
-
-Array = NDArray[np.float64]
 
 FRAMES_PER_SECOND = 25.0
 SCENE = 150.0  # frames between cuts, on average

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.measured import Approach, Pains, point
@@ -19,11 +18,10 @@ from benchmarks.optimizer_problems import (
     some_knots,
 )
 from benchmarks.stopwatch import timed_in_turn
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.method.optimize import Problem, optimize
 from evenlight.method.splitting import SplittingSolver
-
-Array = NDArray[np.float64]
 
 KNOTS = 257  # of the curves that count as the truth
 SAVED = "objective on the full curves, above that of the answer to them, as a share of constant dimming's"

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.method.band_shares import FEW_PIXELS, REFERENCES
@@ -27,7 +28,6 @@ from evenlight.method.pyramid import adaptation_luminance, expanded, gaussian_py
 TABLE_STEPS = 2**16  # read linearly, they err by 2e-8 of an octave at most
 _MARGIN = 0.01  # by which the tables reach beyond the display's luminances, in log2
 
-Array = NDArray[np.float64]
 Image = NDArray[Any]  # of the precision asked for
 
 

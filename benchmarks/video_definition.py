@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.frame_points import EVERY
 from benchmarks.measured import claim, not_measured
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.loss_curves import LossCurves
@@ -22,8 +22,6 @@ from evenlight.method.luminance import emitted_luminance
 
 TARGET_ERROR = 1e-3
 BETWEEN_EVERY = 2  # interval of the knots within which it is, at the middle of its logarithms
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.measured import Approach, Pains, point
 from benchmarks.online_content import picture
 from benchmarks.stopwatch import timed_in_turn
 from benchmarks.video_definition import DefaultErrors, default_errors
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
@@ -30,7 +30,6 @@ ERROR = "largest difference of contrast loss from every frame counted whole, ove
 USUAL = f"tolerance {TOLERANCE:g}"
 EVERY_FRAME = "every frame whole"
 
-Array = NDArray[np.float64]
 Frames = list[Frame]
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BrightnessTrack
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.ramp import Direction
@@ -21,7 +21,6 @@ SPANS = (1.25, 2.5, 5.0)  # [s] over which a change within a stretch is seen as 
 STEP = 0.125  # [s] from one span looked at to the next
 DARKEST = 0.01  # [cd/m^2] below it the threshold does not fall any more
 
-Array = NDArray[np.float64]
 # The slowest change [cd/m^2/s] that counts as one threshold: of luminance [cd/m^2], direction, span [s].
 Thresholds = Callable[[Array, Direction, float], Array]
 

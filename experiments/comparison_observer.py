@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.ramp import Direction, Procedure, Response
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.experiments.brightness_changes import STRETCH, LuminanceCourse, changes_in_thresholds
@@ -22,8 +22,6 @@ from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
 from evenlight.method.rate_limit import rate_limit_at
 
 REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

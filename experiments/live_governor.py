@@ -9,17 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.method.controller import Aim, Controller, ControllerState
 from evenlight.method.frame_costs import ContentCosts, FrameCost, first_factor
 from evenlight.method.governor import Excess, GovernorSettings, GovernorState, governor_of, time_constant
 from evenlight.method.power import power_per_factor
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.method.luminance import LUMINANCE_WEIGHTS
 from evenlight.stimuli.image_codes import GRID_LEVELS
@@ -21,7 +21,6 @@ from evenlight.stimuli.scenes.shaders import WHOLE_VERTEX
 if TYPE_CHECKING:
     import moderngl
 
-Array = NDArray[np.float64]
 
 BLOCK = 16  # columns and rows of pixels that are added up at one place
 

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
@@ -28,8 +28,6 @@ from evenlight.method.curve_lookup import loss_and_slope
 # pooled (Quick 1974).
 POOLING_EXPONENT = 4.0
 RATINGS = np.arange(LOWEST_RATING, HIGHEST_RATING + 1)
-
-Array = NDArray[np.float64]
 
 
 def pooled_loss(curves: LossCurves, factors: Array, seconds: float | None = None) -> float:

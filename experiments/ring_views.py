@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.rig import Actuator
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 SIDE = 4  # of a picture, in diameters of its ring: beyond, nothing changes its visibility
 SMALLEST_SIDE, LARGEST_SIDE = 64, 1024  # [pixels]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast_loss import csf_contrasts
@@ -14,8 +14,6 @@ from evenlight.stimuli.landolt import Ring, covered
 from evenlight.stimuli.viewing_geometry import focal_length_of
 
 SUBSAMPLES = 4  # along each side of a pixel
-
-Array = NDArray[np.float64]
 
 
 def ring_visibility(

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 # Constants of the cones: Pattanaik, Tumblin, Yee & Greenberg (2000), after Hunt (1995).
 RESPONSE_EXPONENT = 0.73  # n

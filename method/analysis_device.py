@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
 from evenlight.method.frame_analysis import FrameAnalysis, FrameLoss
 from evenlight.method.gpu_context import is_software
-
-Array = NDArray[np.float64]
 
 
 class FrameAnalyzer(Protocol):

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     ContrastModel,
     MaskingNeighbourhood,
@@ -23,8 +23,6 @@ from evenlight.method.one_pass import ToContrast, ToFactor, compiled, count_band
 FEW_PIXELS = 16384
 REFERENCES = 8
 _CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
-
-Array = NDArray[np.float64]
 
 
 class BandShares:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.chain import ChainLimits, minimize_chain
 from evenlight.method.optimize import Problem, feasible_blend
-
-Array = NDArray[np.float64]
 
 BUDGET_CLOSE = 1e-6  # mean factor at which the search for the price may end; the blend does the rest
 

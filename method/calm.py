@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.budgeted_chain import linearized_limits, nearest_within_budget
 from evenlight.method.optimize import Problem, feasible_blend, is_feasible
-
-Array = NDArray[np.float64]
 
 RADII = 0.128 * 0.5 ** np.arange(10.0)  # of the tube, as differences of factors, widest first
 

@@ -18,7 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
+
 Ends = NDArray[np.int64]
 
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.budgeted_chain import nearest_feasible
 from evenlight.method.optimize import Problem, Solution
-
-Array = NDArray[np.float64]
 
 BLOCK = 8  # frames
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.quantities import read_only
@@ -15,7 +16,7 @@ from evenlight.method.controller import Aim, Controller, ControllerState, FrameS
 from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.frame_costs import FrameCost
 from evenlight.method.governor import Governor, GovernorState
-from evenlight.method.modulation import Array, allowed_rate, modulation_rate
+from evenlight.method.modulation import allowed_rate, modulation_rate
 
 
 @dataclass(frozen=True, slots=True)

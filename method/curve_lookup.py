@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.loss_curves import LossCurves
-
-Array = NDArray[np.float64]
 
 
 def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:

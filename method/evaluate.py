@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
@@ -17,8 +17,6 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from evenlight.method.optimize import Problem, Request
 from evenlight.method.power import power
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-10  # of a mean difference of losses, which are at most 1, summed over up to a million frames
 

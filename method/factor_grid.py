@@ -15,13 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.budgeted_chain import nearest_feasible
 from evenlight.method.grid_track import Cells, cheapest_track
 from evenlight.method.optimize import Problem, is_feasible
-
-Array = NDArray[np.float64]
 
 WORK = 4e6  # frames times cells times bins of the budget: what one track may cost
 CELLS = (129, 1025)  # at least and at most: most knots lie on so many

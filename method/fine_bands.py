@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.frame_analysis import FrameAnalysis, FrameCounts
 
 # Of the tolerance, what a count may miss by: among those that are not made, some will be worse. White noise
@@ -24,8 +24,6 @@ _ACCEPTED = 1 / 3
 _APART = 1.0  # of the tolerance, what shares may miss by, in units of all that is visible
 _SIGNS = 0.5  # of the tolerance, the change of loss that signs may stand for in a short stretch
 _LONG = 6  # steps from which on a stretch is worth a second count
-
-Array = NDArray[np.float64]
 
 
 def settle(analysis: FrameAnalysis, stretch: Sequence[FrameCounts], tolerance: float) -> None:

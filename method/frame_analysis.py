@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.method.band_shares import BandShares
@@ -26,8 +27,6 @@ from evenlight.method.spare_arrays import SpareArrays
 
 _FINE_BANDS = 2  # bands that may be taken from other frames, at most: with 94 % of all pixels
 MANY_PIXELS = 65536  # in a smaller band, single pixels make the count unsteady, and there is little to save
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.method.band_shares import REFERENCES
@@ -19,8 +20,6 @@ from evenlight.method.gpu_one_pass import Counted, GpuOnePass
 
 if TYPE_CHECKING:
     import moderngl
-
-Array = NDArray[np.float64]
 
 
 class GpuCurve:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     ContrastModel,
     MaskingNeighbourhood,
@@ -31,7 +31,6 @@ from evenlight.method.gpu_shaders import program
 if TYPE_CHECKING:
     import moderngl
 
-Array = NDArray[np.float64]
 
 MOST_KNOTS = 1024  # that a group can count in memory of its own
 UNDER_WAY = 2  # frames at most: one is worked on while the one before is read

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
+from evenlight.data_schema.arrays import Array
 
 LEAST_WHOLE = 1e-9  # of the largest: less is rounding
 

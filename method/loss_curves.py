@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -31,8 +32,6 @@ from evenlight.method.spare_arrays import SpareArrays
 from evenlight.method.thrift import EVERYTHING, Thrift
 
 SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
-
-Array = NDArray[np.float64]
 
 
 def brightness_factors(lowest: float = 0.2, knots: int = 65) -> Array:

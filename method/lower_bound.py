@@ -19,15 +19,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
 from evenlight.method.curve_lookup import loss_and_slope
 from evenlight.method.objective import order_weights, proximal_spread, weight_of_pairs
 from evenlight.method.optimize import BUDGET_TOLERANCE, Problem, Solution, is_feasible
 from evenlight.method.splitting_search import Look, search, state_at
-
-Array = NDArray[np.float64]
 
 CELLS_PER_FRAME = 1000  # frames times cells, over frames: what one evaluation costs
 LEAST_VISITS = 4_000_000  # short clips can afford more

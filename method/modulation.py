@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
+
 RateLimitFunction = Callable[[Array], Array]
 
 

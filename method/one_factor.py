@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     ContrastModel,
@@ -37,8 +38,6 @@ MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer ther
 _BETA = np.float32(MASKING_EXPONENT)
 _DARKEST = np.float32(LOWEST_LUMINANCE)
 _FAINTEST = np.float32(1e-30)
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
@@ -29,8 +29,6 @@ from evenlight.method.objective import pairwise_spread
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import rate_limit_at
 from evenlight.method.sections import frame_weights, step_allowances
-
-Array = NDArray[np.float64]
 
 BUDGET_TOLERANCE = 1e-9  # mean factor; the lower bound covers every track within it
 RATE_TOLERANCE = 1e-6  # share of the limit; the lower bound covers far more

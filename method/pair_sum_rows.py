@@ -11,12 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.objective import order_weights
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

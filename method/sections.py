@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.section import AllowanceSection, WeightSection
-
-Array = NDArray[np.float64]
 
 
 def frame_weights(curves: LossCurves, sections: Sequence[WeightSection]) -> Array | None:

@@ -12,18 +12,16 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, vstack
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.budgeted_chain import linearized_limits, nearest_feasible
 from evenlight.method.curve_lookup import loss_and_slope
 from evenlight.method.objective import weight_of_pairs
 from evenlight.method.optimize import Problem, Solution
 from evenlight.method.pair_sum_rows import PairSum, pair_sum_rows
-
-Array = NDArray[np.float64]
 
 FIRST_TRUST = 0.1
 LEAST_TRUST = 1e-5

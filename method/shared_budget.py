@@ -7,13 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.optimize import Problem
-
-Array = NDArray[np.float64]
 
 
 def joined_curves(clips: Sequence[LossCurves]) -> LossCurves:

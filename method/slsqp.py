@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.curve_lookup import loss_and_slope
 from evenlight.method.objective import order_weights, weight_of_pairs
 from evenlight.method.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
-
-Array = NDArray[np.float64]
 
 NO_LIMIT = 2.0  # change of a factor: twice what any step can be
 

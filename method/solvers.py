@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import SolverName
 from evenlight.method.optimize import Solver
 from evenlight.method.sequential_convex import Clarabel, Highs, SequentialConvexSolver
 from evenlight.method.slsqp import SlsqpSolver
 from evenlight.method.splitting import SplittingSolver
-
-Array = NDArray[np.float64]
 
 
 def make_solver(name: SolverName, rng: np.random.Generator, start: Array | None = None) -> Solver:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.budgeted_chain import nearest_feasible
 from evenlight.method.coarse_start import coarse_problem, refined_solution
 from evenlight.method.factor_grid import grid_starts
@@ -19,8 +19,6 @@ from evenlight.method.objective import weight_of_pairs
 from evenlight.method.optimize import Problem, Solution, is_feasible
 from evenlight.method.slsqp import slsqp_from
 from evenlight.method.splitting_search import NO_SPREAD, Look, search, state_at
-
-Array = NDArray[np.float64]
 
 FAR_TO_NEAR = (Look(1.0, 8), Look(0.125, 8), Look(0.0, 20))
 # From a start that is nearly right.

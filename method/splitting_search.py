@@ -14,14 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.budgeted_chain import linearized_limits, within_budget
 from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.objective import LEAST_WEIGHT, proximal_spread
 from evenlight.method.optimize import Problem, Solution, feasible_blend, is_feasible
-
-Array = NDArray[np.float64]
 
 OVER_RELAXATION = 1.6  # Boyd et al. (2011), section 3.4.3: 1.5 to 1.8 converge faster than 1
 FLATTEST = 1e-9  # a curve flatter than this gives no direction

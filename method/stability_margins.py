@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.controller import ControllerSettings
 
 FREQUENCIES = 4096  # at which the loop is looked at before a crossing or a peak is refined
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.quantities import check_limits, quantity
 from evenlight.method.control_curves import ControlledTrack, control_curves
@@ -30,7 +30,6 @@ REFINEMENTS = 5  # times that the steps of the search are halved about the best 
 AS_GOOD = 1.02  # of the least error: gains that leave no more are as good
 SAME_FACTOR = 1e-6  # two factors nearer to each other tell no slope
 
-Array = NDArray[np.float64]
 Shares = tuple[float, float, float]
 
 

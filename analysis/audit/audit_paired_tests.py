@@ -6,15 +6,14 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special, stats
 
 from evenlight.analysis.audit.audit_conventions import Counts
 from evenlight.analysis.audit.audit_pairings import DIFFERENCES
 from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
 from evenlight.analysis.inference.holm import holm as adjusted
+from evenlight.data_schema.arrays import Array
 
-Array = NDArray[np.float64]
 ALPHA = 0.05
 
 

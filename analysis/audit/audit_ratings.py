@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special, stats
 
 from evenlight.analysis.audit.audit_conventions import SCORES, Counts, Printed, possible_histograms
@@ -15,7 +14,6 @@ from evenlight.analysis.audit.audit_pairings import DIFFERENCES, reachable_diffe
 from evenlight.analysis.inference.exact_group_test import group_test
 from evenlight.analysis.published import SEQUENCES, published
 
-Array = NDArray[np.float64]
 VERSIONS = ("baseline", "ours")
 OTHER_NUMBERS = range(8, 25)  # of people, tried beside the 17 that the paper names
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.calibration.limit_choices import LimitChoices
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -23,8 +23,6 @@ from evenlight.method.optimize import Problem, Request, optimize, pose
 from evenlight.method.solvers import make_solver
 from evenlight.stimuli.sequences import built_in_sequence
 from evenlight.stimuli.video_source import VideoSource, open_video
-
-Array = NDArray[np.float64]
 
 # The clip that serves where no other is given: the sun rises and sets again, as in the paper's timelapse.
 DEFAULT_CLIP, DEFAULT_SIZE, DEFAULT_DURATION, DEFAULT_FPS = "sunrise", (384, 216), 20.0, 10.0

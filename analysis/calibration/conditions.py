@@ -12,15 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.ramp import Direction
 from evenlight.data_schema.threshold import Threshold
-
-Array = NDArray[np.float64]
 
 LEAST_PARTICIPANTS = 3  # to tell how the effect differs between them
 

@@ -19,8 +19,7 @@ from scipy import special
 
 from evenlight.analysis.calibration.most_probable import Answers, most_probable, probabilities_of
 from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 REPLICATES = 299  # a p-value of 0.05 is known to 0.013, one of 0.01 to 0.006
 LEAST_IN_BIN = 5  # trials; neighbouring rates are put together until there are as many

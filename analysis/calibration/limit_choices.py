@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.pooled_fit import PooledFit
@@ -24,7 +23,6 @@ from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
 
-Array = NDArray[np.float64]
 Predict = Callable[[float], RateLimit]  # the limit that is fitted without the luminance given
 
 FITTED, SAFE, POOLED = "fitted", "fitted_safe", "pooled"

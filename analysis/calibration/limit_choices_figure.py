@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from evenlight.analysis.calibration.choice_on_clip import ClipComparison
 from evenlight.analysis.calibration.limit_choices import (
@@ -37,11 +36,10 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
-
-Array = NDArray[np.float64]
 
 DASHED, DOTTED, DASH_DOT = (0, (4, 1.6)), (0, (1.2, 1.4)), (0, (5, 1.4, 1.2, 1.4))
 LINES: dict[str, tuple[str, Any]] = {

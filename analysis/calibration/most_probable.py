@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
-
-Array = NDArray[np.float64]
 
 STEPS = 14
 LARGEST_STEP = 0.7  # of any parameter: farther, the quadratic model is not to be trusted

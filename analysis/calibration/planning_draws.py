@@ -7,18 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit_fit import fit_thresholds
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.plan import MOST_PARTICIPANTS
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

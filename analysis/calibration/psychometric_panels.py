@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from evenlight.analysis.calibration.goodness_of_fit import LEAST_IN_BIN, bin_starts
 from evenlight.analysis.calibration.ramp_counts import RampLevelKey, level_of_threshold, level_order
 from evenlight.analysis.calibration.thresholds import ThresholdFit
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.ramp import Procedure
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY
-
-Array = NDArray[np.float64]
 
 BETWEEN_ROWS = 6.8  # numbers of the axis, and the next row's titles [em]
 LEAST_IN_DOT = 12  # trials of neighbouring rates that are drawn as one dot

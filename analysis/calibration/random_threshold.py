@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy import optimize, special
 
 from evenlight.analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
-
-Array = NDArray[np.float64]
 
 LAST_NODE = 6.0  # of z: beyond, a standard normal holds 2e-9
 NODES = 121  # 0.1 apart: 481 change no estimate by more than 1e-4 (tests/analysis/test_random_threshold.py)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE
@@ -30,8 +29,6 @@ from evenlight.analysis.figure_style import (
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
-
-Array = NDArray[np.float64]
 
 SHARES = (1.0, 2.0, 3.0, 5.0, 10.0)  # [%/s] relative rates with a guide line
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
 from evenlight.analysis.comparison.comparison_counts import Choices
@@ -24,8 +24,7 @@ from evenlight.analysis.inference.binomial_tests import (
     infer_share,
 )
 from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 EXACT = "two-sided exact binomial test of 0.5; mid-p interval"
 CLUSTERED = (

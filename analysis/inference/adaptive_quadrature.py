@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 NODES = (1, 15, 9)  # per axis, with 0, 1, 2 effects: log-likelihoods to 1e-6 up to an SD of 1 logit (tests)
 FINE_NODES = (1, 61, 21)  # for larger ones: to 5e-4 up to SDs of 6, or of 4 and 2 logits

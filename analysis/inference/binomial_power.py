@@ -16,9 +16,9 @@ from evenlight.analysis.inference.binomial_tests import (
     mid_p_interval,
     smallest_margin,
 )
+from evenlight.data_schema.arrays import Array
 
 MOST_ANSWERS = 10000  # a plan that needs more is no plan
-Array = NDArray[np.float64]
 
 
 def difference_power(answers: ArrayLike, share: ArrayLike, alpha: float = ALPHA) -> Array:

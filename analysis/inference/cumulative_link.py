@@ -13,13 +13,14 @@ from functools import partial
 
 import numpy as np
 
-from evenlight.analysis.inference.adaptive_quadrature import FINE_NODES, Array, marginal_likelihood, triangle
+from evenlight.analysis.inference.adaptive_quadrature import FINE_NODES, marginal_likelihood, triangle
 from evenlight.analysis.inference.cumulative_link_density import Link
 from evenlight.analysis.inference.cumulative_link_model import OrdinalData, OrdinalModel, ordinal_model
 from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
 from evenlight.analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
 from evenlight.analysis.inference.profile_effects import FittedModel, Wanted, mirrored, profiled_effect
 from evenlight.analysis.inference.small_samples import Sample, reference_of
+from evenlight.data_schema.arrays import Array
 
 __all__ = ["FitFlag", "FixedEffect", "Link", "OrdinalData", "OrdinalFit", "fit_ordinal"]
 

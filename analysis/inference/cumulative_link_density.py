@@ -7,7 +7,8 @@ import enum
 import numpy as np
 from scipy import special
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Derivatives
+from evenlight.analysis.inference.adaptive_quadrature import Derivatives
+from evenlight.data_schema.arrays import Array
 
 ROOT_2PI = np.sqrt(2 * np.pi)
 LARGEST_GAP = 500.0  # e^-500: a gap between cut points that costs nothing

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
+from evenlight.analysis.inference.adaptive_quadrature import Derivatives, PaddedModel, padded
 from evenlight.analysis.inference.cumulative_link_density import Link, category_density
 from evenlight.analysis.inference.random_columns import (
     Columns,
@@ -18,6 +18,7 @@ from evenlight.analysis.inference.random_columns import (
     slope_of,
     start_of_loadings,
 )
+from evenlight.data_schema.arrays import Array
 
 START_SD = (0.7, 0.4)  # of intercept and slope, between participants [log-odds]
 

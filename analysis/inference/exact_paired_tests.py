@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from evenlight.analysis.inference.subset_sums import Array, Integers, subset_sum_probabilities
+from evenlight.analysis.inference.subset_sums import Integers, subset_sum_probabilities
+from evenlight.data_schema.arrays import Array
 
 MOST_CELLS = 4_000_000  # of a table of probabilities held at once: 32 MB
 

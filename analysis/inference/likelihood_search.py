@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Likelihood
+from evenlight.analysis.inference.adaptive_quadrature import Likelihood
+from evenlight.data_schema.arrays import Array
 
 STEPS = 80
 DECREMENT = 1e-9  # rise of the log-likelihood still to be had: far below what a test statistic shows

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Likelihood, marginal_likelihood, triangle
+from evenlight.analysis.inference.adaptive_quadrature import Likelihood, marginal_likelihood, triangle
 from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
 from evenlight.analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
 from evenlight.analysis.inference.lognormal_times_model import (
@@ -25,6 +25,7 @@ from evenlight.analysis.inference.lognormal_times_model import (
 from evenlight.analysis.inference.profile_effects import FittedModel, Wanted, profiled_effect
 from evenlight.analysis.inference.random_columns import in_row_space
 from evenlight.analysis.inference.small_samples import Sample, reference_of
+from evenlight.data_schema.arrays import Array
 
 __all__ = ["CensoredTimes", "Contrast", "FitFlag", "FixedEffect", "TimesFit", "fit_lognormal_times"]
 

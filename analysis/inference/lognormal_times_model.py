@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Derivatives, PaddedModel, padded
+from evenlight.analysis.inference.adaptive_quadrature import Derivatives, PaddedModel, padded
 from evenlight.analysis.inference.random_columns import (
     Columns,
     estimable_columns,
@@ -17,6 +17,7 @@ from evenlight.analysis.inference.random_columns import (
     slope_of,
     start_of_loadings,
 )
+from evenlight.data_schema.arrays import Array
 
 SMALLEST_SCATTER = 1e-6  # of ln(time): less is none
 START_SD = (0.4, 0.3)  # of intercept and slope between participants, in residual standard deviations

@@ -12,8 +12,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, special
+
+from evenlight.data_schema.arrays import Array
 
 LEVEL = 0.95
 LARGE_D_Z = 1.5  # beyond it 17 ratings 1 to 5 do not tell their own spread: coverage below 92 % is met
@@ -22,8 +24,6 @@ LARGE_D_Z = 1.5  # beyond it 17 ratings 1 to 5 do not tell their own spread: cov
 # differences of 0 and ± 1 this is the adjustment of Agresti & Min (2005).
 PSEUDO_STEPS = (-1, 0, 1)
 PSEUDO_PAIRS = (0.5, 1.0, 0.5)
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.inference.adaptive_quadrature import Array
+from evenlight.data_schema.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

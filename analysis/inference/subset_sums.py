@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
+
 Integers = NDArray[np.int64]
 
 

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
+
 NOT_REACHED = "not reached: no more than half were found"
 NO_UPPER_END = "the interval has no upper end: perhaps half are never found within the time"
 TOO_FEW = "too few for an interval"
 
 HALF = 0.5 + 1e-12  # products of shares that are one half may miss it by a rounding
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

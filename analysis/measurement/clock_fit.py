@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.measurement.arrival_clock import carries_computer_time, computer_time, fit_arrivals
 from evenlight.analysis.measurement.clock_line import ClockEstimate
@@ -11,9 +10,8 @@ from evenlight.analysis.measurement.flash_marks import fit_flashes
 from evenlight.analysis.measurement.ping_clock import fit_pings
 from evenlight.analysis.measurement.power_recording import Flips, Recording
 from evenlight.analysis.measurement.sync_edges import LATE_FLIP, Changes, fit_edges
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFit, ClockFlag
-
-Array = NDArray[np.float64]
 
 DISAGREEMENT = 0.2  # share of pings that the edges' clock may miss
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from evenlight.analysis.measurement.clock_line import ClockLine
+from evenlight.data_schema.arrays import Array
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MOST_DRIFT = 0.01  # of a clock without a crystal

@@ -6,15 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
 from evenlight.analysis.measurement.gamma_curve import Curve, CurveData, PixelLevel, Solution, digits_of
 from evenlight.analysis.measurement.meter_noise import Noise, Repeats, noise_of
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 FEWEST_LEVELS = 3  # with a value: as many as the curve has parameters
 ASSUMED_SHARE, ASSUMED_FLOOR = 0.01, 0.01  # noise of a meter [1, cd/m^2] where no level was read twice

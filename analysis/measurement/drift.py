@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, yes_probability
-
-Array = NDArray[np.float64]
 
 LARGEST_LN_RATIO = 3.0  # a first-order estimate beyond a factor of 20 says only that the drift is large
 LEAST_INFORMATION = 1e-3  # a standard error of 30 in ln(threshold): nothing is known

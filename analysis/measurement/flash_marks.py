@@ -6,15 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from evenlight.analysis.measurement.clock_line import ClockEstimate, ClockLine
 from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
 from evenlight.data_schema.power_log import FlashMark
-
-Array = NDArray[np.float64]
 
 REACH = 0.45  # [s] around the arrivals' clock: less than half the second in which the flashes repeat
 AFTER_LAST = 0.4  # [s] of the last level, which holds for half a second

@@ -12,9 +12,8 @@ from scipy.interpolate import PchipInterpolator
 from evenlight.analysis.measurement.clock_line import ClockLine
 from evenlight.analysis.measurement.power_recording import Flips
 from evenlight.analysis.measurement.sample_gaps import Samples, energy_knots
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import LEFT_OUT, FrameEnergy, FrameFlag
-
-Array = NDArray[np.float64]
 
 LONGEST_BRIDGE = 0.05  # [s] power may do anything in a longer time without samples
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, special
 
 from evenlight.analysis.measurement.meter_noise import (
@@ -17,9 +17,8 @@ from evenlight.analysis.measurement.meter_noise import (
     shared_rounding,
     without_drift,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

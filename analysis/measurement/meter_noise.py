@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 SMALLEST_SHARE = 1e-6  # no instrument is finer; readings without any scatter still need a weight
 ROUNDS = 100  # of scoring, which takes five to thirty

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.played_power import PassPower
-
-Array = NDArray[np.float64]
 
 VERSIONS = ("baseline", "ours", "full")  # in the order of the paper's table
 CONFIDENCE = 0.95

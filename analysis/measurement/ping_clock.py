@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.measurement.clock_line import ClockEstimate
 from evenlight.analysis.measurement.clock_windows import MOST_DRIFT, ClockWindows
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
-
-Array = NDArray[np.float64]
 
 VAGUE_DRIFT = 0.001  # a range of drifts wider than this says nothing about a clock with a crystal
 MOST_ODD = 0.2  # share of pings that may contradict the others

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -31,10 +30,9 @@ from evenlight.analysis.figure_style import (
 from evenlight.analysis.measurement.pass_comparison import VERSIONS
 from evenlight.analysis.measurement.power_table import MeasuredPower
 from evenlight.analysis.measurement.power_words import difference_in_words, savings_in_words
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import FrameEnergy
 from evenlight.data_schema.played_power import PlayedPower
-
-Array = NDArray[np.float64]
 
 STYLES: dict[str, dict[str, Any]] = {
     "baseline": {"color": BASELINE, "linestyle": "--"},

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from evenlight.analysis.measurement.meter_noise import Noise, Repeats, noise_of
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 FEWEST_LEVELS = 3  # a line through two tells nothing of its fit
 UNLIKELY = 0.01  # probability of a lack of fit or a bend, below which it is taken for one

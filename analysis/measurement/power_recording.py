@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.measurement.sample_gaps import Samples, samples_once
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.dataset_layout import CLOCK_PINGS, FLASHES, FLIPS, POWER_LOG, POWER_SAMPLES
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
@@ -23,8 +24,6 @@ from evenlight.data_schema.text_files import (
     read_rows,
     read_text,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

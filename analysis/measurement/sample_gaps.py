@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame_energy import SampleCount
-
-Array = NDArray[np.float64]
 
 STALL = 3.0  # intervals between two samples in succession: the meter has not measured all that time
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evenlight.analysis.measurement.clock_line import ClockEstimate, ClockLine
 from evenlight.analysis.measurement.clock_windows import ClockWindows
 from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFlag, ClockMethod
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 BLIND_REACH = 0.5  # [s] how far from the seed edges are looked for

@@ -13,17 +13,17 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from evenlight.analysis.inference.binomial_tests import clopper_pearson
 from evenlight.analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
 from evenlight.data_schema.seeds import require_seed
 
 BEYOND_TRIED = "beyond what was tried"
 
-Array = NDArray[np.float64]
 Exact = Callable[[ArrayLike], Array]  # power, by number of participants
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, special
 
 from evenlight.analysis.comparison.comparison_shares import equivalence_p, independent_error
@@ -16,9 +15,8 @@ from evenlight.analysis.inference.binomial_tests import ALPHA, HALF
 from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
 from evenlight.analysis.plans.viewing_plan import Exact, PlannedTest
 from evenlight.analysis.rating.rating_power import fewest_pairs
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 UNIT = "share choosing ours"
 NODES = 41  # of the normal distribution between participants

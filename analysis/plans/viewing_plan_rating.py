@@ -15,9 +15,8 @@ from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
 from evenlight.analysis.plans.viewing_plan import PlannedTest
 from evenlight.analysis.published import SEQUENCES, published
 from evenlight.analysis.rating.rating_power import LARGEST, fewest_pairs, likely_differences
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 UNIT = "rating points"
 SIMILARITY = 0.5  # correlation of a person's ratings of the two versions: a choice, the paper has none

@@ -15,9 +15,8 @@ from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.lognormal_times import CensoredTimes, fit_lognormal_times
 from evenlight.analysis.plans.viewing_plan import PlannedTest
 from evenlight.analysis.search.search_models import slowing
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-
-Array = NDArray[np.float64]
 
 UNIT = "ratio of times"
 # Standard deviations of ln(time), as of simulated searchers (docs/decisions/simulated-viewers.md): of a

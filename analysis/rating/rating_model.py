@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.cumulative_link import FitFlag, OrdinalData, OrdinalFit, fit_ordinal
@@ -17,8 +16,6 @@ from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, RatingT
 
 VERSION, PLACE = "version", "place"
 PERMUTATIONS = 9999
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.inference.paired_effects import Effect, mean_difference
 from evenlight.analysis.rating.rating_pairs import common_denominator
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 PERMUTATIONS = 9999
 SAME_ORDER = "nobody saw both orders"

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.viewing import RatingDesign, RatingTrial, Version
-
-Array = NDArray[np.float64]
 
 ALL = "all"  # in place of a sequence's name
 

@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, special
 
 from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
 
 ALPHA = 0.05
@@ -22,8 +22,6 @@ MOST_DRAWS, FEWEST_DRAWS, DRAWN_PAIRS = 1000, 300, 20_000  # of simulated experi
 RESOLUTION = 0.01  # of the difference [rating points]
 LARGEST = HIGHEST_RATING - LOWEST_RATING  # difference of two ratings
 FINEST_STEP = 0.25  # of means that are drawn: finer ones only cost time
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.adaptation import adapting
-
-Array = NDArray[np.float64]
 
 DECADES = (-6, 0)  # of the histogram; smaller differences, none included, count in its lowest bin
 BINS_PER_DECADE = 10

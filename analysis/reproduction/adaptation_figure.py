@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, PercentFormatter
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -33,9 +32,9 @@ from evenlight.analysis.reproduction.adaptation_differences import (
     Place,
     bin_edges,
 )
+from evenlight.data_schema.arrays import Array
 
 Results = Mapping[tuple[str, Dimming, Place], Differences]
-Array = NDArray[np.float64]
 
 STYLES: dict[Dimming, dict[str, Any]] = {
     Dimming.CONSTANT: {"color": BASELINE, "linewidth": 3.0, "alpha": 0.75},

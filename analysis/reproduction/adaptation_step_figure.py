@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     INK,
@@ -21,6 +20,7 @@ from evenlight.analysis.figure_style import (
     look,
     new_figure,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.method.adaptation import (
     adapted,
     cone_response,
@@ -28,8 +28,6 @@ from evenlight.method.adaptation import (
     state_after,
     static_response,
 )
-
-Array = NDArray[np.float64]
 
 BEFORE, AFTER = 40.0, 20.0  # [cd/m^2] a frame of middling brightness, and its half
 PACE = 0.03  # [1/s] about the published limit there, relative to the luminance

@@ -6,15 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.method.control_curves import ControlledTrack, control_curves
 from evenlight.method.controller import Controller, ControllerSettings
 from evenlight.method.curve_lookup import loss_and_slope
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 COSINES = 4  # few: they must be slower than the content, of which minutes hold little
 ENOUGH = 30.0  # measured correlation times that a walk must be long for the interval to hold what it says

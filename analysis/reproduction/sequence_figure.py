@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -30,9 +29,8 @@ from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
 from evenlight.analysis.tracks.track_figure import factor_axis
 from evenlight.analysis.tracks.track_story import frame_edges
 from evenlight.analysis.wording import in_words
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.statistic import Origin, PlottedPoint
-
-Array = NDArray[np.float64]
 
 PICTURES = 6
 UNCONSTRAINED = MUTED

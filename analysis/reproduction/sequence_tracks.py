@@ -15,6 +15,7 @@ from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization import Work, run_optimization
 from evenlight.analysis.tracks.thumbnails import Image, thumbnails_of
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
@@ -30,8 +31,6 @@ from evenlight.method.choices import SolverName
 from evenlight.method.optimize import Request, pose
 from evenlight.method.solvers import make_solver
 from evenlight.stimuli.video_source import VideoSource
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.analysis.inference.survival_curves import SurvivalCurve, kaplan_meier, restricted_mean
-from evenlight.analysis.search.search_trials import Array, Mask, SearchTable
+from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.data_schema.arrays import Array, Mask
 
 
 @dataclass(frozen=True, slots=True)

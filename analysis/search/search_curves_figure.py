@@ -24,7 +24,8 @@ from evenlight.analysis.figure_style import (
 )
 from evenlight.analysis.search.search_shares import clustered_share
 from evenlight.analysis.search.search_sides import Side
-from evenlight.analysis.search.search_trials import Array, SearchTable
+from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 STEPS = 45

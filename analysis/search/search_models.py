@@ -23,7 +23,8 @@ from evenlight.analysis.inference.lognormal_times import (
     fit_lognormal_times,
 )
 from evenlight.analysis.search.search_sides import Side
-from evenlight.analysis.search.search_trials import Array, SearchTable
+from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.data_schema.arrays import Array
 
 PEOPLE_FOR_SPOTS = 4  # over so many each place of a ring is seen in either version (viewing-orders.md)
 LEAST_SCATTER = 0.005  # of ln(time): half a per cent, less than any clock of a participant

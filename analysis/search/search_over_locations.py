@@ -13,13 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 FEWEST = 4  # locations of a line with a scatter of its own
 TOO_FEW = f"fewer than {FEWEST} locations with an effect of their own"

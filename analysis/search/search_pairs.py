@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 from evenlight.analysis.search.search_trials import SearchTable
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 ONE_PERSON = "one participant: the interval and p are for this person's searches alone"
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.search.search_sides import side_of
 from evenlight.analysis.session_loading import TaskData
+from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.search import SearchDesign, SearchTrial
 from evenlight.data_schema.viewing import Version
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 SHORTEST_TIME = 0.1  # [s] nobody sees and presses faster (choice); 0 s would have no logarithm
 SAME_FACTOR = 1e-6  # of ln(factor): closer factors are one factor that was rounded in a file

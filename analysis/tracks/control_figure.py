@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -28,11 +27,10 @@ from evenlight.analysis.figure_style import (
     text_at,
     text_size,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.control import LoopReport, TuningReport
 from evenlight.method.control_curves import ControlledTrack
 from evenlight.method.stability_margins import FrameGains, open_loop
-
-Array = NDArray[np.float64]
 
 REAL, IMAGINARY = (-1.6, 0.6), (-1.5, 0.4)  # of the plane of L that is shown
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.reproduction.online_spread import SpreadRatio
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from evenlight.data_schema.control import ControlSummary, LoopReport, TuningReport
 from evenlight.data_schema.loss_curves import LossCurves
@@ -20,8 +21,6 @@ from evenlight.method.horizon_errors import HorizonErrors, horizon_errors
 from evenlight.method.power import power
 from evenlight.method.stability_margins import Margins
 from evenlight.method.tuning import Demands, Tuned, content_slopes, rms_error
-
-Array = NDArray[np.float64]
 
 MUCH_OUT_OF_REACH = 0.5  # of the time: beyond, a target says more of the bounds than of the video
 

@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
 from evenlight.analysis.tracks.control_reports import (
@@ -18,6 +17,7 @@ from evenlight.analysis.tracks.control_reports import (
     tuning_report,
 )
 from evenlight.analysis.tracks.optimization import Work
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
@@ -41,8 +41,6 @@ from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import rate_limit_at
 from evenlight.method.scalar_rate_limit import scalar_rate_limit
 from evenlight.method.tuning import tune
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

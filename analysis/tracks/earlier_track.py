@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import read_track
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.loss_curves import LossCurves
-
-Array = NDArray[np.float64]
 
 TRACK = "track.csv"
 

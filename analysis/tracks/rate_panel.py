@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from evenlight.analysis.figure_style import BASELINE, FAINT, LIMIT, OURS, legend_above
 from evenlight.analysis.tracks.step_lines import step_line
 from evenlight.analysis.tracks.track_story import TrackStory, frame_edges
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room for its lowest
 

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 FEW_FRAMES = 40  # up to so many, each frame gets a dot
 

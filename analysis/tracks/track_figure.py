@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -42,9 +41,8 @@ from evenlight.analysis.tracks.track_story import (
     frame_edges,
     outcome_in_words,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.method.modulation import largest_rate_ratio
-
-Array = NDArray[np.float64]
 
 MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
 

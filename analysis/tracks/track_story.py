@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.tracks.thumbnails import Image
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
 from evenlight.data_schema.quantities import read_only
-
-Array = NDArray[np.float64]
 
 SAME = 1e-4  # relative: powers, or a budget and what was reached, that print alike
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 from evenlight.analysis.inference.adaptive_quadrature import (
@@ -16,8 +15,8 @@ from evenlight.analysis.inference.cumulative_link import Link, OrdinalData
 from evenlight.analysis.inference.cumulative_link_model import ordinal_model
 from evenlight.analysis.inference.lognormal_times import CensoredTimes
 from evenlight.analysis.inference.lognormal_times_model import times_model
+from evenlight.data_schema.arrays import Array
 
-Array = NDArray[np.float64]
 CUT_POINTS = np.array([-2.0, -0.3, 1.1])
 
 

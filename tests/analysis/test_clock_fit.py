@@ -19,9 +19,9 @@ from evenlight.analysis.measurement.clock_line import ClockLine, line_of
 from evenlight.analysis.measurement.clock_windows import ClockWindows
 from evenlight.analysis.measurement.ping_clock import fit_pings
 from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
 
-Array = NDArray[np.float64]
 CLIP = Conditions(frames=120, sample_rate=400.0)
 DEAF = dataclasses.replace(CLIP, has_pings=False, has_flashes=False)
 

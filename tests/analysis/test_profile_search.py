@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.inference.adaptive_quadrature import Array, Likelihood
+from evenlight.analysis.inference.adaptive_quadrature import Likelihood
 from evenlight.analysis.inference.likelihood_search import Held, Maximum, Profile, ProfileEnd
+from evenlight.data_schema.arrays import Array
 
 CRITICAL = 4.0
 

@@ -10,14 +10,13 @@ posterior is taken, not its estimates, moved to the point where 75 % of all answ
 import numpy as np
 import psignifit
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
 from evenlight.analysis.calibration.psychometric_fit import Estimate, fit_psychometric
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import WIDTH_LOGITS
 
-Array = NDArray[np.float64]
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 SUCCESSES = {0.05: [1, 2, 6, 10, 16, 18, 20, 20], 0.5: [11, 9, 12, 15, 18, 20, 19, 20]}  # of 20 each
 EXPERIMENT = {0.05: "yes/no", 0.5: "2AFC"}

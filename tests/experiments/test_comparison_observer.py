@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
@@ -28,7 +28,6 @@ LIMIT = load_rate_limit("surace2025")
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)
 EYE = SimulatedObserver(LIMIT, 1.0, {}, width=1.6, guess_rate=0.06, lapse_rate=0.0)
 RATE = 25.0  # [Hz] frames
-Array = NDArray[np.float64]
 
 
 def track(times: Array, factors: Array, full: Array, display: Display = LAB) -> BrightnessTrack:

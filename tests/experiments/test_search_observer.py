@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.rig import Actuator
 from evenlight.data_schema.search import ORIENTATIONS
@@ -33,7 +33,6 @@ from evenlight.stimuli.scenes.scene import Vector
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=24.0)
 PEOPLE = SearchPopulation()
 MEDIAN = SearchObserver(PEOPLE)
-Array = NDArray[np.float64]
 
 
 def ring(contrast: float = -0.3, orientation: int = 90, gap: float = 10.0) -> Ring:

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.ramp import Direction, Procedure, Response
 from evenlight.experiments.design import PlannedRamp, RampCondition, RampLevel, planned_ramp
 from evenlight.experiments.simulated_observers import (
@@ -19,7 +19,6 @@ from evenlight.method.rate_limit import rate_limit_at
 
 LIMIT = load_rate_limit("surace2025")
 LUMINANCES = (104.4, 41.8, 20.9)  # of the white screen at factors 1, 0.4, 0.2
-Array = NDArray[np.float64]
 
 
 def observer(sensitivity: float = 1.0) -> SimulatedObserver:

@@ -3,12 +3,10 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, minimize
 
+from evenlight.data_schema.arrays import Array
 from evenlight.method.chain import ChainLimits, minimize_chain
-
-Array = NDArray[np.float64]
 
 
 def random_chain(seed: int, n: int) -> tuple[Array, Array, ChainLimits]:

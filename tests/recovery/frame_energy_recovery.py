@@ -9,14 +9,13 @@ import dataclasses
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
 from played_power_truth import Conditions, play
 
 from evenlight.analysis.measurement.clock_fit import fit_clock
 from evenlight.analysis.measurement.clock_line import line_of
 from evenlight.analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
+from evenlight.data_schema.arrays import Array
 
-Array = NDArray[np.float64]
 CLOCKS = {
     "edges": Conditions(frames=600),
     "pings": Conditions(frames=600, has_sync=False),

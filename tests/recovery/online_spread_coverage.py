@@ -10,15 +10,13 @@ By hand, with many walks: python tests/recovery/online_spread_coverage.py
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from evenlight.data_schema.arrays import Array
 
 PERIOD = 0.2  # [s] of a frame
 MEDIAN, SPREAD = 0.08, 0.5  # of the content's loss at factor 0, and SD of its logarithm
 TARGET, GAIN = 0.04, 0.4  # loss to hold; change of the factor per loss and second
-
-Array = NDArray[np.float64]
 
 
 def content(seconds: float, correlation_time: float, walks: int, rng: np.random.Generator) -> Array:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.paired_effects import Effect
-
-Array = NDArray[np.float64]
+from evenlight.data_schema.arrays import Array
 
 PAIRS = 17
 DIFFERENCES = np.arange(-2, 3)

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from evenlight.analysis.measurement.power_recording import Flips, Recording
 from evenlight.analysis.measurement.sample_gaps import Samples, samples_once
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
 from evenlight.data_schema.text_files import write_json_record, write_rows
 from evenlight.hardware.simulated_panel import PanelPhysics
 
-Array = NDArray[np.float64]
 MARKER = 0.5  # [s] bright, and as long dark
 PAUSE = 0.7  # [s] between two passes
 BRIGHT, DARK = 1.0, 0.05  # factors of the marker

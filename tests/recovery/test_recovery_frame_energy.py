@@ -7,17 +7,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
 from evenlight.analysis.measurement.clock_fit import fit_clock
 from evenlight.analysis.measurement.clock_line import line_of
 from evenlight.analysis.measurement.frame_energy import frame_energies, frame_spans
 from evenlight.analysis.measurement.sample_gaps import samples_once
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame_energy import LEFT_OUT, ClockFit, ClockMethod
 from evenlight.hardware.simulated_panel import SimulatedPanel
 
-Array = NDArray[np.float64]
 FEW = range(4)
 MANY = range(20)
 BAD_CLOCK = Conditions(frames=150)  # 50 ppm, 1 % lost, 5 ms jitter: three passes of 2.5 s each

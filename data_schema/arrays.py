@@ -1,0 +1,9 @@
+"""One alias for arrays of numbers: signatures say `Array`, docstrings its shape and unit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
