@@ -2,6 +2,7 @@
 
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -68,5 +69,5 @@ def test_the_presets_hold_the_published_numbers() -> None:
 
 
 def test_the_table_travels_with_an_installed_package() -> None:
-    project = (Path(SURACE_2025).parents[2] / "pyproject.toml").read_text()
-    assert re.search(r'^analysis = \["published/\*\.csv"\]$', project, re.MULTILINE)
+    project = tomllib.loads((Path(SURACE_2025).resolve().parents[2] / "pyproject.toml").read_text())
+    assert project["tool"]["setuptools"]["package-data"]["evenlight.analysis"] == ["published/*.csv"]

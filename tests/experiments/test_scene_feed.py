@@ -47,7 +47,7 @@ def sequence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SceneSequence:
     """Two seconds straight on over the yard, turning."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setitem(scenes.SCENES, "yard", ("a_yard", "yard"))
-    monkeypatch.setitem(sys.modules, "a_yard", types.SimpleNamespace(yard=yard))
+    monkeypatch.setitem(sys.modules, "evenlight.stimuli.scenes.a_yard", types.SimpleNamespace(yard=yard))
     points = [
         {"name": name, "time_s": time, "position_m": [x, 3, 1.65], "azimuth_deg": turn, "altitude_deg": -10}
         for name, time, x, turn in (("begin", 0, 2, 90), ("end", 2, 6, 150))
