@@ -70,4 +70,4 @@ def test_the_presets_hold_the_published_numbers() -> None:
 
 def test_the_table_travels_with_an_installed_package() -> None:
     project = tomllib.loads((Path(SURACE_2025).resolve().parents[2] / "pyproject.toml").read_text())
-    assert project["tool"]["setuptools"]["package-data"]["evenlight.analysis"] == ["published/*.csv"]
+    assert project["tool"]["setuptools"]["package-data"]["evenlight.analysis"][0] == "published/*.csv"
