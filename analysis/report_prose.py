@@ -1,7 +1,7 @@
 """Sections of a report from templates that read like the report (Jinja, in `analysis/prose/`).
 
 A template is the text of a section. Blank lines part its paragraphs; `# ` begins the title, `> ` a note. Line
-breaks within a paragraph do not count. Fixed prose stands there as prose, with numbers put in where they stand.
+breaks within a paragraph do not count. Fixed prose stands there as prose, with the numbers put in.
 """
 
 from __future__ import annotations
