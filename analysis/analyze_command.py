@@ -34,10 +34,10 @@ def analyze(
     """Make the statistics of a data set: ratings, comparisons, search times, calibration."""
     from evenlight.analysis.dataset_findings import AnalysisOptions
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
-    from evenlight.data_schema.dataset_layout import require_apart
     from evenlight.data_schema.errors import InputError
-    from evenlight.data_schema.files import results_folder
     from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
+    from evenlight.data_schema.recordings.dataset_layout import require_apart
+    from evenlight.data_schema.storage.whole_files import results_folder
 
     for name in task or ():
         if name not in TRIALS_OF_TASK:
@@ -58,7 +58,7 @@ def analyze(
             typer.echo(f"{findings.name}: {findings.lead}")
         if any(found.simulated.values()):
             typer.echo("simulated participants answered: this says nothing about people")
-        typer.echo(f"{out / REPORT} tells the whole")
+        typer.echo(f"{out / REPORT} has all results")
 
 
 def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -> DatasetFindings:
@@ -76,13 +76,13 @@ def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -
 
 def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tuple[str, ...]:
     """Write the tables and figures of each task, the report and the summary, and return the files' names."""
-    from evenlight.analysis.dataset_report import dataset_report
+    from evenlight.analysis.dataset_findings import dataset_report
     from evenlight.analysis.earlier_results import files_in
     from evenlight.analysis.findings import write_findings
     from evenlight.analysis.report import write_report
-    from evenlight.data_schema.analysis_summary import AnalysisSummary
+    from evenlight.data_schema.analysis_results import AnalysisSummary
     from evenlight.data_schema.provenance import provenance_now
-    from evenlight.data_schema.text_files import write_json_record
+    from evenlight.data_schema.storage.text_files import write_json_record
 
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
     for findings in found.findings.values():

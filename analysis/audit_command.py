@@ -18,7 +18,7 @@ def audit(
     from evenlight.analysis.audit.audit_findings import TITLE, audit_findings
     from evenlight.analysis.findings import write_findings
     from evenlight.analysis.report import Report, write_report
-    from evenlight.data_schema.files import results_folder
+    from evenlight.data_schema.storage.whole_files import results_folder
 
     console = Console(stderr=True)
     console.quiet = quiet or not console.is_terminal

@@ -24,16 +24,17 @@ from evenlight.analysis.track_options import (
     RateLimitOption,
     VideoArgument,
     check_video,
+    chosen_device,
     require_between,
     require_curves_to_compute,
 )
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
 
 if TYPE_CHECKING:
-    from evenlight.analysis.tracks.control_run import Controlled
-    from evenlight.data_schema.control import TargetRow
+    from evenlight.analysis.tracks.control_run import ControlResult
+    from evenlight.data_schema.tracks.control import TargetRow
 
 MOST_TARGETS = 200
 CURVES_TOLERANCE = 0.001  # of given loss curves: the default of `optimize`
@@ -89,23 +90,22 @@ def control(
     quiet: QuietOption = False,
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
-    from evenlight.analysis.device_choice import chosen_device
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
-    from evenlight.analysis.tracks.control_results import run_control
-    from evenlight.analysis.tracks.control_run import Control
-    from evenlight.analysis.tracks.optimization import Work
-    from evenlight.data_schema.files import results_folder
-    from evenlight.method.controller import ControllerSettings
-    from evenlight.method.governor import HORIZON, HORIZONS, GovernorSettings
-    from evenlight.method.optimize import Request, require_possible
+    from evenlight.analysis.tracks.control_run import ControlJob
+    from evenlight.analysis.tracks.optimization_job import OptimizationJob
+    from evenlight.analysis.tracks.track_results import run_control
+    from evenlight.data_schema.storage.whole_files import results_folder
+    from evenlight.method.choices import AnalysisEffort
+    from evenlight.method.online.controller import ControllerSettings
+    from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
+    from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
         load_contrast_model,
         load_display,
         load_power_model,
         load_rate_limit_for,
     )
-    from evenlight.method.thrift import Thrift
-    from evenlight.stimuli.video_source import open_video
+    from evenlight.stimuli.open_video import open_video
 
     check_video(video, min_factor, field_of_view, jobs)
     if target_loss is None and budget is None:
@@ -131,12 +131,12 @@ def control(
         require_possible(request, min_factor)
     model = load_contrast_model(contrast_model)
     # Every frame by itself: between frames one would have to know the next.
-    thrift = (
-        Thrift(jobs=jobs, device=chosen_device(device, panel, model, quiet))
+    effort = (
+        AnalysisEffort(jobs=jobs, device=chosen_device(device, panel, model, quiet))
         if curves is None
-        else Thrift(CURVES_TOLERANCE)
+        else AnalysisEffort(CURVES_TOLERANCE)
     )
-    work = Work(
+    work = OptimizationJob(
         source=open_video(video, fps),
         display=panel,
         request=request,
@@ -146,7 +146,7 @@ def control(
         field_of_view=field_of_view,
         curves=curves,
         quiet=quiet,
-        thrift=thrift,
+        effort=effort,
     )
     settings = ControllerSettings(
         target_loss=target_loss or 0.0,
@@ -156,7 +156,7 @@ def control(
         gain_rate=gain_rate or None,
         lowest_factor=min_factor,
     )
-    asked = Control(
+    asked = ControlJob(
         work=work,
         settings=settings,
         start_factor=start_factor,
@@ -170,7 +170,7 @@ def control(
         written = files_in(folder)
     remove_earlier_track(out, written)
     if not quiet:
-        _tell(done, rows, out)
+        _print_result(done, rows, out)
 
 
 def targets_in(words: str | None) -> tuple[float, ...]:
@@ -193,8 +193,8 @@ def targets_in(words: str | None) -> tuple[float, ...]:
     return tuple(round(low + (high - low) * k / (count - 1), 12) for k in range(count))
 
 
-def _tell(done: Controlled, rows: list[TargetRow], out: Path) -> None:
-    """Say how steady the loss was, and what it cost, in a few lines."""
+def _print_result(done: ControlResult, rows: list[TargetRow], out: Path) -> None:
+    """Print how steady the loss was, and what it cost, in a few lines."""
     control, summary, spread = done.control, done.summary, done.spread
     ratio = "" if spread.ratio is None else f", {spread.ratio:.2f} times as much"
     saved = f", {summary.mean_power / summary.full_power:.1%} of full power" if summary.full_power else ""
@@ -225,13 +225,13 @@ def _tell(done: Controlled, rows: list[TargetRow], out: Path) -> None:
     typer.echo(f"results in {out}")
 
 
-def _target(done: Controlled) -> str:
+def _target(done: ControlResult) -> str:
     """Return the target, or from where to where it went."""
     first, last = done.control.target_loss, done.control.final_target_loss
     return f"{first:.4g}" if done.control.budget is None else f"from {first:.4g} to {last:.4g}"
 
 
-def _budget_words(done: Controlled) -> str:
+def _budget_words(done: ControlResult) -> str:
     """Return how well the budget was met."""
     control = done.control
     assert control.budget_unit is not None

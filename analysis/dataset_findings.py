@@ -1,20 +1,36 @@
-"""The statistics of whatever tasks a data set holds."""
+"""The statistics of whatever tasks a data set holds, and the report on them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
-from evenlight.analysis.session_loading import load_task, tasks_in
-from evenlight.data_schema.dataset_layout import DESCRIPTION
+from evenlight.analysis.report import Report, Section
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.analysis.session_loading import TaskData, load_task, tasks_in
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.search import SearchTrial
-from evenlight.data_schema.seeds import require_seed
-from evenlight.data_schema.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
+from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION
+
+TITLES = {
+    "ramp": "How fast a change is noticed",
+    "rating": "Quality of details",
+    "comparison": "Noticing the modulation",
+    "search": "Finding things",
+}
+SIMULATED = (
+    "Simulated: the answers come from simulated participants. They show how the experiments and their "
+    "analysis work, and say nothing about people."
+)
+
+
+DEFAULT_SLOWING = 0.25  # share of the search time
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +40,7 @@ class AnalysisOptions:
     Attributes
     ----------
     seed : int
-        Of what is drawn at random: permutations, bootstrap samples.
+        Seed of the permutations and bootstrap samples.
     margin : float
         Shares of choosing ours within 0.5 ± margin count as no difference (comparison).
     slowing : float
@@ -37,7 +53,7 @@ class AnalysisOptions:
 
     seed: int = 1
     margin: float = DEFAULT_MARGIN
-    slowing: float = 0.25
+    slowing: float = DEFAULT_SLOWING
     tasks: tuple[str, ...] = ()
     compared: RateLimit | None = None
 
@@ -75,7 +91,7 @@ class DatasetFindings:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is amiss but does not forbid the use, each once."""
+        """What is wrong but does not forbid the use, each once."""
         said = (words for findings in self.findings.values() for words in findings.warnings)
         refused = (f"{task} is left out: {why}" for task, why in self.refused.items())
         return tuple(dict.fromkeys((*said, *refused)))
@@ -115,13 +131,13 @@ def find_in_dataset(
     for task in options.tasks or present:
         report(task)
         try:
-            findings, simulated, sha256, participants = _ANALYSES[task](dataset, options, folder)
+            findings, data = _analysed(dataset, task, options, folder)
         except InputError as error:
             result.refused[task] = str(error)
             continue
         result.findings[task] = findings
-        result.simulated[task], result.inputs[task] = simulated, sha256
-        result.participants[task] = participants
+        result.simulated[task], result.inputs[task] = data.simulated, data.sha256
+        result.participants[task] = len(data.participant_ids)
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
     return result
@@ -135,52 +151,93 @@ def _no_session(dataset: Path) -> str:
     return "holds no session (sub-*/ses-*/manifest.json)"
 
 
-_Analysed = tuple[Findings, bool, str, int]
-
-
-def _ramp(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from evenlight.analysis.calibration.calibration import calibrate, write_calibration
+def _analysed(
+    dataset: Path, task: str, options: AnalysisOptions, folder: Path
+) -> tuple[Findings, TaskData[Any]]:
+    """Return what the sessions of a task show, and the data themselves."""
+    if task != "ramp":
+        data = load_task(dataset, task, TRIALS_OF_TASK[task].record)
+        return task_findings(data, options), data
+    from evenlight.analysis.calibration.calibration import calibrate
+    from evenlight.analysis.calibration.calibration_files import write_calibration
     from evenlight.analysis.calibration.ramp_findings import ramp_findings
-    from evenlight.analysis.loading import load_ramp_data
+    from evenlight.analysis.ramp_loading import load_ramp_data
     from evenlight.data_schema.provenance import provenance_now
 
-    data = load_ramp_data(dataset)
-    calibration = calibrate(data)
-    write_calibration(calibration, folder, provenance_now(inputs={"dataset": data.sha256}))
-    return (
-        ramp_findings(calibration, options.compared),
-        data.simulated,
-        data.sha256,
-        len(data.participant_ids),
+    ramps = load_ramp_data(dataset)
+    calibration = calibrate(ramps)
+    write_calibration(calibration, folder, provenance_now(inputs={"dataset": ramps.sha256}))
+    return ramp_findings(calibration, options.compared), ramps
+
+
+def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+    """Analyse the ratings, comparisons or searches of one task; no file is read or written.
+
+    Parameters
+    ----------
+    data : TaskData
+        From `load_task`, or from trials in memory (`task_data_of`).
+    options : AnalysisOptions
+        How.
+
+    Raises
+    ------
+    InputError
+        If the trials cannot be analysed; or of another task.
+    """
+    if data.task == "rating":
+        from evenlight.analysis.rating.rating_findings import rating_findings
+
+        return rating_findings(data, options.seed)
+    if data.task == "comparison":
+        from evenlight.analysis.comparison.comparison_findings import comparison_findings
+
+        return comparison_findings(data, options.seed, options.margin)
+    if data.task == "search":
+        from evenlight.analysis.search.search_findings import search_findings
+
+        return search_findings(data, options.seed, options.slowing)
+    raise InputError(f"the task must be rating, comparison or search, got {data.task!r}")
+
+
+def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
+    """Return the report on a data set.
+
+    Parameters
+    ----------
+    found : DatasetFindings
+        What it shows.
+    origin : Provenance
+        Software, seed and inputs of the analysis.
+    """
+    sections = [section for findings in found.findings.values() for section in findings.sections]
+    return Report(
+        "What the data show",
+        " ".join(findings.lead for findings in found.findings.values()),
+        (
+            *((_warnings(found),) if found.warnings else ()),
+            *sections,
+            provenance_section({"analysis": origin}),
+            files_section(_files(found)),
+        ),
+        SIMULATED,
     )
 
 
-def _rating(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from evenlight.analysis.rating.rating_findings import rating_findings
-
-    data = load_task(dataset, "rating", RatingTrial)
-    return rating_findings(data, options.seed), data.simulated, data.sha256, len(data.participant_ids)
+def _warnings(found: DatasetFindings) -> Section:
+    """Return what the reader should be warned of first."""
+    return Section("To be looked at", notes=found.warnings, simulated=any(found.simulated.values()))
 
 
-def _comparison(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from evenlight.analysis.comparison.comparison_findings import comparison_findings
-
-    data = load_task(dataset, "comparison", ComparisonTrial)
-    findings = comparison_findings(data, options.seed, options.margin)
-    return findings, data.simulated, data.sha256, len(data.participant_ids)
-
-
-def _search(dataset: Path, options: AnalysisOptions, folder: Path) -> _Analysed:
-    from evenlight.analysis.search.search_findings import search_findings
-
-    data = load_task(dataset, "search", SearchTrial)
-    findings = search_findings(data, options.seed, options.slowing)
-    return findings, data.simulated, data.sha256, len(data.participant_ids)
-
-
-_ANALYSES: dict[str, Callable[[Path, AnalysisOptions, Path], _Analysed]] = {
-    "ramp": _ramp,
-    "rating": _rating,
-    "comparison": _comparison,
-    "search": _search,
-}
+def _files(found: DatasetFindings) -> dict[str, str]:
+    """Return the files that were written, with what they hold."""
+    files = {}
+    for task, findings in found.findings.items():
+        files[f"{findings.name}_statistics.csv"] = f"every number of {TITLES[task].lower()}"
+        for drawing in findings.drawings:
+            files[f"{drawing.name}.png, {drawing.name}_points.csv"] = drawing.caption
+    if "ramp" in found.findings:
+        files["thresholds.csv"] = "thresholds of each participant and level, with 95 % credible intervals"
+        files["rate_limit.json"] = "the fitted rate limit, for `evenlight optimize --rate-limit`"
+        files["fit_summary.json"] = "what the fit rests on, for programs"
+    return files

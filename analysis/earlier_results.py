@@ -1,12 +1,12 @@
-"""The files of an earlier run in the same folder: what a new run does not write anew does not stay."""
+"""The files of an earlier run in the same folder: what a new run does not write again does not stay."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.analysis_results import AnalysisSummary
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.text_files import read_json_record
+from evenlight.data_schema.storage.text_files import read_json_record
 
 
 def files_in(folder: Path) -> tuple[str, ...]:
@@ -16,7 +16,7 @@ def files_in(folder: Path) -> tuple[str, ...]:
 
 
 def earlier_files(summary: Path) -> tuple[str, ...]:
-    """Return the files that an earlier run says it wrote; none if there was none, or its word is no good."""
+    """Return the files that an earlier run says it wrote; none without a readable summary."""
     try:
         return read_json_record(AnalysisSummary, summary).files
     except InputError:

@@ -16,9 +16,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
-from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.storage.whole_files import write_whole
 
-# After Tol (2021), "Colour schemes": told apart with any colour vision, and in print without colour.
+# After Tol (2021), "Colour schemes": distinguishable with any colour vision, and in print without colour.
 OURS = "#004488"  # the brightness track
 BASELINE = "#CC8A00"  # constant dimming at the same power
 LIMIT = "#882255"  # ΔL, and what lies beyond it

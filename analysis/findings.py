@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evenlight.analysis.report import Picture, Section
-from evenlight.data_schema.files import write_whole
-from evenlight.data_schema.statistic import PlottedPoint, Statistic
-from evenlight.data_schema.text_files import write_rows
+from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.whole_files import write_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Findings:
     sections : tuple of Section
         Of a report.
     warnings : tuple of str
-        What is amiss but does not forbid the use.
+        What is wrong but does not forbid the use.
     """
 
     name: str

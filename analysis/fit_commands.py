@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.data_schema.ramp import Direction, Procedure
 from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
     from evenlight.analysis.calibration.calibration import Calibration
-    from evenlight.analysis.calibration.limit_choices import LimitChoices
-    from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-    from evenlight.analysis.loading import RampData
-    from evenlight.analysis.measurement.sweep_loading import ChosenSweep
-    from evenlight.analysis.measurement.sweep_results import SweepOutcome
-    from evenlight.stimuli.video_source import VideoSource
+    from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
+    from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+    from evenlight.analysis.measurement.sweeps.sweep_loading import ChosenSweep
+    from evenlight.analysis.measurement.sweeps.sweep_results import SweepResults
+    from evenlight.analysis.ramp_loading import RampData
+    from evenlight.stimuli.video.video_source import VideoSource
 
 
 def fit(
@@ -60,16 +60,16 @@ def fit(
     from rich.console import Console
     from rich.progress import Progress
 
-    from evenlight.analysis.calibration.choice_on_clip import open_clip, require_budget
-    from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-    from evenlight.analysis.loading import has_ramp_sessions, load_ramp_data
-    from evenlight.analysis.measurement.sweep_loading import newest_sweeps
-    from evenlight.data_schema.dataset_layout import POWER_LOG
+    from evenlight.analysis.calibration.choices.choice_on_clip import open_clip, require_budget
+    from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+    from evenlight.analysis.measurement.sweeps.sweep_loading import newest_sweeps
+    from evenlight.analysis.ramp_loading import has_ramp_sessions, load_ramp_data
     from evenlight.data_schema.errors import InputError
-    from evenlight.data_schema.files import results_folder
+    from evenlight.data_schema.recordings.dataset_layout import POWER_LOG
+    from evenlight.data_schema.storage.whole_files import results_folder
 
     if (dataset / POWER_LOG).is_file():
-        from evenlight.analysis.measurement.power_table import write_power_results
+        from evenlight.analysis.measurement.played_power.power_report import write_power_results
         from evenlight.method.preset_files import load_power_model
 
         model = load_power_model(power_model) if power_model else None
@@ -105,9 +105,9 @@ def fit(
             typer.echo("\n".join((*measured.lines, f"the files of sweeps are in {out}")))
 
 
-def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepOutcome:
+def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepResults:
     """Fit the sweeps and write their files."""
-    from evenlight.analysis.measurement.sweep_results import write_chosen_sweeps
+    from evenlight.analysis.measurement.sweeps.sweep_results import write_chosen_sweeps
 
     return write_chosen_sweeps(sweeps, folder, needed=needed)
 
@@ -133,12 +133,12 @@ class _Results:
 
 def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     """Fit, compare the curves, and write every file."""
-    from evenlight.analysis.calibration.calibration import calibrate, write_calibration
-    from evenlight.analysis.calibration.calibration_figures import write_figures
-    from evenlight.analysis.calibration.choice_on_clip import compare_on_clip, curves_of, in_words
+    from evenlight.analysis.calibration.calibration import calibrate
+    from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
+    from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, curves_of, in_words
+    from evenlight.analysis.calibration.choices.limit_choices import limit_choices
+    from evenlight.analysis.calibration.choices.limit_choices_report import write_limit_choices
     from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
-    from evenlight.analysis.calibration.limit_choices import limit_choices
-    from evenlight.analysis.calibration.limit_choices_files import write_limit_choices
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.method.preset_files import load_power_model
 
@@ -176,4 +176,4 @@ def _tell(results: _Results, degree: int, out: Path) -> None:
     )
     if results.on_clip:
         typer.echo(results.on_clip)
-    typer.echo(f"{out / 'report.html'} tells the whole")
+    typer.echo(f"{out / 'report.html'} has the details")

@@ -25,16 +25,17 @@ from evenlight.analysis.track_options import (
     RateLimitOption,
     VideoArgument,
     check_video,
+    chosen_device,
     require_curves_to_compute,
     require_there,
 )
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.seeds import require_seed
+from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 
 if TYPE_CHECKING:
-    from evenlight.data_schema.brightness_track import OptimizationSummary
+    from evenlight.data_schema.tracks.brightness_track import OptimizationSummary
 
 
 def optimize(
@@ -82,21 +83,21 @@ def optimize(
     quiet: QuietOption = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
-    from evenlight.analysis.device_choice import chosen_device
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
-    from evenlight.analysis.tracks.optimization import Work, run_optimization
-    from evenlight.data_schema.files import results_folder
-    from evenlight.data_schema.section import AllowanceSection, WeightSection
-    from evenlight.data_schema.text_files import read_rows
-    from evenlight.method.optimize import Request, require_possible
+    from evenlight.analysis.tracks.optimization_job import OptimizationJob
+    from evenlight.analysis.tracks.track_results import run_optimization
+    from evenlight.data_schema.storage.tables import read_rows
+    from evenlight.data_schema.storage.whole_files import results_folder
+    from evenlight.data_schema.tracks.brightness_track import AllowanceSection, WeightSection
+    from evenlight.method.choices import AnalysisEffort
+    from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
         load_contrast_model,
         load_display,
         load_power_model,
         load_rate_limit_for,
     )
-    from evenlight.method.thrift import Thrift
-    from evenlight.stimuli.video_source import open_videos
+    from evenlight.stimuli.open_video import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
     require_curves_to_compute(curves, jobs, device)
@@ -124,7 +125,7 @@ def optimize(
         raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
     source, *others = open_videos([video, *(with_ or ())], fps)
     model = load_contrast_model(contrast_model)
-    work = Work(
+    work = OptimizationJob(
         source=source,
         display=panel,
         request=request,
@@ -140,7 +141,9 @@ def optimize(
         weights=weights,
         allowances=allowances,
         start=start,
-        thrift=Thrift(tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)),
+        effort=AnalysisEffort(
+            tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)
+        ),
         quiet=quiet,
     )
     with results_folder(out) as folder:
@@ -148,11 +151,11 @@ def optimize(
         written = files_in(folder)
     remove_earlier_track(out, written)
     if not quiet:
-        _tell(summary, out)
+        _print_result(summary, out)
 
 
-def _tell(summary: OptimizationSummary, out: Path) -> None:
-    """Say what was achieved, in a few lines."""
+def _print_result(summary: OptimizationSummary, out: Path) -> None:
+    """Print what was achieved, in a few lines."""
     less = 1 - summary.objective / summary.objective_baseline if summary.objective_baseline > 0 else 0.0
     weighted = "weighted by --weights, " if summary.weighted else ""
     certified = (

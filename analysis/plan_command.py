@@ -1,10 +1,10 @@
-"""The command that plans an experiment; who answers in simulated calibrations is handed in."""
+"""The command `plan`: participants for a wanted precision or power. Simulated calibrations are handed in."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,9 +14,9 @@ import typer
 from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from evenlight.analysis.calibration.planning import Plan, PlanRequest
-    from evenlight.analysis.calibration.planning_pool import SimulateRamps
-    from evenlight.data_schema.ramp import RampDesign
+    from evenlight.analysis.plans.ramp_plan import PlanRequest
+    from evenlight.analysis.plans.ramp_plan_pool import LoadRampDesign, SimulateRamps
+    from evenlight.analysis.plans.viewing_plan import Truth
 
 OPTIONS_OF_TASK = {  # beside those that go with every task
     "ramp": ("precision", "trials", "design", "display"),
@@ -28,30 +28,39 @@ RAMP_PARTICIPANTS, RAMP_TRIALS = "5,10,20,40", "20,40,60,100"
 DISPLAY = "varjo-xr3"
 STANDARD_DESIGNS = ("paper", "yes_no_targeted", "recommended", "psi_marginal")
 QUICK_POOL, QUICK_DRAWS = 12, 12
-TABLE, SUMMARY, FIGURE = "plan.csv", "plan.json", "plan.png"
-SHOWN = (  # columns of the printed table: heading, how a row fills it
-    ("design", "{0.design}"),
-    ("trials", "{0.trials_per_level}"),
-    ("people", "{0.participants}"),
-    ("min each", "{0.minutes:.0f}"),
-    ("hours", "{0.total_hours:.0f}"),
-    ("±band", "{0.half_width:.1%}"),
-    ("80 % within", "{0.half_width_assured:.1%}"),
-    ("true error", "{0.error:.1%}"),
-    ("bias", "{0.bias:+.1%}"),
-    ("people needed", "{0.participants_needed_in_words}"),
-)
+RAMP_COLUMNS = {  # of the printed table: heading, and how a row fills it
+    "design": "{0.design}",
+    "trials": "{0.trials_per_level}",
+    "people": "{0.participants}",
+    "min each": "{0.minutes:.0f}",
+    "hours": "{0.total_hours:.0f}",
+    "±band": "{0.half_width:.1%}",
+    "80 % within": "{0.half_width_assured:.1%}",
+    "true error": "{0.error:.1%}",
+    "bias": "{0.bias:+.1%}",
+    "people needed": "{0.participants_needed_in_words}",
+}
+PARTICIPANTS = {"rating": "10,17,25,40,60", "comparison": "17,30,50,70,100,150", "search": "8,12,17,25"}
+RUNS = {"rating": 2000, "comparison": 2000, "search": 150}  # a fit of search times takes its time
+QUICKER = 4  # so many fewer experiments with --quick
+VIEWING_COLUMNS = {  # of the printed table: heading, and how a row fills it
+    "test": "{0.test}",
+    "people": "{0.participants}",
+    "power": "{0.power:.1%}",
+    "(95 %)": "{0.power_low:.0%} to {0.power_high:.0%}",
+    "type I error": "{0.type_i_error:.1%}",
+}
 
 
-def plan_command(simulate: SimulateRamps, load_design: Callable[[str], RampDesign]) -> Callable[..., None]:
+def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callable[..., None]:
     """Return the command `plan` for participants who are simulated elsewhere.
 
     Parameters
     ----------
-    simulate : function
-        Who answers; processes are told of it by its name, so that it must be a module's own function.
-    load_design : function
-        The design of a name or file.
+    simulate : SimulateRamps
+        Simulates the participants. Other processes find it by its name, so it must be a function of a module.
+    load_design : LoadRampDesign
+        Reads the design of a name or file.
     """
 
     def plan(
@@ -63,7 +72,7 @@ def plan_command(simulate: SimulateRamps, load_design: Callable[[str], RampDesig
         precision: Annotated[
             float | None,
             typer.Option(
-                help="ramp: half-width of the 95 % band of the rate limit wanted, as a share [0.1]."
+                help="ramp: half-width of the 95 % pointwise band of the rate limit wanted, as a share [0.1]."
             ),
         ] = None,
         trials: Annotated[str | None, typer.Option(help="ramp: how many ramps per level to try.")] = None,
@@ -151,10 +160,10 @@ def _refuse_options_of_others(task: str, given: Collection[str]) -> None:
 
 
 def _ramp_request(
-    given: Mapping[str, Any], participants: str, seed: int, load_design: Callable[[str], RampDesign]
+    given: Mapping[str, Any], participants: str, seed: int, load_design: LoadRampDesign
 ) -> PlanRequest:
     """Return what is to be planned of a calibration."""
-    from evenlight.analysis.calibration.planning import PlanRequest
+    from evenlight.analysis.plans.ramp_plan import PlanRequest
     from evenlight.method.preset_files import load_display
 
     return PlanRequest(
@@ -168,39 +177,75 @@ def _ramp_request(
 
 
 def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet: bool) -> None:
-    """Plan a calibration, write the plan and tell it."""
-    from evenlight.data_schema.files import results_folder
+    """Plan a calibration, write the plan and print it."""
+    from evenlight.analysis.plans.plan_files import write_plan
+    from evenlight.analysis.plans.ramp_plan import in_words, plan_ramps
+    from evenlight.data_schema.storage.whole_files import results_folder
 
     with results_folder(out) as folder:
-        plan = _planned(request, simulate, quiet)
+        with _processes() as mapped, _bar(quiet) as report:
+            plan = plan_ramps(request, simulate, mapped, report)
         write_plan(folder, plan)
     if not quiet:
-        _tell(plan, out)
+        rows = [[cell.format(row) for cell in RAMP_COLUMNS.values()] for row in plan.rows]
+        _print_plan([list(RAMP_COLUMNS), *rows], in_words(plan), out)
 
 
 def _plan_viewing(
     task: str, given: dict[str, Any], participants: str | None, settings: Mapping[str, Any], out: Path
 ) -> None:
-    """Plan a viewing experiment, write the plan and tell it."""
-    from evenlight.analysis import viewing_plan_command as viewing
-    from evenlight.data_schema.files import results_folder
+    """Plan a viewing experiment, write the plan and print it."""
+    from evenlight.analysis.plans.plan_files import write_viewing_plan
+    from evenlight.analysis.plans.viewing_plan import ViewingRequest, in_words, plan_viewing
+    from evenlight.data_schema.storage.whole_files import results_folder
 
-    truth = dict(given)
-    wanted = {"power": truth.pop("power")} if "power" in truth else {}
-    request = viewing.viewing_request(
-        task,
-        truth,
-        whole_numbers(participants or viewing.PARTICIPANTS[task], "--participants"),
-        {**wanted, "seed": settings["seed"], "runs": viewing.runs_of(task, settings["quick"])},
-    )
+    wanted = {"power": given.pop("power")} if "power" in given else {}
+    numbers = whole_numbers(participants or PARTICIPANTS[task], "--participants")
+    runs = RUNS[task] // (QUICKER if settings["quick"] else 1)
+    request = ViewingRequest(task, _truth(task, given), numbers, runs=runs, seed=settings["seed"], **wanted)
     quiet = settings["quiet"]
     several = _processes() if task == "search" else nullcontext(map)  # the others take seconds
     with results_folder(out) as folder:
         with several as mapped, _bar(quiet) as report:
-            plan = viewing.planned(request, mapped, report)
-        viewing.write_viewing_plan(folder, plan)
+            plan = plan_viewing(request, mapped, report)
+        write_viewing_plan(folder, plan)
     if not quiet:
-        viewing.tell_viewing_plan(plan, out)
+        columns = VIEWING_COLUMNS.items()
+        rows = [
+            [
+                "exact" if heading == "(95 %)" and not row.runs else cell.format(row)
+                for heading, cell in columns
+            ]
+            for row in plan.rows
+        ]
+        words = (f"assumed: {plan.request.truth.in_words}", *in_words(plan))
+        _print_plan([list(VIEWING_COLUMNS), *rows], words, out)
+
+
+def _truth(task: str, options: Mapping[str, Any]) -> Truth:
+    """Return what is true of the people of a task."""
+    if task == "rating":
+        from evenlight.analysis.plans.viewing_plan_rating import RatingTruth
+
+        return RatingTruth(**options)
+    if task == "comparison":
+        from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth
+
+        return ComparisonTruth(**options)
+    from evenlight.analysis.plans.viewing_plan_search import SearchTruth
+
+    return SearchTruth(**options)
+
+
+def _print_plan(rows: Sequence[Sequence[str]], words: Iterable[str], out: Path) -> None:
+    """Print a table (headings first; the first column to the left), and what it comes to."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        others = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
+        typer.echo("  ".join([row[0].ljust(widths[0]), *others]))
+    for sentence in words:
+        typer.echo(sentence)
+    typer.echo(f"all with simulated participants; results in {out}")
 
 
 def whole_numbers(text: str, option: str) -> tuple[int, ...]:
@@ -215,43 +260,6 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
         raise InputError(
             f"{option} takes whole numbers with commas between them, such as 5,10,20; got {text!r}"
         ) from None
-
-
-def write_plan(folder: Path, plan: Plan) -> None:
-    """Write `plan.csv`, `plan.json` and `plan.png`."""
-    from evenlight.analysis.calibration.planning import in_words
-    from evenlight.analysis.calibration.planning_figure import planning_figure
-    from evenlight.analysis.figure_style import write_png
-    from evenlight.data_schema.mapping import mapping_from_record
-    from evenlight.data_schema.plan import RampPlanRow
-    from evenlight.data_schema.provenance import provenance_now, sha256_of_record
-    from evenlight.data_schema.text_files import write_json, write_rows
-
-    request = plan.request
-    inputs = {f"design {name}": sha256_of_record(design) for name, design in request.designs.items()}
-    inputs["display"] = sha256_of_record(request.display)
-    write_rows(folder / TABLE, RampPlanRow, plan.rows)
-    content: dict[str, Any] = {
-        "simulated": True,
-        "precision": request.precision,
-        "pool": request.pool,
-        "draws": request.draws,
-        "in_words": list(in_words(plan)),
-        "best": {task.value: row and mapping_from_record(row) for task, row in plan.best.items()},
-        "rows": [mapping_from_record(row) for row in plan.rows],
-        "designs": {name: mapping_from_record(design) for name, design in request.designs.items()},
-        "provenance": mapping_from_record(provenance_now(request.seed, inputs)),
-    }
-    write_json(folder / SUMMARY, content)
-    write_png(folder / FIGURE, planning_figure(plan))
-
-
-def _planned(request: PlanRequest, simulate: SimulateRamps, quiet: bool) -> Plan:
-    """Return the plan, its work shared among processes, under a progress bar."""
-    from evenlight.analysis.calibration.planning import plan_ramps
-
-    with _processes() as mapped, _bar(quiet) as report:
-        return plan_ramps(request, simulate, mapped, report)
 
 
 @contextmanager
@@ -289,19 +297,3 @@ def _single_threaded() -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _tell(plan: Plan, out: Path) -> None:
-    """Print the table and what it comes to."""
-    from evenlight.analysis.calibration.planning import in_words
-
-    rows = [[heading for heading, _ in SHOWN]]
-    rows += [[cell.format(row) for _, cell in SHOWN] for row in plan.rows]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(SHOWN))]
-    for row in rows:
-        first, *others = (cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in
-                          enumerate(zip(row, widths, strict=True)))  # fmt: skip
-        typer.echo("  ".join([first, *others]))
-    for sentence in in_words(plan):
-        typer.echo(sentence)
-    typer.echo(f"all with simulated participants; results in {out}")

@@ -10,8 +10,8 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from evenlight.data_schema.published_value import PublishedValue
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.analysis_results import PublishedValue
+from evenlight.data_schema.storage.tables import read_rows
 
 SURACE_2025 = Path(__file__).parent / "published" / "surace2025.published.csv"
 SEQUENCES = ("library", "gym", "living_room", "basement")  # in the order of Table 1

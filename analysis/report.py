@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
-from evenlight.data_schema.files import write_whole
+from evenlight.data_schema.storage.whole_files import write_whole
 
 Cell = str | int | float | None
 
@@ -209,11 +209,6 @@ def _table(table: Table) -> str:
         f'<div class="wide"><table><caption>{escape(table.caption)}</caption>'
         f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
     )
-
-
-def _cells(texts: list[str], kinds: list[str]) -> str:
-    """Return the cells of a row."""
-    return "".join(f"<td{kind}>{escape(text)}</td>" for kind, text in zip(kinds, texts, strict=True))
 
 
 def cell_text(cell: Cell) -> str:

@@ -1,7 +1,8 @@
 """Sections of a report from templates that read like the report (Jinja, in `analysis/prose/`).
 
 A template is the text of a section. Blank lines part its paragraphs; `# ` begins the title, `> ` a note. Line
-breaks within a paragraph do not count. Fixed prose stands there as prose, with the numbers put in.
+breaks within a paragraph do not count. Fixed prose stands there as prose, with the numbers put in. A template
+may be given a function that looks its numbers up, e.g. `{{ number("paired", "gym", "mean") | fixed(2) }}`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,12 @@ def prose(template: str, **values: Any) -> tuple[str, ...]:
 
 
 def section(
-    template: str, tables: Sequence[Table] = (), pictures: Sequence[Picture] = (), **values: Any
+    template: str,
+    tables: Sequence[Table] = (),
+    pictures: Sequence[Picture] = (),
+    *,
+    simulated: bool = False,
+    **values: Any,
 ) -> Section:
     """Return a section of a report whose title, paragraphs and notes are a template's.
 
@@ -44,13 +50,15 @@ def section(
         The tables after its text.
     pictures : sequence of Picture
         Its figures.
+    simulated : bool
+        Whether it rests on simulated data; the heading says so, and the template may name it.
     **values
         What the template names.
     """
-    blocks = prose(template, **values)
+    blocks = prose(template, simulated=simulated, **values)
     titles, notes = ([b[2:] for b in blocks if b.startswith(sign)] for sign in ("# ", "> "))
     text = tuple(b for b in blocks if not b.startswith(("# ", "> ")))
-    return Section(titles[0], text, tuple(tables), tuple(pictures), tuple(notes))
+    return Section(titles[0], text, tuple(tables), tuple(pictures), tuple(notes), simulated)
 
 
 @cache

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
-from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
 
 
 def introduction_section() -> Section:

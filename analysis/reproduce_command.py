@@ -1,4 +1,4 @@
-"""The command that makes every table and figure of the paper anew."""
+"""The command that reproduces every table and figure of the paper."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from evenlight.analysis.reproduction.reproduction import ReproductionPlan, Simulate
+    from evenlight.analysis.reproduction.reproduction import DatasetSimulator, ReproductionPlan
 
 REPORT = "report.html"
 QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0}
 
 
-def reproduce_command(simulate: Simulate) -> Callable[..., None]:
+def reproduce_command(simulate: DatasetSimulator) -> Callable[..., None]:
     """Return the command `reproduce`; the participants who answer it are simulated elsewhere.
 
     Parameters
     ----------
-    simulate : Simulate
+    simulate : DatasetSimulator
         Writes data sets of simulated participants.
     """
 
@@ -41,7 +41,7 @@ def reproduce_command(simulate: Simulate) -> Callable[..., None]:
         ] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
     ) -> None:
-        """Make every table and figure of the paper anew, published numbers beside our own."""
+        """Reproduce every table and figure of the paper, published numbers beside our own."""
         from evenlight.analysis.reproduction.reproduction import ReproductionPlan
 
         smaller = QUICK if quick else {}
@@ -56,14 +56,15 @@ def reproduce_command(simulate: Simulate) -> Callable[..., None]:
     return reproduce
 
 
-def _made(plan: ReproductionPlan, simulate: Simulate, out: Path, quiet: bool) -> tuple[str, tuple[str, ...]]:
-    """Run the pipeline, write everything, and return what came out and what is amiss."""
+def _made(
+    plan: ReproductionPlan, simulate: DatasetSimulator, out: Path, quiet: bool
+) -> tuple[str, tuple[str, ...]]:
+    """Run the pipeline, write everything, and return what came out and the warnings."""
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
     from evenlight.analysis.reproduction.reproduction import PIPELINE, run_pipeline
-    from evenlight.analysis.reproduction.reproduction_files import SUMMARY, write_reproduction
-    from evenlight.data_schema.dataset_layout import require_apart
-    from evenlight.data_schema.files import results_folder
-    from evenlight.data_schema.sealed_folder import require_sealed, seal
+    from evenlight.analysis.reproduction.reproduction_report import SUMMARY, write_reproduction
+    from evenlight.data_schema.recordings.dataset_layout import require_apart
+    from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 
     require_sealed(out / PIPELINE, "reproduction")
     if plan.data is not None:

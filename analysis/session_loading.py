@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from evenlight.data_schema.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
-from evenlight.data_schema.ramp import RampTrial
 from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
-from evenlight.data_schema.search import SearchTrial
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.text_files import read_json, read_text
-from evenlight.data_schema.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
+from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
+from evenlight.data_schema.recordings.search import SearchTrial
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.storage.text_files import read_json, read_text
 
 Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
 
@@ -82,7 +82,9 @@ class TaskData(Generic[Trial]):
     sha256 : str
         Of the manifests and trials that were read.
     warnings : tuple of str
-        What is amiss but does not forbid the use: sessions cut short, a torn last line, trials left out.
+        What is wrong but does not forbid the use: sessions cut short, a torn last line, trials left out.
+    rows : tuple of trials
+        Trials that were not read from sessions, as of a table in memory (`task_data_of`).
     """
 
     task: str
@@ -90,16 +92,50 @@ class TaskData(Generic[Trial]):
     simulated: bool
     sha256: str
     warnings: tuple[str, ...]
+    rows: tuple[Trial, ...] = ()
 
     @property
     def trials(self) -> tuple[Trial, ...]:
-        """All trials of all sessions that count."""
-        return tuple(trial for session in self.sessions for trial in session.trials)
+        """All trials that count."""
+        return tuple(trial for session in self.sessions for trial in session.trials) + self.rows
 
     @property
     def participant_ids(self) -> tuple[str, ...]:
         """The participants, in order."""
-        return tuple(dict.fromkeys(session.manifest.participant_id for session in self.sessions))
+        known = [session.manifest.participant_id for session in self.sessions]
+        return tuple(dict.fromkeys(known + [trial.participant_id for trial in self.rows]))
+
+    @property
+    def designed_sequences(self) -> tuple[str, ...]:
+        """The sequences of the sessions' designs, in their order; none of trials without sessions."""
+        designs = (session.manifest.design for session in self.sessions)
+        viewed = (design for design in designs if not isinstance(design, RampDesign))
+        return tuple(dict.fromkeys(name for design in viewed for name in design.sequences))
+
+
+def task_data_of(task: str, trials: Iterable[Trial], simulated: bool = False) -> TaskData[Trial]:
+    """Return trials in memory as the data of a task, without sessions and files.
+
+    Practice and flagged trials are left out.
+
+    Parameters
+    ----------
+    task : str
+        Which one, a key of `data_schema.record_kinds.TRIALS_OF_TASK`.
+    trials : iterable of trials
+        Of the class of that task.
+    simulated : bool
+        Whether simulated observers answered.
+
+    Raises
+    ------
+    InputError
+        If there is no trial that counts.
+    """
+    rows = tuple(trial for trial in trials if trial.usable)
+    if not rows:
+        raise InputError(f"no {task} trial counts: expected one that is neither practice nor flagged")
+    return TaskData(task, (), simulated, sha256="", warnings=(), rows=rows)
 
 
 def tasks_in(dataset: Path) -> tuple[str, ...]:

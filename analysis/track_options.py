@@ -1,19 +1,22 @@
-"""Options that the commands which make a brightness track have in common, and what is refused of them."""
+"""Options that the commands which make a brightness track have in common, and their checks."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
+
+if TYPE_CHECKING:
+    from evenlight.data_schema.contrast_model import ContrastModel
+    from evenlight.data_schema.display import Display
 
 MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
 WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide
-
 VideoArgument = Annotated[
     str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
 ]
@@ -105,3 +108,32 @@ def require_between(name: str, value: float, limits: tuple[float, float]) -> Non
     low, high = limits
     if not low <= value <= high:
         raise InputError(f"{name} must lie in {low:g} to {high:g}, got {value:.15g}")
+
+
+def chosen_device(device: Device, display: Display, model: ContrastModel, quiet: bool) -> Device:
+    """Return the device that computes loss curves, and say why it is not the graphics processor.
+
+    Parameters
+    ----------
+    device : Device
+        What is asked for.
+    display, model : Display, ContrastModel
+        What the curves are for: the graphics processor cannot do all choices of the model.
+    quiet : bool
+        Whether to say nothing.
+
+    Raises
+    ------
+    InputError
+        If the graphics processor is asked for, and there is none that can.
+    """
+    from evenlight.method.contrast.loss_curves import SMALLEST_SIDE, brightness_factors, make_frame_analysis
+
+    if device is Device.CPU:
+        return device
+    smallest = (SMALLEST_SIDE, SMALLEST_SIDE)
+    chosen = make_frame_analysis(smallest, display, model, brightness_factors(), device)
+    if not quiet:
+        by = "by OpenGL" if chosen.device is Device.GPU else "on the processor"
+        typer.echo(f"loss curves {by}: {chosen.reason}", err=True)
+    return chosen.device

@@ -9,9 +9,9 @@ import numpy as np
 from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.loss_curves import analyze_frames
-from evenlight.method.thrift import Thrift
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast.loss_curves import analyze_frames
 
 RATE = 12.5  # [Hz]
 SIZE = (384, 270)  # large enough for its finest band not to be counted in every frame
@@ -24,8 +24,8 @@ def analyze_minutes(
     """Analyse a video of so many minutes that is made as it is asked for."""
     n = round(float(minutes) * 60 * RATE)
     model = ContrastModel(pixel_to_luminance=PixelToLuminance(order))
-    thrift = Thrift(float(tolerance), int(jobs))
-    return analyze_frames(_frames(n), "made", DISPLAY, model, thrift=thrift)
+    effort = AnalysisEffort(float(tolerance), int(jobs))
+    return analyze_frames(_frames(n), "made", DISPLAY, model, effort=effort)
 
 
 def curves_size(minutes: float) -> float:

@@ -15,7 +15,7 @@ from benchmarks.frame_points import (
     knot_points,
 )
 from benchmarks.gpu_points import curve_points
-from benchmarks.measured import Chart, Measured, Pains, claim, growth, not_measured
+from benchmarks.measured import Chart, Measured, RunSettings, claim, growth, not_measured
 from benchmarks.memory_claims import memory_claims
 from benchmarks.video_definition import TARGET_ERROR, default_claims
 from benchmarks.video_points import EVERY_FRAME, TOLERANCE, USUAL, video_points
@@ -29,14 +29,14 @@ LARGE = frame_task(1920, 1080)
 Points = Sequence[BenchmarkPoint]
 
 
-def measure(pains: Pains) -> Measured:
+def measure(settings: RunSettings) -> Measured:
     """Return the speed and the errors of loss curves."""
     display = load_display("varjo-xr3")
-    frames = [*frame_points(pains, display), *curve_points(pains, frame_task, display)]
-    knots, sizes = knot_points(pains, display), growth_points(pains, display)
+    frames = [*frame_points(settings, display), *curve_points(settings, frame_task, display)]
+    knots, sizes = knot_points(settings, display), growth_points(settings, display)
     refused = {}
     try:
-        videos, errors = video_points(pains, display)
+        videos, errors = video_points(settings, display)
     except InputError as error:
         videos, errors, refused = [], [], {"curves of a rendered sequence": str(error)}
     tasks = tuple(dict.fromkeys(p.task for p in frames))
@@ -50,7 +50,7 @@ def measure(pains: Pains) -> Measured:
             *_frame_claims(frames),
             *_video_claims(videos),
             *default_claims(errors),
-            *memory_claims(pains),
+            *memory_claims(settings),
         ),
         growth=(growth(tuple(sizes)),),
         notes=_notes(),

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from scipy import optimize, special, stats
 
-from evenlight.analysis.calibration.posterior_grid import MAX_GUESS, MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    MAX_GUESS,
+    MAX_LAPSE,
+    PsychometricPrior,
+)
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import (
     THRESHOLD_PROBABILITY,

@@ -15,16 +15,16 @@ from benchmarks.fit_peers import (
     psignifit_ln_threshold,
     regression_ln_threshold,
 )
-from benchmarks.measured import Approach, Chart, Measured, Pains, claim, growth, point
+from benchmarks.measured import Approach, Chart, Measured, RunSettings, claim, growth, point
 from benchmarks.peak_memory import peak_memory
 from benchmarks.stopwatch import timed_in_turn
-from evenlight.analysis.calibration.posterior_grid import (
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     COARSE_NODES,
     PsychometricPrior,
-    RampCounts,
+    fit_psychometric,
     posterior_grid,
 )
-from evenlight.analysis.calibration.psychometric_fit import fit_psychometric
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
@@ -44,18 +44,18 @@ RMS_TO_TRUTH = "RMS distance of ln(threshold) from the simulated participant's o
 Fit = Callable[[RampCounts], float]
 
 
-def measure(pains: Pains) -> Measured:
+def measure(settings: RunSettings) -> Measured:
     """Return the speed and the errors of psychometric fits, of simulated participants."""
-    rng = np.random.default_rng(pains.seed)
-    n = 2 if pains.quick else PEOPLE
-    pains.say("fits of four parameters")
-    yes_no, claims = _yes_no(simulated(rng, n), pains)
-    pains.say("fits of three parameters")
-    two_interval = _two_interval(simulated(rng, n, guess_rate=0.5), pains)
-    pains.say("fits against the truth")
-    to_truth = _to_truth(rng, 20 if pains.quick else TRUTH_PEOPLE, pains)
-    pains.say("fits of many rates")
-    rows = _many_rates(rng, (8, 32) if pains.quick else (8, 32, 128, 512), pains)
+    rng = np.random.default_rng(settings.seed)
+    n = 2 if settings.quick else PEOPLE
+    settings.say("fits of four parameters")
+    yes_no, claims = _yes_no(simulated(rng, n), settings)
+    settings.say("fits of three parameters")
+    two_interval = _two_interval(simulated(rng, n, guess_rate=0.5), settings)
+    settings.say("fits against the truth")
+    to_truth = _to_truth(rng, 20 if settings.quick else TRUTH_PEOPLE, settings)
+    settings.say("fits of many rates")
+    rows = _many_rates(rng, (8, 32) if settings.quick else (8, 32, 128, 512), settings)
     default = next(p for p in yes_no if p.role is Role.DEFAULT)
     memory = peak_memory("benchmarks.fit_subject:fit_once")
     yes_no = tuple(replace(p, peak_memory=memory) if p is default else p for p in yes_no)
@@ -137,7 +137,7 @@ def _has_psignifit() -> bool:
 
 
 def _yes_no(
-    people: Sequence[tuple[RampCounts, float]], pains: Pains
+    people: Sequence[tuple[RampCounts, float]], settings: RunSettings
 ) -> tuple[tuple[BenchmarkPoint, ...], tuple[BenchmarkClaim, ...]]:
     """Return the points of four-parameter fits, and the claims about them."""
     half, double = (18, 12, 6, 4), (72, 48, 24, 16)
@@ -152,7 +152,7 @@ def _yes_no(
     counts = [c for c, _ in people]
     grids = [posterior_grid(c, PsychometricPrior(), COARSE_NODES, REFERENCE_NODES) for c in counts]
     truth, width = (np.array([grid.mean_and_sd(axis)[0] for grid in grids]) for axis in (0, 1))
-    points = _points(YES_NO, approaches, counts, truth, pains)
+    points = _points(YES_NO, approaches, counts, truth, settings)
     width_error = np.abs([fit_psychometric(c).ln_width.mean for c in counts] - width).max()
     ours = points[0]
     return points, (
@@ -168,7 +168,9 @@ def _yes_no(
     )  # fmt: skip
 
 
-def _two_interval(people: Sequence[tuple[RampCounts, float]], pains: Pains) -> tuple[BenchmarkPoint, ...]:
+def _two_interval(
+    people: Sequence[tuple[RampCounts, float]], settings: RunSettings
+) -> tuple[BenchmarkPoint, ...]:
     """Return the points of three-parameter fits, psignifit's among them where it is installed."""
     approaches: dict[str, tuple[Role, Fit]] = {
         "posterior on two grids, with intervals": (Role.DEFAULT, _ours),
@@ -182,10 +184,10 @@ def _two_interval(people: Sequence[tuple[RampCounts, float]], pains: Pains) -> t
         approaches["psignifit, its own grid, our priors"] = (Role.PEER, psignifit_ln_threshold)
     counts = [c for c, _ in people]
     truth = np.array([_on_grid(c, REFERENCE_NODES) for c in counts])
-    return _points(TWO_INTERVAL, approaches, counts, truth, pains)
+    return _points(TWO_INTERVAL, approaches, counts, truth, settings)
 
 
-def _to_truth(rng: np.random.Generator, n: int, pains: Pains) -> tuple[BenchmarkPoint, ...]:
+def _to_truth(rng: np.random.Generator, n: int, settings: RunSettings) -> tuple[BenchmarkPoint, ...]:
     """Return points whose error is that against the thresholds that the answers were drawn from."""
     people = simulated(rng, n)
     approaches: dict[str, tuple[Role, Fit]] = {
@@ -194,7 +196,7 @@ def _to_truth(rng: np.random.Generator, n: int, pains: Pains) -> tuple[Benchmark
         "logistic regression of two parameters, statsmodels": (Role.PEER, regression_ln_threshold),
     }
     few = [c for c, _ in people[:4]]
-    points = _points(TO_TRUTH, approaches, few, np.zeros(len(few)), pains)
+    points = _points(TO_TRUTH, approaches, few, np.zeros(len(few)), settings)
     truth = np.array([t for _, t in people])
     errors = [np.array([fit(c) for c, _ in people]) - truth for _, fit in approaches.values()]
     return tuple(
@@ -208,12 +210,14 @@ def _to_truth(rng: np.random.Generator, n: int, pains: Pains) -> tuple[Benchmark
     )
 
 
-def _many_rates(rng: np.random.Generator, sizes: Sequence[int], pains: Pains) -> tuple[BenchmarkPoint, ...]:
+def _many_rates(
+    rng: np.random.Generator, sizes: Sequence[int], settings: RunSettings
+) -> tuple[BenchmarkPoint, ...]:
     """Return points over the number of different rates, as adaptive placement makes them."""
     rows = []
     for size in sizes:
         counts = simulated(rng, 1, rates=np.geomspace(RATES[0], RATES[-1], size))[0][0]
-        times = timed_in_turn({"ours": partial(fit_psychometric, counts)}, pains.repeats(5))["ours"]
+        times = timed_in_turn({"ours": partial(fit_psychometric, counts)}, settings.repeats(5))["ours"]
         rows.append(point(Approach(MANY_RATES, "posterior on two grids", Role.DEFAULT, size, "rates"), times))
     return tuple(rows)
 
@@ -223,7 +227,7 @@ def _points(
     approaches: dict[str, tuple[Role, Fit]],
     counts: Sequence[RampCounts],
     truth: Array,
-    pains: Pains,
+    settings: RunSettings,
 ) -> tuple[BenchmarkPoint, ...]:
     """Return the points of approaches that fit the same participants, one after the other."""
 
@@ -231,7 +235,7 @@ def _points(
         return [fit(c) for c in counts]
 
     times = timed_in_turn(
-        {name: partial(all_of, fit) for name, (_, fit) in approaches.items()}, pains.repeats(5)
+        {name: partial(all_of, fit) for name, (_, fit) in approaches.items()}, settings.repeats(5)
     )
     trials = int(counts[0].n_trials.sum() + counts[0].catch_trials)
     points = []

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.measured import Approach, Pains, point
+from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.online_content import picture
 from benchmarks.stopwatch import Times, timed_in_turn
 from benchmarks.unfused_pass import TABLE_STEPS, UnfusedPass
@@ -19,9 +19,9 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import emitted_luminance
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.luminance import emitted_luminance
 
 SIZES = ((640, 360), (1280, 720), (1920, 1080))
 QUICK_SIZES = ((320, 180),)
@@ -54,14 +54,14 @@ def frame_task(width: int, height: int) -> str:
     return f"one frame of {width} x {height}"
 
 
-def frame_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
+def frame_points(settings: RunSettings, display: Display) -> list[BenchmarkPoint]:
     """Return the points of frames of several sizes, by default and with one thing changed."""
     points = []
-    for width, height in QUICK_SIZES if pains.quick else SIZES:
-        pains.say(f"loss curve of a frame of {width} x {height}")
-        frame = picture(height, width, np.random.default_rng(pains.seed))
+    for width, height in QUICK_SIZES if settings.quick else SIZES:
+        settings.say(f"loss curve of a frame of {width} x {height}")
+        frame = picture(height, width, np.random.default_rng(settings.seed))
         approach = Approach(frame_task(width, height), "", Role.VARIANT, width * height, OF_PIXELS)
-        points += _points(approach, frame, display, pains)
+        points += _points(approach, frame, display, settings)
     first = points[0]
     cited = Approach(first.task, "the authors' script, 640 x 272", Role.CITED, 640 * 272, OF_PIXELS)
     note = "five factors; as the authors report it, on another machine"
@@ -71,14 +71,16 @@ def frame_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     ]
 
 
-def _points(approach: Approach, frame: Pixels, display: Display, pains: Pains) -> list[BenchmarkPoint]:
+def _points(
+    approach: Approach, frame: Pixels, display: Display, settings: RunSettings
+) -> list[BenchmarkPoint]:
     """Return the points of one frame."""
     knots = brightness_factors()
     asked = np.arange(len(knots) - 1, -1, -EVERY)[::-1]
     emitted = emitted_luminance(frame, display)
     expected, once = _timed_once(lambda: loss_curves_by_definition(emitted, knots[asked], display))
     variants = _variants(frame, display, knots) | _unfused(frame, display, knots)
-    times = _times(variants, pains)
+    times = _times(variants, settings)
     curves = {name: variant.curve() for name, variant in variants.items()}
     reference = replace(approach, approach=f"the definition, {len(asked)} factors", role=Role.REFERENCE)
     usual = float(np.median(times[OURS].wall))
@@ -91,11 +93,11 @@ def _points(approach: Approach, frame: Pixels, display: Display, pains: Pains) -
     return points
 
 
-def _times(variants: Mapping[str, _Variant], pains: Pains) -> dict[str, Times]:
+def _times(variants: Mapping[str, _Variant], settings: RunSettings) -> dict[str, Times]:
     """Return the times of ways to a curve, the usual one first; long ones have few turns of their own."""
     fast = {name: variant.curve for name, variant in variants.items() if not variant.long}
     slow = {name: variant.curve for name, variant in variants.items() if variant.long or name == OURS}
-    return timed_in_turn(slow, pains.repeats(3)) | timed_in_turn(fast, pains.repeats(9))
+    return timed_in_turn(slow, settings.repeats(3)) | timed_in_turn(fast, settings.repeats(9))
 
 
 def _from_double(name: str, curves: Mapping[str, Array]) -> str:
@@ -146,11 +148,11 @@ def _half(frame: Pixels) -> Pixels:
     return np.asarray((rows[:, 0:width:2] + rows[:, 1:width:2] + 2) // 4, dtype=np.uint8)
 
 
-def knot_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
+def knot_points(settings: RunSettings, display: Display) -> list[BenchmarkPoint]:
     """Return the points of curves of few and many knots, with what they err by between them."""
-    width, height = QUICK_SIZES[0] if pains.quick else SIZES[0]
-    pains.say("knots of a curve")
-    frame = picture(height, width, np.random.default_rng(pains.seed))
+    width, height = QUICK_SIZES[0] if settings.quick else SIZES[0]
+    settings.say("knots of a curve")
+    frame = picture(height, width, np.random.default_rng(settings.seed))
     task = f"{frame_task(width, height)}, between the knots"
     approach = Approach(task, "", Role.VARIANT, width * height, OF_PIXELS)
     dense, emitted = brightness_factors(knots=129), emitted_luminance(frame, display)
@@ -166,7 +168,7 @@ def knot_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
 
     ways = {f"{n} knots": curve(brightness_factors(knots=n)) for n in (65, 5, 9, 17, 33, 129)}
     ways |= {"the paper's 5 knots": curve(paper), "the paper's 5 knots by definition": by_definition}
-    times = timed_in_turn(ways, pains.repeats(5))
+    times = timed_in_turn(ways, settings.repeats(5))
     role = {"65 knots": Role.DEFAULT, "the paper's 5 knots by definition": Role.PEER}
     reference = replace(approach, approach="the definition, 129 factors", role=Role.REFERENCE)
     usual = float(np.median(times["65 knots"].wall))
@@ -177,15 +179,15 @@ def knot_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
     return points
 
 
-def growth_points(pains: Pains, display: Display) -> list[BenchmarkPoint]:
+def growth_points(settings: RunSettings, display: Display) -> list[BenchmarkPoint]:
     """Return the times of frames of many sizes."""
-    sizes = GROWTH_SIZES[:3] if pains.quick else GROWTH_SIZES
+    sizes = GROWTH_SIZES[:3] if settings.quick else GROWTH_SIZES
     points = []
     for width, height in sizes:
-        pains.say(f"growth: {width} x {height}")
-        frame = picture(height, width, np.random.default_rng(pains.seed))
+        settings.say(f"growth: {width} x {height}")
+        frame = picture(height, width, np.random.default_rng(settings.seed))
         analysis = FrameAnalysis((height, width), display, DEFAULT_MODEL, brightness_factors())
-        times = timed_in_turn({OURS: partial(analysis.of, frame)}, pains.repeats(9))[OURS]
+        times = timed_in_turn({OURS: partial(analysis.of, frame)}, settings.repeats(9))[OURS]
         points.append(point(Approach(GROWTH, OURS, Role.DEFAULT, width * height, OF_PIXELS), times))
     return points
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.method.gpu_context import is_software, renderer_name
+from evenlight.method.gpu.context import is_software, renderer_name
 
 if TYPE_CHECKING:
     import moderngl

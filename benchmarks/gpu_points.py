@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gpu_clock import copy_bandwidth, gpu_seconds
-from benchmarks.measured import Approach, Pains, claim, not_measured, point
+from benchmarks.measured import Approach, RunSettings, claim, not_measured, point
 from benchmarks.online_content import picture
 from benchmarks.online_frames import QUICK_SIZES
 from benchmarks.online_frames import frame_task as loss_task
@@ -19,18 +19,17 @@ from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.method.contrast_loss import contrast_loss
-from evenlight.method.controller import Controller, ControllerSettings, FrameSeen
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.gpu_context import OwnContext, is_software, renderer_name
-from evenlight.method.gpu_frame import FrameTexture, TextureContent, packed
-from evenlight.method.gpu_frame_analysis import GpuCurve
-from evenlight.method.gpu_loss import GpuLoss
-from evenlight.method.loss_curves import brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.one_factor import LossSeen, OneFactorLoss
+from evenlight.method.contrast.contrast_loss import contrast_loss
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.one_factor import MeasuredLoss, OneFactorLoss
+from evenlight.method.gpu.context import OwnContext, is_software, renderer_name
+from evenlight.method.gpu.frame_loss import GpuCurve, GpuLoss
+from evenlight.method.gpu.pyramid import FrameTexture, TextureContent, packed
+from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
 from evenlight.method.preset_files import load_display, load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import scalar_rate_limit
 
 if TYPE_CHECKING:
     import moderngl
@@ -61,15 +60,15 @@ class _Bench:
         The frame.
     approach : Approach
         Task and size of its points.
-    pains : Pains
-        How much trouble to take.
+    settings : RunSettings
+        How to run them.
     """
 
     context: moderngl.Context
     display: Display
     frame: Frame
     approach: Approach
-    pains: Pains
+    settings: RunSettings
 
     @property
     def software(self) -> bool:
@@ -116,14 +115,14 @@ def frame_task(width: int, height: int) -> str:
 
 
 def curve_points(
-    pains: Pains, task_of: Callable[[int, int], str] = frame_task, display: Display | None = None
+    settings: RunSettings, task_of: Callable[[int, int], str] = frame_task, display: Display | None = None
 ) -> list[BenchmarkPoint]:
     """Return the points of loss curves on the graphics processor; none where there is none.
 
     Parameters
     ----------
-    pains : Pains
-        How much trouble to take.
+    settings : RunSettings
+        How to run them.
     task_of : function
         What the task of a width and height is called.
     display : Display, optional
@@ -135,18 +134,18 @@ def curve_points(
     except InputError:
         return []
     points: list[BenchmarkPoint] = []
-    for size in (QUICK_SIZE,) if pains.quick else CURVE_SIZES:
-        pains.say(f"loss curve on the graphics processor, {size[0]} x {size[1]}")
-        points += own.run(_curve_points_of, _bench(own, size, (task_of(*size), shown, pains)))
+    for size in (QUICK_SIZE,) if settings.quick else CURVE_SIZES:
+        settings.say(f"loss curve on the graphics processor, {size[0]} x {size[1]}")
+        points += own.run(_curve_points_of, _bench(own, size, (task_of(*size), shown, settings)))
     return points
 
 
-def _bench(own: OwnContext, size: tuple[int, int], rest: tuple[str, Display, Pains]) -> _Bench:
-    """Return one size, and where it is measured; `rest` is the task, the display and the pains."""
-    (width, height), (task, display, pains) = size, rest
-    frame = picture(height, width, np.random.default_rng(pains.seed))
+def _bench(own: OwnContext, size: tuple[int, int], rest: tuple[str, Display, RunSettings]) -> _Bench:
+    """Return one size, and where it is measured; `rest` is the task, the display and the settings."""
+    (width, height), (task, display, settings) = size, rest
+    frame = picture(height, width, np.random.default_rng(settings.seed))
     approach = Approach(task, "", Role.VARIANT, width * height, "pixels")
-    return _Bench(own.context, display, frame, approach, pains)
+    return _Bench(own.context, display, frame, approach, settings)
 
 
 def _curve_points_of(bench: _Bench) -> list[BenchmarkPoint]:
@@ -155,7 +154,7 @@ def _curve_points_of(bench: _Bench) -> list[BenchmarkPoint]:
     processor = FrameAnalysis(bench.shape, bench.display, DEFAULT_MODEL, knots)
     curve = GpuCurve(bench.context, bench.shape, bench.display, DEFAULT_MODEL, knots)
     runs = {"processor": lambda: processor.of(frame), "gpu": lambda: curve.of(packed(frame))}
-    times = timed_in_turn(runs, bench.pains.repeats(5))
+    times = timed_in_turn(runs, bench.settings.repeats(5))
     asked = slice(None, None, -EVERY)
     emitted = emitted_luminance(frame, bench.display)
     expected = loss_curves_by_definition(emitted, knots[asked], bench.display)
@@ -168,15 +167,15 @@ def _curve_points_of(bench: _Bench) -> list[BenchmarkPoint]:
     return [whole, _alone(bench, work, times["processor"], whole)]
 
 
-def online_points(pains: Pains) -> tuple[list[BenchmarkPoint], list[BenchmarkClaim]]:
+def online_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], list[BenchmarkClaim]]:
     """Return the points of the loss at one factor from a texture, and the targets held to it.
 
     Parameters
     ----------
-    pains : Pains
-        How much trouble to take.
+    settings : RunSettings
+        How to run them.
     """
-    sizes = QUICK_SIZES if pains.quick else tuple(TARGETS)
+    sizes = QUICK_SIZES if settings.quick else tuple(TARGETS)
     display = load_display("varjo-xr3")
     try:
         own = OwnContext()
@@ -184,8 +183,8 @@ def online_points(pains: Pains) -> tuple[list[BenchmarkPoint], list[BenchmarkCla
         return [], [not_measured(_words(size), limit, "s", str(error)) for size, limit in TARGETS.items()]
     points: list[BenchmarkPoint] = []
     for size in sizes:
-        pains.say(f"loss on the graphics processor, {size[0]} x {size[1]}")
-        points += own.run(_online_points_of, _bench(own, size, (loss_task(*size), display, pains)))
+        settings.say(f"loss on the graphics processor, {size[0]} x {size[1]}")
+        points += own.run(_online_points_of, _bench(own, size, (loss_task(*size), display, settings)))
     return points, _claims(points, own.renderer)
 
 
@@ -200,7 +199,7 @@ def _online_points_of(bench: _Bench) -> list[BenchmarkPoint]:
     if not bench.software:  # which works at once, and is never late
         behind = _behind(bench, texture)
         runs["from texture to factor, one frame late"] = lambda: answer(behind())
-    times = timed_in_turn(runs, bench.pains.repeats(3 if bench.software else 25))
+    times = timed_in_turn(runs, bench.settings.repeats(3 if bench.software else 25))
     exact = contrast_loss(emitted_luminance(bench.frame, bench.display), FACTOR, bench.display)
     error, name = abs(loss.of_texture(texture, FACTOR).loss - exact), renderer_name(bench.context)
     default = times.pop("processor")
@@ -209,29 +208,31 @@ def _online_points_of(bench: _Bench) -> list[BenchmarkPoint]:
     return [*points, _alone(bench, work, default, points[0])]
 
 
-def _behind(bench: _Bench, texture: FrameTexture) -> Callable[[], LossSeen]:
+def _behind(bench: _Bench, texture: FrameTexture) -> Callable[[], MeasuredLoss]:
     """Return a function that begins with a frame, and returns what the one before gave."""
     loss = GpuLoss(bench.context, bench.shape, bench.display)
     loss.start(texture, FACTOR)
 
-    def seen() -> LossSeen:
+    def seen() -> MeasuredLoss:
         loss.start(texture, FACTOR)
         return loss.result()
 
     return seen
 
 
-def _controller() -> Callable[[LossSeen], float]:
+def _controller() -> Callable[[MeasuredLoss], float]:
     """Return the controller's answer to what was seen of a frame."""
     limit = scalar_rate_limit(load_rate_limit("surace2025"))
     controller = Controller(ControllerSettings(target_loss=0.03), limit)
-    shown = controller.start(FACTOR, FrameSeen(0.03, 40.0, 1 / 90))
-    return lambda seen: controller.step(shown, FrameSeen(seen.loss, seen.mean_luminance, 1 / 90)).factor
+    shown = controller.start(FACTOR, FrameMeasurement(0.03, 40.0, 1 / 90))
+    return lambda seen: (
+        controller.step(shown, FrameMeasurement(seen.loss, seen.mean_luminance, 1 / 90)).factor
+    )
 
 
 def _alone(bench: _Bench, work: _Work, default: Times, like: BenchmarkPoint) -> BenchmarkPoint:
     """Return the point of the shaders alone, and how near they are to what memory allows."""
-    repeats = bench.pains.repeats(3 if bench.software else 25)
+    repeats = bench.settings.repeats(3 if bench.software else 25)
     seconds = gpu_seconds(bench.context, work.start, work.result, repeats)
     # Taken apart from the default's: ratios are to its median, and processor time is not known.
     times = Times(seconds, np.zeros_like(seconds), seconds / np.median(default.wall))

@@ -18,8 +18,8 @@ LEAST_SIZES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Pains:
-    """How much trouble a benchmark takes.
+class RunSettings:
+    """How a benchmark runs.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Pains:
     seed : int
         Of everything that is drawn.
     say : function
-        Is told what is being measured.
+        Called with what is being measured.
     """
 
     quick: bool = False
@@ -100,7 +100,7 @@ class Measured:
 class Subject(Protocol):
     """Something whose speed and error can be measured."""
 
-    def __call__(self, pains: Pains) -> Measured:
+    def __call__(self, settings: RunSettings) -> Measured:
         """Return what was measured."""
 
 

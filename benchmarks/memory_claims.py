@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchmarks.curves_memory import curves_size
-from benchmarks.measured import Pains, claim, not_measured
+from benchmarks.measured import RunSettings, claim, not_measured
 from benchmarks.peak_memory import peak_memory
 from benchmarks.video_points import TOLERANCE
 from evenlight.data_schema.benchmark import BenchmarkClaim
@@ -33,17 +33,17 @@ _WAYS = (
 )
 
 
-def memory_claims(pains: Pains) -> list[BenchmarkClaim]:
+def memory_claims(settings: RunSettings) -> list[BenchmarkClaim]:
     """Return the targets of memory: a video ten times as long takes no more, whatever the way."""
     claims = []
     for way in _WAYS:
-        pains.say(f"memory of long videos, {way.name}")
-        if pains.quick and way.order is PixelToLuminance.LUMA_FIRST:
+        settings.say(f"memory of long videos, {way.name}")
+        if settings.quick and way.order is PixelToLuminance.LUMA_FIRST:
             claims.append(
                 not_measured(_words(way, way.short), SAME_MEMORY, "", "a quick run leaves this out")
             )
         else:
-            claims.append(_memory_claim(way, 0.1 if pains.quick else way.short))
+            claims.append(_memory_claim(way, 0.1 if settings.quick else way.short))
     return claims
 
 

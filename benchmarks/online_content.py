@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.provenance import Provenance
-from evenlight.method.loss_curves import analyze_frames, brightness_factors
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.stimuli.sequences import built_in_sequence
 
 

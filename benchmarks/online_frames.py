@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.measured import Approach, Pains, point
+from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.online_content import content, layered_pictures, picture
 from benchmarks.peak_memory import peak_memory
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
-from evenlight.method.contrast_loss import contrast_loss
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings, FrameSeen
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import brightness_factors
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.one_factor import MANY_PIXELS, OneFactorLoss
+from evenlight.method.contrast.contrast_loss import contrast_loss
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import brightness_factors
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.one_factor import MANY_PIXELS, OneFactorLoss
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
 from evenlight.method.preset_files import load_display, load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import scalar_rate_limit
 
 SIZES = ((1280, 720), (1920, 1080), (2880, 2720))
 QUICK_SIZES = ((640, 360),)
@@ -45,18 +45,18 @@ PAPER = 25e-3  # [s] per frame that the paper's implementation adds on its graph
 LossAt = Callable[[float], float]
 
 
-def frame_points(display: Display, pains: Pains, rng: np.random.Generator) -> list[BenchmarkPoint]:
+def frame_points(display: Display, settings: RunSettings, rng: np.random.Generator) -> list[BenchmarkPoint]:
     """Return the points of one frame's loss, for each size."""
     points = []
-    for width, height in QUICK_SIZES if pains.quick else SIZES:
-        pains.say(f"the loss of a frame of {width} x {height}")
-        points += _points_of(picture(height, width, rng), display, pains)
+    for width, height in QUICK_SIZES if settings.quick else SIZES:
+        settings.say(f"the loss of a frame of {width} x {height}")
+        points += _points_of(picture(height, width, rng), display, settings)
     return points
 
 
-def layered_points(display: Display, pains: Pains, rng: np.random.Generator) -> list[BenchmarkPoint]:
+def layered_points(display: Display, settings: RunSettings, rng: np.random.Generator) -> list[BenchmarkPoint]:
     """Return what strips err by at worst: at one turn, and in the mean of the four in which all rows are."""
-    pains.say("strips of rows where rows differ")
+    settings.say("strips of rows where rows differ")
     shape = (720, 1280)
     whole, strips = (OneFactorLoss(shape, display, one_strip_in=n) for n in (1, TURNS_OF_STRIPS))
     errors = {}
@@ -66,7 +66,7 @@ def layered_points(display: Display, pains: Pains, rng: np.random.Generator) -> 
             off = turns - whole.of(pixels, b).loss
             errors[name, b] = float(np.abs(off).max()), abs(float(off.mean()))
     worst = max(errors, key=lambda one: errors[one][0])
-    times = timed_in_turn({"strips": lambda: strips.of(pixels, FACTORS[1])}, pains.repeats(9))["strips"]
+    times = timed_in_turn({"strips": lambda: strips.of(pixels, FACTORS[1])}, settings.repeats(9))["strips"]
     four = replace(times, wall=times.wall * TURNS_OF_STRIPS, processor=times.processor * TURNS_OF_STRIPS)
 
     def of(name: str, seconds: Times, error: float, note: str) -> BenchmarkPoint:
@@ -85,7 +85,7 @@ def frame_task(width: int, height: int) -> str:
     return f"loss of one frame of {width} x {height} at one factor"
 
 
-def _points_of(pixels: NDArray[np.uint8], display: Display, pains: Pains) -> list[BenchmarkPoint]:
+def _points_of(pixels: NDArray[np.uint8], display: Display, settings: RunSettings) -> list[BenchmarkPoint]:
     """Return the points of one picture."""
     height, width = pixels.shape[:2]
     task, size = frame_task(width, height), height * width
@@ -93,7 +93,7 @@ def _points_of(pixels: NDArray[np.uint8], display: Display, pains: Pains) -> lis
     truth = [contrast_loss(emitted, factor, display) for factor in FACTORS]
     approaches = _approaches(pixels, display)
     times = timed_in_turn(
-        {name: partial(at, FACTORS[1]) for name, at in approaches.items()}, pains.repeats(9)
+        {name: partial(at, FACTORS[1]) for name, at in approaches.items()}, settings.repeats(9)
     )
     points = []
     for name, at in approaches.items():
@@ -101,10 +101,10 @@ def _points_of(pixels: NDArray[np.uint8], display: Display, pains: Pains) -> lis
         role = Role.DEFAULT if name == WHOLE else Role.VARIANT
         note = "so few pixels are all counted" if name == STRIPS and size <= MANY_PIXELS else ""
         points.append(point(Approach(task, name, role, size, PIXELS), times[name], error, ERROR, note))
-    if pains.quick or size < 3_000_000:  # the definition of the largest takes minutes to time in turn
+    if settings.quick or size < 3_000_000:  # the definition of the largest takes minutes to time in turn
         slow = timed_in_turn(
             {"ours": lambda: approaches[WHOLE](FACTORS[1]),
-             "definition": lambda: contrast_loss(emitted, FACTORS[1], display)}, pains.repeats(3),
+             "definition": lambda: contrast_loss(emitted, FACTORS[1], display)}, settings.repeats(3),
         )  # fmt: skip
         reference = Approach(task, "definition, float64", Role.REFERENCE, size, PIXELS)
         points.append(point(reference, slow["definition"], 0.0, ERROR))
@@ -143,17 +143,17 @@ class _Live:
 
     def factor(self, pixels: NDArray[Any]) -> float:
         """Return the factor of a second frame like the first."""
-        shown = self.controller.start(0.5, FrameSeen(0.03, 40.0, 1 / 90))
+        shown = self.controller.start(0.5, FrameMeasurement(0.03, 40.0, 1 / 90))
         seen = self.meter.of(pixels, shown.factor)
-        return self.controller.step(shown, FrameSeen(seen.loss, seen.mean_luminance, 1 / 90)).factor
+        return self.controller.step(shown, FrameMeasurement(seen.loss, seen.mean_luminance, 1 / 90)).factor
 
 
 def latency_points(
-    display: Display, controller: Controller, pains: Pains, rng: np.random.Generator
+    display: Display, controller: Controller, settings: RunSettings, rng: np.random.Generator
 ) -> list[BenchmarkPoint]:
     """Return the points of a whole turn of the loop: from the pixels of a frame to its factor."""
-    pains.say("from a frame to its factor")
-    width, height = (640, 360) if pains.quick else (1920, 1080)
+    settings.say("from a frame to its factor")
+    width, height = (640, 360) if settings.quick else (1920, 1080)
     pixels = picture(height, width, rng)
     loops = {
         name: _Live(controller, OneFactorLoss((height, width), display, one_strip_in=n))
@@ -161,7 +161,7 @@ def latency_points(
     }
     exact = loops[WHOLE].factor(pixels)
     times = timed_in_turn(
-        {name: partial(one.factor, pixels) for name, one in loops.items()}, pains.repeats(15)
+        {name: partial(one.factor, pixels) for name, one in loops.items()}, settings.repeats(15)
     )
     points = [
         point(
@@ -193,11 +193,11 @@ def control_kept(file: str) -> None:
         live.factor(pixels)
 
 
-def step_point(display: Display, controller: Controller, pains: Pains) -> BenchmarkPoint:
+def step_point(display: Display, controller: Controller, settings: RunSettings) -> BenchmarkPoint:
     """Return the point of the controller alone: of 3000 frames whose loss is known, the time of one."""
     wave = np.sin(np.arange(3000) / 40)
     curves = content(0.3 + 0.2 * wave, 40 - 20 * wave, display, 90.0)
-    times = timed_in_turn({"step": lambda: control_curves(curves, controller)}, pains.repeats(9))["step"]
+    times = timed_in_turn({"step": lambda: control_curves(curves, controller)}, settings.repeats(9))["step"]
     per_frame = replace(times, wall=times.wall / 3000, processor=times.processor / 3000)
     approach = Approach("a step of the controller", "PID within the rate limit", Role.DEFAULT, 1, "frames")
     return point(approach, per_frame, note="of 3000 in a row; the loss is read from a curve")

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.chart import duration
 from benchmarks.gpu_points import online_points
-from benchmarks.measured import Chart, Measured, Pains, claim, growth
+from benchmarks.measured import Chart, Measured, RunSettings, claim, growth
 from benchmarks.online_content import house_curves
 from benchmarks.online_frames import (
     LAYERED,
@@ -29,33 +29,35 @@ from benchmarks.online_walk import (
     PAPER_RATIO,
     TARGET,
     TUNED,
-    Walk,
+    WalkFrames,
     hard_claims,
     walk_points,
 )
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
-from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import scalar_rate_limit
 
 ONE_FRAME = "loss of one frame at one factor, by size"
 
 
-def measure(pains: Pains) -> Measured:
+def measure(settings: RunSettings) -> Measured:
     """Return what the online controller takes per frame, and how steady it keeps the loss."""
-    rng = np.random.default_rng(pains.seed)
+    rng = np.random.default_rng(settings.seed)
     display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
     controller = Controller(ControllerSettings(TARGET), scalar_rate_limit(limit))
-    frames = frame_points(display, pains, rng)
-    layered = layered_points(display, pains, rng)
-    latency = latency_points(display, controller, pains, rng)
-    step = step_point(display, controller, pains)
-    pains.say("rendering the walk")
-    walk = Walk(house_curves(display, pains.quick), controller, limit, load_power_model("surace2025"))
-    walked, tuned, off = walk_points(walk, pains)
-    on_gpu, gpu_claims = online_points(pains)
-    claims = [*gpu_claims, *hard_claims(controller, display, pains, rng)]
-    if not pains.quick:
+    frames = frame_points(display, settings, rng)
+    layered = layered_points(display, settings, rng)
+    latency = latency_points(display, controller, settings, rng)
+    step = step_point(display, controller, settings)
+    settings.say("rendering the walk")
+    walk = WalkFrames(
+        house_curves(display, settings.quick), controller, limit, load_power_model("surace2025")
+    )
+    walked, tuned, off = walk_points(walk, settings)
+    on_gpu, gpu_claims = online_points(settings)
+    claims = [*gpu_claims, *hard_claims(controller, display, settings, rng)]
+    if not settings.quick:
         claims += _walk_claims(walked, off)
     points = (*frames, *layered, *on_gpu, *latency, step, cited_point(), *walked)
     whole = tuple(p for p in frames if p.approach == WHOLE)

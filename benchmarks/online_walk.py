@@ -7,25 +7,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.measured import Approach, Pains, claim, point
+from benchmarks.measured import Approach, RunSettings, claim, point
 from benchmarks.online_content import bound_content, extreme_content, step_content
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.method.control_curves import Governed, control_curves
-from evenlight.method.controller import Controller, ControllerSettings, FrameSeen
-from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.frame_costs import frame_costs
-from evenlight.method.governor import GovernorSettings, governor_of
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.modulation import largest_rate_ratio
-from evenlight.method.optimize import Request, pose
-from evenlight.method.splitting import SplittingSolver
-from evenlight.method.tuning import Tuned, tune
+from evenlight.method.online.control_curves import VideoGovernor, control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
+from evenlight.method.online.frame_costs import frame_costs
+from evenlight.method.online.governor import GovernorSettings, governor_of
+from evenlight.method.online.tuning import TuningResult, tune
+from evenlight.method.optimizer.optimize import pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 TARGET = 0.03  # contrast loss held on the walk
 PAPER_RATIO = 0.12 / 0.19  # SD ours / SD constant on the paper's walk (caption of its figure)
@@ -38,7 +39,7 @@ OFFLINE = "offline optimum, which knows the whole walk"
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
+class WalkFrames:
     """The walk, and what it is shown with.
 
     Attributes
@@ -63,12 +64,12 @@ class Walk:
         return f"brightness over {seconds:.0f} s of the walk through the house"
 
 
-def walk_points(walk: Walk, pains: Pains) -> tuple[list[BenchmarkPoint], Tuned, float]:
+def walk_points(walk: WalkFrames, settings: RunSettings) -> tuple[list[BenchmarkPoint], TuningResult, float]:
     """Return the points of the walk, the tuned gains, and the governor's largest error over a horizon."""
-    pains.say("the walk through the house")
+    settings.say("the walk through the house")
     tuned = tune(walk.curves, walk.controller)
     budget = GovernorSettings(BUDGET, BudgetUnit.FACTOR, HORIZON)
-    governed = Governed(
+    governed = VideoGovernor(
         governor_of(walk.controller, budget), frame_costs(walk.curves, budget, walk.power_model)
     )
     ways: dict[str, Callable[[], Array]] = {
@@ -79,7 +80,7 @@ def walk_points(walk: Walk, pains: Pains) -> tuple[list[BenchmarkPoint], Tuned, 
         DIRECT: lambda: _direct(walk),
         OFFLINE: lambda: _offline(walk),
     }
-    times = timed_in_turn(ways, pains.repeats(5))
+    times = timed_in_turn(ways, settings.repeats(5))
     n, points = walk.curves.n_frames, []
     for name, way in ways.items():
         role = Role.DEFAULT if name == GAINS else Role.VARIANT
@@ -89,17 +90,17 @@ def walk_points(walk: Walk, pains: Pains) -> tuple[list[BenchmarkPoint], Tuned, 
     return points, tuned, _horizon_error(walk.curves, ways[GOVERNED]())
 
 
-def _factors(walk: Walk, settings: ControllerSettings) -> Array:
+def _factors(walk: WalkFrames, settings: ControllerSettings) -> Array:
     """Return the controller's factors with some gains."""
     return control_curves(walk.curves, replace(walk.controller, settings=settings)).factors
 
 
-def _direct(walk: Walk) -> Array:
+def _direct(walk: WalkFrames) -> Array:
     """Return the factors of who knows each frame's loss at every factor, and nothing of the next frame."""
     curves, controller = walk.curves, walk.controller
     goals = factor_at_loss(curves, np.full(curves.n_frames, controller.settings.target_loss)).tolist()
     lights, durations = curves.mean_luminance.tolist(), curves.durations.tolist()
-    frames = [FrameSeen(0.0, light, seconds) for light, seconds in zip(lights, durations, strict=True)]
+    frames = [FrameMeasurement(0.0, light, seconds) for light, seconds in zip(lights, durations, strict=True)]
     state, factors = controller.start(goals[0], frames[0]), [goals[0]]
     for frame, goal in zip(frames[1:], goals[1:], strict=True):
         factors.append(controller.towards(state, frame, goal))
@@ -107,7 +108,7 @@ def _direct(walk: Walk) -> Array:
     return np.array(factors)
 
 
-def _offline(walk: Walk) -> Array:
+def _offline(walk: WalkFrames) -> Array:
     """Return the factors of the optimizer at the mean factor that the default gains came to."""
     mean = control_curves(walk.curves, walk.controller).mean_factor
     request = Request(mean, BudgetUnit.FACTOR, walk.power_model, walk.rate_limit)
@@ -130,11 +131,11 @@ def _horizon_error(curves: LossCurves, factors: Array) -> float:
 
 
 def hard_claims(
-    controller: Controller, display: Display, pains: Pains, rng: np.random.Generator
+    controller: Controller, display: Display, settings: RunSettings, rng: np.random.Generator
 ) -> list[BenchmarkClaim]:
     """Return what the controller promises on hard content, and what it kept."""
-    pains.say("steps, bounds and extremes")
-    many = 20 if pains.quick else 200
+    settings.say("steps, bounds and extremes")
+    many = 20 if settings.quick else 200
     ratios = [_extreme_ratio(extreme_content(display, rng), controller, rng) for _ in range(many)]
     steps = [
         _step_overshoot(step_content(display, strong, rate), controller)

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.measured import Approach, Pains, claim, growth, point
+from benchmarks.measured import Approach, RunSettings, claim, growth, point
 from benchmarks.optimizer_problems import (
     keep_made,
     made_curves,
@@ -23,10 +23,10 @@ from benchmarks.optimizer_problems import (
 from benchmarks.peak_memory import peak_memory
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.optimize import Problem, Solution, optimize
-from evenlight.method.splitting import SplittingSolver
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, Solution, optimize
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 LENGTH_TASK = "made videos of growing length"
 AUTHORS_TASK = "a video of 3000 frames"
@@ -60,13 +60,13 @@ class Kept:
     off_budget: float
 
 
-def length_points(pains: Pains) -> tuple[list[BenchmarkPoint], dict[int, Kept]]:
+def length_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], dict[int, Kept]]:
     """Return times over the number of made frames, and by it what the answers keep."""
     points, kept = [], {}
-    for frames in (1000, 3000, 10_000) if pains.quick else (1000, 3000, 10_000, 30_000, LONGEST):
-        pains.say(f"{frames} frames")
-        curves = made_curves(frames, np.random.default_rng(pains.seed))
-        repeats = pains.repeats(5 if frames <= WARMED else 3)
+    for frames in (1000, 3000, 10_000) if settings.quick else (1000, 3000, 10_000, 30_000, LONGEST):
+        settings.say(f"{frames} frames")
+        curves = made_curves(frames, np.random.default_rng(settings.seed))
+        repeats = settings.repeats(5 if frames <= WARMED else 3)
         timed = _certified(curves, repeats, first=frames <= WARMED)
         memory, note = _memory(curves) if frames in (3000, 30_000) else (None, "")
         kept[frames] = timed.kept
@@ -84,23 +84,23 @@ def _sunrise() -> LossCurves:
     return rendered_curves("sunrise", 300.0, 65)
 
 
-def rendered_point(pains: Pains) -> tuple[BenchmarkPoint, Kept]:
+def rendered_point(settings: RunSettings) -> tuple[BenchmarkPoint, Kept]:
     """Return the time for 3000 rendered frames with their bound, and what the answer keeps."""
-    pains.say("rendering and optimizing 3000 frames of the sunrise")
+    settings.say("rendering and optimizing 3000 frames of the sunrise")
     curves = _sunrise()
-    timed = _certified(curves, pains.repeats(5), first=True)
+    timed = _certified(curves, settings.repeats(5), first=True)
     about = Approach(AUTHORS_TASK, RENDERED, Role.DEFAULT, curves.n_frames, "frames optimized")
     return point(about, timed.times[CERTIFIED], note=f"160 x 90, 300 s; {timed.words}"), timed.kept
 
 
-def search_points(pains: Pains) -> list[BenchmarkPoint]:
+def search_points(settings: RunSettings) -> list[BenchmarkPoint]:
     """Return what fewer and more searches than the default's take and give on rendered frames."""
     curves = some_frames(_sunrise(), np.arange(0, _sunrise().n_frames, EVERY))
     frames, problem = curves.n_frames, mean_factor_problem(curves, 0.5)
-    pains.say(f"{frames} rendered frames, one search and more")
+    settings.say(f"{frames} rendered frames, one search and more")
     task = f"the rendered sunrise, {frames} frames, by the number of searches"
     number = {OPTIMIZED: None, "one search": 1, "as many as for 600 frames": ALL_SEARCHES}
-    if pains.quick:
+    if settings.quick:
         del number["as many as for 600 frames"]  # takes seconds
     found: dict[str, float] = {}
 
@@ -108,7 +108,7 @@ def search_points(pains: Pains) -> list[BenchmarkPoint]:
         solver = SplittingSolver(searches=number[name])
         found[name] = problem.objective(optimize(problem, solver).factors)
 
-    times = timed_in_turn({name: partial(remember, name) for name in number}, pains.repeats(3))
+    times = timed_in_turn({name: partial(remember, name) for name in number}, settings.repeats(3))
     base, lowest = problem.objective(problem.baseline()), min(found.values())
     points = []
     for name, value in found.items():

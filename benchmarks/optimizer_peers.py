@@ -9,15 +9,15 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.measured import Approach, Pains, claim, point
+from benchmarks.measured import Approach, RunSettings, claim, point
 from benchmarks.optimizer_problems import made_curves, mean_factor_problem, odd_problems
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.errors import InputError
-from evenlight.method.optimize import Problem, Solver, optimize
-from evenlight.method.sequential_convex import Clarabel, Highs, SequentialConvexSolver
-from evenlight.method.slsqp import SlsqpSolver
-from evenlight.method.splitting import DENSE, FAR_TO_NEAR, SplittingSolver
+from evenlight.method.optimizer.optimize import Problem, Solver, optimize
+from evenlight.method.optimizer.slsqp import SlsqpSolver
+from evenlight.method.optimizer.solvers import Clarabel, Highs, SequentialConvexSolver
+from evenlight.method.optimizer.splitting import DENSE, FAR_TO_NEAR, SplittingSolver
 
 STARTS = 10
 GAP = "objective above the best found by any, as a share of constant dimming's"
@@ -61,16 +61,16 @@ def task_of(frames: int) -> str:
     return f"{frames} frames, 2 s apart"
 
 
-def peer_points(pains: Pains, refused: dict[str, str]) -> list[BenchmarkPoint]:
+def peer_points(settings: RunSettings, refused: dict[str, str]) -> list[BenchmarkPoint]:
     """Return time and gap of every approach for several numbers of frames; some may be refused."""
     points = []
-    for frames in (30,) if pains.quick else (*IN_TURN, 400):
-        pains.say(f"{frames} frames, against other solvers")
-        rng = np.random.default_rng(pains.seed)
+    for frames in (30,) if settings.quick else (*IN_TURN, 400):
+        settings.say(f"{frames} frames, against other solvers")
+        rng = np.random.default_rng(settings.seed)
         problem = mean_factor_problem(made_curves(frames, rng, frames_per_second=0.5), 0.5)
-        runs = {name: (run, role) for name, (run, role) in _approaches(problem, pains.seed).items()
+        runs = {name: (run, role) for name, (run, role) in _approaches(problem, settings.seed).items()
                 if frames <= AFFORDABLE.get(name, frames)}  # fmt: skip
-        times, found = _timed(runs, 3 if frames in IN_TURN and not pains.quick else 1, refused)
+        times, found = _timed(runs, 3 if frames in IN_TURN and not settings.quick else 1, refused)
         best, base = min(found.values()), problem.objective(problem.baseline())
         for name, value in found.items():
             about = Approach(task_of(frames), name, runs[name][1], frames, "frames")
@@ -86,7 +86,7 @@ def _approaches(problem: Problem, seed: int) -> dict[str, tuple[Callable[[], flo
 
     return {
         "ours": (lambda: by(SplittingSolver()), Role.DEFAULT),
-        "ours, one search": (lambda: by(SplittingSolver(looks=FAR_TO_NEAR)), Role.VARIANT),
+        "ours, one search": (lambda: by(SplittingSolver(stages=FAR_TO_NEAR)), Role.VARIANT),
         "SLSQP, one start": (partial(best_of, problem, 1, seed), Role.PEER),
         "SLSQP, best of ten starts": (partial(best_of, problem, STARTS, seed), Role.PEER),
         "HiGHS": (lambda: by(SequentialConvexSolver(Highs())), Role.PEER),
@@ -120,22 +120,22 @@ def _timed(
     return times, {name: value for name, value in found.items() if name not in refused}
 
 
-def family_claims(pains: Pains) -> list[BenchmarkClaim]:
+def family_claims(settings: RunSettings) -> list[BenchmarkClaim]:
     """Return how far the default falls short of SLSQP's best, over problems of all kinds, by their size."""
-    return [_family_claim(pains, family) for family in (QUICK_FAMILY if pains.quick else FAMILIES)]
+    return [_family_claim(settings, family) for family in (QUICK_FAMILY if settings.quick else FAMILIES)]
 
 
-def _family_claim(pains: Pains, family: Family) -> BenchmarkClaim:
+def _family_claim(settings: RunSettings, family: Family) -> BenchmarkClaim:
     """Return how far the default falls short of SLSQP's best over the problems of one size."""
     least, most = family.frames
     short, ahead, sizes = [], [], []
     for number, problem in enumerate(
-        odd_problems(np.random.default_rng(pains.seed), family.frames, family.instances)
+        odd_problems(np.random.default_rng(settings.seed), family.frames, family.instances)
     ):
-        pains.say(f"problem {number + 1} of {family.instances}, {least} to {most} frames, against SLSQP")
+        settings.say(f"problem {number + 1} of {family.instances}, {least} to {most} frames, against SLSQP")
         base = problem.objective(problem.baseline())
         ours = problem.objective(optimize(problem, SplittingSolver()).factors)
-        gap = (ours - best_of(problem, family.starts, pains.seed)) / base if base > 0 else 0.0
+        gap = (ours - best_of(problem, family.starts, settings.seed)) / base if base > 0 else 0.0
         short.append(gap)
         sizes.append(problem.curves.n_frames)
         ahead += [gap] if gap < -SAME else []

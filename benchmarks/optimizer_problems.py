@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.brightness_track import BudgetUnit
-from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.section import AllowanceSection, WeightSection
-from evenlight.method.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.optimize import Problem, Request, optimize, pose
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.splitting import SplittingSolver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.method.splitting import SplittingSolver
 from evenlight.stimuli.sequences import built_in_sequence
 
 FRAMES_PER_SECOND = 25.0

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.measured import Approach, Pains, point
+from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.optimizer_problems import (
     made_curves,
     mean_factor_problem,
@@ -20,8 +20,8 @@ from benchmarks.optimizer_problems import (
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
-from evenlight.method.optimize import Problem, optimize
-from evenlight.method.splitting import SplittingSolver
+from evenlight.method.optimizer.optimize import Problem, optimize
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 KNOTS = 257  # of the curves that count as the truth
 SAVED = "objective on the full curves, above that of the answer to them, as a share of constant dimming's"
@@ -40,17 +40,17 @@ def edit_task(frames: int, edit: str) -> str:
     return f"{frames} made frames again, {EDITS[edit]}"
 
 
-def savings_points(pains: Pains) -> list[BenchmarkPoint]:
+def savings_points(settings: RunSettings) -> list[BenchmarkPoint]:
     """Return time and error with fewer knots, and with one frame in ten and a spline, as in the paper."""
-    pains.say("fewer knots, fewer frames")
-    curves = rendered_curves("sunrise", 10.0 if pains.quick else 30.0, KNOTS)
+    settings.say("fewer knots, fewer frames")
+    curves = rendered_curves("sunrise", 10.0 if settings.quick else 30.0, KNOTS)
     whole = mean_factor_problem(curves, 0.5)
     answers: dict[str, Callable[[], Array]] = {"all 257 knots": partial(_solved, whole)}
     for knots in (65, 17, 5):
         few = mean_factor_problem(some_knots(curves, (KNOTS - 1) // (knots - 1)), 0.5)
         answers[f"{knots} knots"] = partial(_solved, few)
     answers["one frame in ten, spline"] = partial(_splined, whole)
-    times = timed_in_turn(answers, 1 if pains.quick else 3)
+    times = timed_in_turn(answers, 1 if settings.quick else 3)
     found = {name: answer() for name, answer in answers.items()}
     truth, base = whole.objective(found["all 257 knots"]), whole.objective(whole.baseline())
     points = []
@@ -88,9 +88,9 @@ def _kept(problem: Problem, factors: Array) -> str:
     return f"breaks limits: {', '.join(words)}" if words else ""
 
 
-def edit_points(pains: Pains) -> list[BenchmarkPoint]:
+def edit_points(settings: RunSettings) -> list[BenchmarkPoint]:
     """Return time and objective after an edit, from the earlier track and from constant dimming."""
-    rng, frames = np.random.default_rng(pains.seed), 1500 if pains.quick else 3000
+    rng, frames = np.random.default_rng(settings.seed), 1500 if settings.quick else 3000
     curves = made_curves(frames, rng)
     earlier = _solved(mean_factor_problem(curves, 0.5))
     tenth, loss = slice(frames // 2, frames // 2 + frames // 10), curves.loss.copy()
@@ -101,13 +101,13 @@ def edit_points(pains: Pains) -> list[BenchmarkPoint]:
     }
     points = []
     for name, problem in edits.items():
-        pains.say(f"another {name}, from the earlier track")
+        settings.say(f"another {name}, from the earlier track")
         cold = partial(_solved, problem)
         answers = {
             "from constant dimming": cold,
             "from the earlier track": partial(_solved, problem, earlier),
         }
-        times = timed_in_turn(answers, pains.repeats(5))
+        times = timed_in_turn(answers, settings.repeats(5))
         base, reference = problem.objective(problem.baseline()), problem.objective(cold())
         for approach, answer in answers.items():
             role = Role.DEFAULT if answer is cold else Role.VARIANT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.measured import Chart, Measured, Pains
+from benchmarks.measured import Chart, Measured, RunSettings
 from benchmarks.optimizer_lengths import (
     AUTHORS_TASK,
     LENGTH_TASK,
@@ -17,20 +17,20 @@ from benchmarks.optimizer_lengths import (
 from benchmarks.optimizer_peers import family_claims, peer_points
 from benchmarks.optimizer_savings import EDITS, edit_points, savings_points
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
-from evenlight.method.splitting import DENSE, SHORTEST
+from evenlight.method.optimizer.splitting import DENSE, SHORTEST
 
 
-def measure(pains: Pains) -> Measured:
+def measure(settings: RunSettings) -> Measured:
     """Return time against error of the optimizer, its growth and its claims."""
     refused: dict[str, str] = {}
-    lengths, kept = length_points(pains)
-    rendered, rendered_kept = rendered_point(pains)
+    lengths, kept = length_points(settings)
+    rendered, rendered_kept = rendered_point(settings)
     targets = target_points(lengths, rendered)
-    savings = savings_points(pains)
-    points = (*peer_points(pains, refused), *savings, *edit_points(pains), *search_points(pains), *lengths,
-              *targets)  # fmt: skip
+    savings = savings_points(settings)
+    peers, edits, searches = peer_points(settings, refused), edit_points(settings), search_points(settings)
+    points = (*peers, *savings, *edits, *searches, *lengths, *targets)
     grown, exponent = growth_claim(lengths)
-    claims = (*length_claims(targets, kept, rendered_kept), *family_claims(pains), exponent)
+    claims = (*length_claims(targets, kept, rendered_kept), *family_claims(settings), exponent)
     tasks = [p.task for p in points if p.task.endswith("2 s apart")]
     compared = max(dict.fromkeys(tasks), key=lambda task: (tasks.count(task), tasks.index(task)))
     charts = (

@@ -7,23 +7,24 @@ from pathlib import Path
 
 from benchmarks.chart import chart_png
 from benchmarks.machine import machine
-from benchmarks.measured import Measured, Pains, Subject
+from benchmarks.measured import Measured, RunSettings, Subject
 from benchmarks.page import page
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
-from evenlight.data_schema.files import write_whole
 from evenlight.data_schema.provenance import provenance_now
-from evenlight.data_schema.text_files import write_json_record, write_rows
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.storage.whole_files import write_whole
 
 
-def measure_all(subjects: Mapping[str, Subject], pains: Pains, folder: Path) -> list[Measured]:
+def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: Path) -> list[Measured]:
     """Measure subjects one after the other, write the files of all, and return what was measured.
 
     Parameters
     ----------
     subjects : mapping of str to Subject
         By name.
-    pains : Pains
-        How much trouble to take.
+    settings : RunSettings
+        How to run them.
     folder : Path
         Gets `NAME_benchmark.csv`, `NAME_claims.csv`, `NAME_growth.csv` and figures of each, `benchmarks.md`
         and `benchmark.json` of all.
@@ -31,10 +32,10 @@ def measure_all(subjects: Mapping[str, Subject], pains: Pains, folder: Path) -> 
     where = machine()
     measured = []
     for subject in subjects.values():
-        measured.append(subject(pains))
+        measured.append(subject(settings))
         _write(folder, measured[-1])
-    write_whole(folder / "benchmarks.md", page(where, measured, pains.quick, "").encode())
-    write_json_record(folder / "benchmark.json", _summary(measured, pains, where))
+    write_whole(folder / "benchmarks.md", page(where, measured, settings.quick, "").encode())
+    write_json_record(folder / "benchmark.json", _summary(measured, settings, where))
     return measured
 
 
@@ -49,12 +50,12 @@ def _write(folder: Path, measured: Measured) -> None:
         write_whole(folder / f"bench-{chart.name}.png", chart_png(chart, measured.points))
 
 
-def _summary(measured: Sequence[Measured], pains: Pains, where: dict[str, str]) -> BenchmarkSummary:
+def _summary(measured: Sequence[Measured], settings: RunSettings, where: dict[str, str]) -> BenchmarkSummary:
     """Return the record of a run."""
     return BenchmarkSummary(
         machine=where,
-        quick=pains.quick,
+        quick=settings.quick,
         leads={m.name: m.lead for m in measured},
         refused={what: why for m in measured for what, why in m.refused.items()},
-        provenance=provenance_now(pains.seed),
+        provenance=provenance_now(settings.seed),
     )

@@ -9,9 +9,9 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from benchmarks.measured import Pains, Subject
+from benchmarks.measured import RunSettings, Subject
 from benchmarks.results import measure_all
-from evenlight.data_schema.files import results_folder
+from evenlight.data_schema.storage.whole_files import results_folder
 
 
 def subjects(names: Sequence[str]) -> dict[str, Subject]:
@@ -38,8 +38,8 @@ def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) ->
     console = Console(stderr=True)
     console.quiet = quiet or not console.is_terminal
     with results_folder(out) as folder, console.status("measuring") as status:
-        pains = Pains(quick, seed, lambda words: status.update(f"measuring: {words}"))
-        measured = measure_all(subjects(names), pains, folder)
+        settings = RunSettings(quick, seed, lambda words: status.update(f"measuring: {words}"))
+        measured = measure_all(subjects(names), settings, folder)
     if quiet:
         return
     for one in measured:

@@ -1,8 +1,8 @@
 """The one pass as expressions over whole images, in double or in single precision.
 
-Beside it shows what the compiled loops of `method.one_pass` save in time, and what single precision, their
+Beside it shows what the compiled loops of `contrast.one_pass` save in time, and what single precision, their
 polynomial logarithms and their small tables cost. The steps and the one approximation are the same: see
-`method.critical_factor`. Pyramids, masking and sensitivity are those of the definition.
+`method.contrast.critical_factor`. Pyramids, masking and sensitivity are those of the definition.
 """
 
 from __future__ import annotations
@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
-from evenlight.method.band_shares import FEW_PIXELS, REFERENCES
-from evenlight.method.bands import counted_frequencies
-from evenlight.method.contrast_loss import loss_of
-from evenlight.method.critical_factor import LARGEST_LOG_RATIO, MASKING_RANGE, effective_sensitivity
-from evenlight.method.csf import LOWEST_LUMINANCE
-from evenlight.method.luminance import LUMINANCE_WEIGHTS
-from evenlight.method.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
-from evenlight.method.pyramid import adaptation_luminance, expanded, gaussian_pyramid
+from evenlight.method.contrast.band_shares import FEW_PIXELS, REFERENCES
+from evenlight.method.contrast.contrast_loss import loss_of
+from evenlight.method.contrast.critical_factor import LARGEST_LOG_RATIO, MASKING_RANGE, effective_sensitivity
+from evenlight.method.contrast.csf import LOWEST_LUMINANCE
+from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
+from evenlight.method.contrast.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
+from evenlight.method.contrast.pyramid import (
+    adaptation_luminance,
+    counted_frequencies,
+    expanded,
+    gaussian_pyramid,
+)
 
 TABLE_STEPS = 2**16  # read linearly, they err by 2e-8 of an octave at most
 _MARGIN = 0.01  # by which the tables reach beyond the display's luminances, in log2

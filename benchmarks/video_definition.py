@@ -16,9 +16,9 @@ from benchmarks.measured import claim, not_measured
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkClaim
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.loss_curves import loss_curves_by_definition
-from evenlight.method.luminance import emitted_luminance
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.loss_curves import loss_curves_by_definition
+from evenlight.method.contrast.luminance import emitted_luminance
 
 TARGET_ERROR = 1e-3
 BETWEEN_EVERY = 2  # interval of the knots within which it is, at the middle of its logarithms

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.measured import Approach, Pains, point
+from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.online_content import picture
 from benchmarks.stopwatch import timed_in_turn
 from benchmarks.video_definition import DefaultErrors, default_errors
@@ -17,9 +17,9 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.loss_curves import analyze_frames
-from evenlight.method.thrift import Thrift
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.stimuli.sequences import built_in_sequence
 
 RATE = 25.0  # [Hz]
@@ -47,18 +47,18 @@ class _Clip:
         return f"{self.name}: {len(self.frames)} frames of {width} x {height}"
 
 
-def video_points(pains: Pains, display: Display) -> tuple[list[BenchmarkPoint], list[DefaultErrors]]:
+def video_points(settings: RunSettings, display: Display) -> tuple[list[BenchmarkPoint], list[DefaultErrors]]:
     """Return the points of two videos, and what the default misses the definition by in some of their frames.
 
     They are a rendered sequence, and a film of what is hard.
     """
     points, errors = [], []
-    for clip in _clips(pains):
-        pains.say(f"a video, {clip.name}")
-        points += _points(clip, display, pains)
-        pains.say(f"a video, {clip.name}, by the definition")
-        errors.append(_errors(clip, display, 0 if pains.quick else 1))
-    if not pains.quick:  # whose frames have this size anyhow
+    for clip in _clips(settings):
+        settings.say(f"a video, {clip.name}")
+        points += _points(clip, display, settings)
+        settings.say(f"a video, {clip.name}, by the definition")
+        errors.append(_errors(clip, display, 0 if settings.quick else 1))
+    if not settings.quick:  # whose frames have this size anyhow
         errors.append(_errors(_sunrise(SMALL, FEW), display, 3))
     return points, errors
 
@@ -66,17 +66,17 @@ def video_points(pains: Pains, display: Display) -> tuple[list[BenchmarkPoint], 
 def _errors(clip: _Clip, display: Display, many: int) -> DefaultErrors:
     """Return what the default misses the definition by, in its worst frame and some others."""
     usual, whole = (
-        analyze_frames(clip.frames, clip.name, display, thrift=Thrift(tolerance))
+        analyze_frames(clip.frames, clip.name, display, effort=AnalysisEffort(tolerance))
         for tolerance in (TOLERANCE, 0.0)
     )
     return default_errors(clip.frames, usual, whole.loss, many)
 
 
-def _clips(pains: Pains) -> Iterator[_Clip]:
+def _clips(settings: RunSettings) -> Iterator[_Clip]:
     """Yield the videos."""
-    size, n = (SMALL, FEW) if pains.quick else ((1280, 720), 100)
+    size, n = (SMALL, FEW) if settings.quick else ((1280, 720), 100)
     yield _sunrise(size, n)
-    yield _Clip("film", list(film(*size, n, pains.seed)))
+    yield _Clip("film", list(film(*size, n, settings.seed)))
 
 
 def _sunrise(size: tuple[int, int], n: int) -> _Clip:
@@ -99,11 +99,11 @@ def film(width: int, height: int, n: int, seed: int) -> Iterator[Frame]:
         yield Frame(k / RATE, 1 / RATE, np.clip(pixels.round(), 0, 255).astype(np.uint8))
 
 
-def _points(clip: _Clip, display: Display, pains: Pains) -> list[BenchmarkPoint]:
+def _points(clip: _Clip, display: Display, settings: RunSettings) -> list[BenchmarkPoint]:
     """Return the points of one video."""
 
     def counted(tolerance: float, jobs: int = 1) -> LossCurves:
-        return analyze_frames(clip.frames, clip.name, display, thrift=Thrift(tolerance, jobs))
+        return analyze_frames(clip.frames, clip.name, display, effort=AnalysisEffort(tolerance, jobs))
 
     runs: dict[str, Callable[[], LossCurves | Array]] = {
         USUAL: lambda: counted(TOLERANCE),
@@ -115,7 +115,7 @@ def _points(clip: _Clip, display: Display, pains: Pains) -> list[BenchmarkPoint]
         f"one frame in {ONE_IN}, linear (as the paper)": lambda: _one_in_ten(clip.frames, display, np.interp),
         f"one frame in {ONE_IN}, splines": lambda: _one_in_ten(clip.frames, display, _spline),
     }
-    times = timed_in_turn(runs, pains.repeats(3))
+    times = timed_in_turn(runs, settings.repeats(3))
     exact = counted(0.0).loss
     roles = {USUAL: Role.DEFAULT, EVERY_FRAME: Role.REFERENCE}
     points = []

@@ -51,47 +51,39 @@ class Visibility(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class ContrastModel:
-    """All choices of the contrast model; the defaults are those of docs/decisions.
-
-    Attributes
-    ----------
-    pixel_to_luminance : PixelToLuminance
-        How colour becomes luminance.
-    band_frequency : BandFrequency
-        Which frequency a band stands for.
-    lowest_frequency : float
-        No band below it [cpd]; the eye resolves 60.
-    band_count : int or None
-        So many bands instead of those above `lowest_frequency`.
-    sensitivity : SensitivityModel
-        Which contrast sensitivity function.
-    field_size : float
-        X0, side of the field of view [deg]: from a foveal spot to all around.
-    masking : MaskingNeighbourhood
-        Which pixels mask a pixel.
-    visibility : Visibility
-        Which perceived contrasts count as visible.
-    epsilon : float
-        ε of Eq. 2 [cd/m^2]; small beside what is seen, and not lost in 32 bits.
-    """
+    """All choices of the contrast model; the defaults are those of docs/decisions."""
 
     pixel_to_luminance: PixelToLuminance = described(
-        "how colour becomes luminance", default=PixelToLuminance.LINEAR_FIRST
+        "how three gamma-encoded channels become one luminance", default=PixelToLuminance.LINEAR_FIRST
     )
-    band_frequency: BandFrequency = described("frequency of a band", default=BandFrequency.NYQUIST)
+    band_frequency: BandFrequency = described(
+        "which frequency f a band of the pyramid stands for", default=BandFrequency.NYQUIST
+    )
     lowest_frequency: float = quantity(
-        "1", "no band below, in cpd", above=0.0, maximum=1e3, default=LOWEST_FREQUENCY
+        "cpd", "lowest frequency of a band", above=0.0, maximum=1e3, default=LOWEST_FREQUENCY
     )
-    band_count: int | None = quantity("1", "so many bands instead", minimum=1, default=None)
-    sensitivity: SensitivityModel = described("contrast sensitivity", default=SensitivityModel.BARTEN)
+    band_count: int | None = quantity(
+        "1", "number of bands, in place of those above lowest_frequency", minimum=1, default=None
+    )
+    sensitivity: SensitivityModel = described(
+        "which contrast sensitivity function S_CSF", default=SensitivityModel.BARTEN
+    )
     field_size: float = quantity(
-        "deg", "side of the field of view", minimum=1e-3, maximum=360.0, default=FIELD_SIZE
+        "deg", "X0, side of the field of view", minimum=1e-3, maximum=360.0, default=FIELD_SIZE
     )
     masking: MaskingNeighbourhood = described(
         "which pixels mask a pixel", default=MaskingNeighbourhood.WITH_CENTRE
     )
-    visibility: Visibility = described("what counts as visible", default=Visibility.BOTH_POLARITIES)
-    epsilon: float = quantity("cd/m^2", "ε of Eq. 2", minimum=1e-12, maximum=1.0, default=EPSILON)
+    visibility: Visibility = described(
+        "which perceived contrasts C_t count as visible", default=Visibility.BOTH_POLARITIES
+    )
+    epsilon: float = quantity(
+        "cd/m^2",
+        "ε of Eq. 2: small beside what is seen, and not lost in 32 bits",
+        minimum=1e-12,
+        maximum=1.0,
+        default=EPSILON,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -7,9 +7,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves
-from evenlight.data_schema.record_kind import FileFormat, RecordKind
-from evenlight.data_schema.record_kinds import KINDS, LOSS_CURVES
+from evenlight.data_schema.record_kinds import KINDS, FileFormat, RecordKind
+from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 
 Schema = dict[str, Any]
 
@@ -18,7 +17,7 @@ _INTRODUCTION = """\
 
 Every file that Evenlight's parts hand to each other, with its keys or columns, their units and limits.
 This page and the JSON Schemas in `data_schema/schemas/` are generated from the records of `data_schema/`;
-`python -m evenlight.data_schema.json_schema` writes both anew. `evenlight validate PATH` checks files against
+`python -m evenlight.data_schema.json_schema` writes both. `evenlight validate PATH` checks files against
 them.
 
 A unit is part of the key in files (`_cd_m2` is cd/m², `_cd_m2_s` is cd/m²/s, `_w` is W, `_s` is s). A key
@@ -70,7 +69,7 @@ def data_dictionary(schemas: dict[str, Schema]) -> str:
     parts: dict[str, Schema] = {}
     sections = [_INTRODUCTION, _DATA_SET]
     for kind in KINDS:
-        rows = _array_rows() if kind is LOSS_CURVES else _rows(schemas[kind.name], known)
+        rows = _array_rows() if kind.record is LossCurves else _rows(schemas[kind.name], known)
         sections.append(_section(kind, rows))
         parts |= schemas.get(kind.name, {}).get("$defs", {})
     for name in sorted(set(parts) - set(known)):
@@ -90,7 +89,7 @@ def _section(kind: RecordKind, rows: Iterator[tuple[str, ...]]) -> str:
         FileFormat.NPZ: "NumPy npz; the `header` is JSON in text",
     }[kind.file_format]
     doc = (kind.record.__doc__ or "").partition("\n")[0]
-    schema = "" if kind is LOSS_CURVES else f" Schema: `data_schema/schemas/{kind.name}.json`."
+    schema = "" if kind.record is LossCurves else f" Schema: `data_schema/schemas/{kind.name}.json`."
     return (
         f"## {kind.words.capitalize()}\n\n{doc}\n\n"
         f"Files: {names} ({form}). From: {kind.origin}.{schema}\n\n{_table(rows)}"

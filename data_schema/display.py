@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
 
-# Beyond these a number is a slip of the pen or in another unit, and the model would overflow or see nothing.
+# Beyond these a number is a typing error or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
 HIGHEST_GAMMA = 10.0  # panels have 1.8 to 2.6
 COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 120 pixels
@@ -16,49 +15,41 @@ COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """A display, as measured with a luminance meter (parameters of the paper's Eq. 1).
+    """A display, as measured with a luminance meter (parameters of the paper's Eq. 1)."""
 
-    Attributes
-    ----------
-    name : str
-        What the display is called; shown in figures and in messages.
-    peak_luminance : float
-        L_max, emitted at full pixel value and full brightness [cd/m^2].
-    black_level : float
-        L_black, emitted at pixel value 0 and full brightness [cd/m^2].
-    gamma : float
-        γ, exponent from pixel value to luminance.
-    reflected_luminance : float
-        L_refl, ambient light reflected from the surface; it is not dimmed with the display [cd/m^2].
-    pixels_per_degree : float
-        Pixels per degree of visual angle; half of it is the highest spatial frequency [cpd] shown.
-    source : str
-        Where the figures come from.
-    measured : str
-        When it was measured, UTC (ISO 8601, the date at least); empty where nobody says.
-    provenance : Provenance or None
-        Of a measured display: software, inputs.
-    """
-
-    name: str = described("name of the display")
+    name: str = described("name of the display, for figures and messages")
     peak_luminance: float = quantity(
-        "cd/m^2", "L_max at full pixel value and full brightness", above=0.0, maximum=HIGHEST_LUMINANCE
+        "cd/m^2",
+        "L_max, emitted at full pixel value and full brightness",
+        above=0.0,
+        maximum=HIGHEST_LUMINANCE,
     )
-    black_level: float = quantity("cd/m^2", "L_black at pixel value 0 and full brightness", minimum=0.0)
-    gamma: float = quantity("1", "exponent from pixel value to luminance", above=0.0, maximum=HIGHEST_GAMMA)
+    black_level: float = quantity(
+        "cd/m^2", "L_black, emitted at pixel value 0 and full brightness", minimum=0.0
+    )
+    gamma: float = quantity(
+        "1", "γ, exponent from pixel value to luminance", above=0.0, maximum=HIGHEST_GAMMA
+    )
     pixels_per_degree: float = quantity(
-        "1/deg", "pixels per degree of visual angle", minimum=COARSEST, maximum=FINEST
+        "1/deg",
+        "pixels per degree of visual angle; half of it is the highest spatial frequency shown (cpd)",
+        minimum=COARSEST,
+        maximum=FINEST,
     )
     reflected_luminance: float = quantity(
         "cd/m^2",
-        "L_refl, reflected ambient light; not dimmed with the display",
+        "L_refl, ambient light reflected from the surface; not dimmed with the display",
         minimum=0.0,
         maximum=HIGHEST_LUMINANCE,
         default=0.0,
     )
     source: str = described("where the figures come from", default="")
-    measured: str = described("when it was measured, UTC (ISO 8601)", default="", pattern=MOMENT)
-    provenance: Provenance | None = described("how the file was made", default=None)
+    measured: str = described(
+        "when it was measured, UTC (ISO 8601, the date at least); empty if unknown",
+        default="",
+        pattern=MOMENT,
+    )
+    provenance: Provenance | None = described("how the file of a measured display was made", default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -82,8 +73,3 @@ class Display:
         photometry = ("peak_luminance", "black_level", "gamma", "reflected_luminance")
         values = ",".join(f"{getattr(self, key):.9g}" for key in photometry)
         return sha256_of_bytes(values.encode())[:16]
-
-
-def display_mapping(display: Display) -> dict[str, object]:
-    """Return the display's keys and values without its provenance, to be put into other records."""
-    return {k: v for k, v in mapping_from_record(display).items() if k != "provenance"}

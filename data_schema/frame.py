@@ -46,3 +46,8 @@ class Frame:
                 f"the frame at {self.time:g} s needs pixel values in [0, 1], "
                 f"got {pixels.min():g} to {pixels.max():g}"
             )
+
+    def __repr__(self) -> str:
+        height, width = self.pixel_values.shape[:2]
+        pixels = f"{width} x {height} pixels, {self.pixel_values.dtype}"
+        return f"<Frame at {self.time:g} s for {self.duration:g} s: {pixels}>"

@@ -16,13 +16,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from evenlight.data_schema.brightness_track import BrightnessTrack
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.mapping import plain_value, type_hints
 from evenlight.data_schema.provenance import SCHEMA_VERSION
-from evenlight.data_schema.quantities import Array, file_key
-from evenlight.data_schema.record_kind import RecordKind
-from evenlight.data_schema.record_kinds import KINDS
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.record_kinds import KINDS, RecordKind
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 FOLDER = Path(__file__).resolve().parent / "schemas"
@@ -77,12 +76,11 @@ def _closed(cls: type[Any], properties: dict[str, Schema], required: list[str]) 
 
 def _track_row() -> Schema:
     """Return the schema of a row of `track.csv`, one number of each of a track's arrays."""
-    kinds = type_hints(BrightnessTrack)
     frame = {"type": "integer", "minimum": 0, "unit": "1", "description": "number of the frame, from 0"}
     columns = {
         file_key(field): {**_type_of(float, field.metadata, {}), **_annotations(field)}
         for field in dataclasses.fields(BrightnessTrack)
-        if kinds[field.name] == Array
+        if field.metadata.get("shape")
     }
     return _closed(BrightnessTrack, {"frame": frame, **columns}, ["frame", *columns])
 
@@ -153,9 +151,9 @@ def committed_schema(name: str) -> Schema:
 
 
 def main() -> None:
-    """Write the schemas and the data dictionary anew."""
+    """Write the schemas and the data dictionary."""
     from evenlight.data_schema.data_dictionary import data_dictionary
-    from evenlight.data_schema.files import write_whole
+    from evenlight.data_schema.storage.whole_files import write_whole
 
     made = schemas()
     for name, schema in made.items():

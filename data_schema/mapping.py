@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import enum
+import json
 import types
 import typing
 from collections.abc import Hashable, Iterable, Mapping
@@ -12,7 +13,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import SCHEMA_VERSION
+from evenlight.data_schema.provenance import SCHEMA_VERSION, sha256_of_bytes
 from evenlight.data_schema.quantities import file_key
 
 Record = TypeVar("Record")
@@ -36,6 +37,12 @@ def plain_value(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {k: plain_value(v) for k, v in value.items()}
     return value
+
+
+def sha256_of_record(record: Any) -> str:
+    """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
+    content = json.dumps(mapping_from_record(record), sort_keys=True)
+    return sha256_of_bytes(content.encode())
 
 
 def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
@@ -81,7 +88,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
 
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
-    """Return what to say about an unknown key: the one that was probably meant.
+    """Return a message about an unknown key, with the known key that is most like it.
 
     >>> unknown_key("gama", ["name", "gamma"])
     "unknown key 'gama'; did you mean 'gamma'?"

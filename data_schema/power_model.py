@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
 
-LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a slip of the pen, and products of them overflow
+LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a typing error, and products of them overflow
 
 
 class PanelKind(enum.Enum):
@@ -25,47 +25,48 @@ class PowerModel:
     LCD: P = base_power + power_per_luminance · b · peak_luminance (Section 5 of the paper).
     OLED: P = base_power + b · (red_power·R + green_power·G + blue_power·B), with R, G, B the means over the
     frame of the linear channels in [0, 1].
-
-    Attributes
-    ----------
-    name : str
-        What the model is called.
-    kind : PanelKind
-        Backlit or self-emissive.
-    base_power : float
-        Power at zero luminance [W].
-    power_per_luminance : float
-        LCD: slope of power over luminance [W m^2/cd].
-    peak_luminance : float
-        LCD: luminance of the *power panel* at b = 1 [cd/m^2]; it need not be the display's that is watched.
-    red_power, green_power, blue_power : float
-        OLED: power of each channel at full drive over the whole panel [W].
-    source : str
-        Where the figures come from.
-    measured : str
-        When it was measured, UTC (ISO 8601, the date at least); empty where nobody says.
     """
 
     name: str = described("name of the power model")
-    kind: PanelKind = described("what makes the light")
+    kind: PanelKind = described("what makes the light: a backlight, or each pixel")
     base_power: float = quantity("W", "power at zero luminance", minimum=0.0, maximum=LARGEST)
     power_per_luminance: float = quantity(
         "W m^2/cd", "LCD: slope of power over luminance", minimum=0.0, maximum=LARGEST, default=0.0
     )
     peak_luminance: float = quantity(
-        "cd/m^2", "LCD: luminance of the power panel at b = 1", minimum=0.0, maximum=LARGEST, default=0.0
+        "cd/m^2",
+        "LCD: luminance of the power panel at b = 1; it need not be the display that is watched",
+        minimum=0.0,
+        maximum=LARGEST,
+        default=0.0,
     )
     red_power: float = quantity(
-        "W", "OLED: red channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+        "W",
+        "OLED: power of the red channel at full drive over the whole panel",
+        minimum=0.0,
+        maximum=LARGEST,
+        default=0.0,
     )
     green_power: float = quantity(
-        "W", "OLED: green channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+        "W",
+        "OLED: power of the green channel at full drive over the whole panel",
+        minimum=0.0,
+        maximum=LARGEST,
+        default=0.0,
     )
     blue_power: float = quantity(
-        "W", "OLED: blue channel at full drive", minimum=0.0, maximum=LARGEST, default=0.0
+        "W",
+        "OLED: power of the blue channel at full drive over the whole panel",
+        minimum=0.0,
+        maximum=LARGEST,
+        default=0.0,
     )
     source: str = described("where the figures come from", default="")
-    measured: str = described("when it was measured, UTC (ISO 8601)", default="", pattern=MOMENT)
+    measured: str = described(
+        "when it was measured, UTC (ISO 8601, the date at least); empty if unknown",
+        default="",
+        pattern=MOMENT,
+    )
     provenance: Provenance | None = described("how the file was made", default=None)
 
     def __post_init__(self) -> None:

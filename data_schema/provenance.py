@@ -1,13 +1,11 @@
-"""Where a file comes from: versions, revision, seed and the SHA-256 of what it was made from."""
+"""Where a file comes from: versions, revision, seed and the SHA-256 of its inputs."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import check_limits, described, quantity
@@ -18,25 +16,18 @@ _PACKAGES = ("numpy", "scipy", "numba", "av")
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a file comes from.
+    """Where a file comes from."""
 
-    Attributes
-    ----------
-    schema_version : int
-        Version of the record formats; a file with a newer one is refused.
-    software_version, software_revision : str
-        Evenlight's version, and the revision of its source where it runs from a checkout.
-    seed : int or None
-        Seed of the random numbers, None where none were drawn.
-    inputs : dict of str to str
-        SHA-256 of each input, by name.
-    versions : dict of str to str
-        Versions of Python's packages that the numbers depend on.
-    """
-
-    schema_version: int = quantity("1", "version of the record format", minimum=1, default=SCHEMA_VERSION)
-    software_version: str = described("version of Evenlight", default="unknown")
-    software_revision: str = described("revision of Evenlight's source", default="unknown")
+    schema_version: int = quantity(
+        "1",
+        "version of the record formats; a file with a newer one is refused",
+        minimum=1,
+        default=SCHEMA_VERSION,
+    )
+    software_version: str = described("Evenlight's version", default="unknown")
+    software_revision: str = described(
+        "revision of Evenlight's source, where it runs from a checkout", default="unknown"
+    )
     seed: int | None = quantity(
         "1", "seed of the random numbers; null where none were drawn", minimum=0, default=None
     )
@@ -78,14 +69,6 @@ def sha256_of_bytes(content: bytes) -> str:
     'e3b0c44298fc'
     """
     return hashlib.sha256(content).hexdigest()
-
-
-def sha256_of_record(record: Any) -> str:
-    """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
-    from evenlight.data_schema.mapping import mapping_from_record  # imported late: it needs this module
-
-    content = json.dumps(mapping_from_record(record), sort_keys=True)
-    return sha256_of_bytes(content.encode())
 
 
 def sha256_of_file(path: Path) -> str:
@@ -153,3 +136,12 @@ def _git(*arguments: str, folder: Path) -> str | None:
     except (OSError, subprocess.TimeoutExpired):
         return None
     return answer.stdout.strip() if answer.returncode == 0 else None
+
+
+def require_seed(seed: int) -> None:
+    """Raise `InputError` for a number that is no seed: NumPy's generators take none below 0.
+
+    >>> require_seed(0)
+    """
+    if seed < 0:
+        raise InputError(f"--seed must be 0 or more, got {seed}")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    Array = NDArray[Any]
+    from evenlight.data_schema.arrays import Array as Array
 else:
     Array = Sequence[float]  # at run time a name is enough: numpy is imported where arrays are made
 
@@ -46,6 +46,7 @@ def quantity(
     maximum: float | None = None,
     min_items: int = 0,
     key: str | None = None,
+    shape: tuple[str, ...] = (),
 ) -> Any:
     """Return a dataclass field for a physical quantity.
 
@@ -64,9 +65,11 @@ def quantity(
         How many numbers a list of them must hold at least.
     key : str, optional
         Its key in files, where it is not the attribute's name with the unit's suffix.
+    shape : tuple of str, optional
+        Of an array: the name of each axis, or its length, e.g. ("N", "3").
     """
     limits = {"above": above, "minimum": minimum, "maximum": maximum, "min_items": min_items}
-    metadata = {"unit": unit, "doc": doc, "key": key, **limits}
+    metadata = {"unit": unit, "doc": doc, "key": key, "shape": shape, **limits}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -78,10 +81,43 @@ def described(doc: str, *, default: Any = dataclasses.MISSING, pattern: str | No
     return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern})
 
 
+def as_in(record: type[Any], name: str) -> Any:
+    """Return a dataclass field as another record declares it: its description, unit, limits and default."""
+    field = next(field for field in dataclasses.fields(record) if field.name == name)
+    return dataclasses.field(default=field.default, metadata=field.metadata)
+
+
 def file_key(field: dataclasses.Field[Any]) -> str:
     """Return the key or column name that a field has in files."""
     explicit = field.metadata.get("key")
     return explicit or field.name + UNIT_SUFFIX.get(field.metadata.get("unit", ""), "")
+
+
+def array_shapes(cls: type[Any]) -> dict[str, tuple[str, ...]]:
+    """Return the axes of each array of a record, by the attribute's name."""
+    fields = dataclasses.fields(cls)
+    return {field.name: field.metadata["shape"] for field in fields if field.metadata.get("shape")}
+
+
+def one_line(
+    record: object, name: str, times: Array | Sequence[float], **shown: Array | Sequence[float]
+) -> str:
+    """Return a record with arrays in one line: its name, how many frames at which times [s], and ranges.
+
+    >>> from types import SimpleNamespace
+    >>> one_line(SimpleNamespace(), "bikes", (0.0, 0.5, 1.0), factors=(0.3, 0.5, 0.4))
+    "<SimpleNamespace 'bikes': 3 frames from 0 to 1 s, factors 0.3 to 0.5>"
+    """
+    parts = [f"{len(times)} frames", *(f"{key} {_range(values)}" for key, values in shown.items())]
+    if len(times):
+        parts[0] += f" from {times[0]:g} to {times[-1]:g} s"
+    return f"<{type(record).__name__} {name!r}: {', '.join(parts)}>"
+
+
+def _range(values: Array | Sequence[float]) -> str:
+    """Return the extremes of some numbers, in words."""
+    extremes = _extremes(values)
+    return f"{min(extremes):.4g} to {max(extremes):.4g}" if len(extremes) else "none"
 
 
 def check_limits(record: Any) -> None:

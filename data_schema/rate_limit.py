@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import check_limits, described, quantity
-from evenlight.data_schema.ramp import Direction, Procedure
+from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
@@ -33,71 +33,62 @@ class RateLimit:
 
     It is the paper's definition, for the median participant, who watches a plain screen for it; half of the
     participants detect slower changes as often. What "detected" means is the task's: in yes/no, as in the
-    paper, the change is noticed in 75 % of the trials; of two intervals the right one is told in 75 %
+    paper, the change is noticed in 75 % of the trials; of two intervals the right one is identified in 75 %
     (d′ = 0.95), which slower changes allow. Limits of the two tasks do not compare.
 
     With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
     Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:
     below, the relative rate is held constant; above, the rate is (see `method.rate_limit`).
-
-    Attributes
-    ----------
-    name : str
-        What the limit is called.
-    display_name, display_fingerprint : str
-        The display it was fitted on; it holds for no other.
-    form : RateLimitForm
-        What the polynomial describes.
-    coefficients : tuple of float
-        Legendre coefficients, constant term first; ln(cd/m^2/s), or cd/m^2/s for `RATE`.
-    luminance_range : (float, float)
-        Lowest and highest luminance measured [cd/m^2].
-    band_luminance, band_lower, band_upper : tuple of float
-        Band of the curve, sampled: luminance [cd/m^2], lower and upper rate [cd/m^2/s].
-        All empty where the data left no degree of freedom to estimate it from.
-    band_level : float
-        Probability that the band stands for.
-    point_luminance, point_rate : tuple of float
-        The thresholds that it was fitted to [cd/m^2], [cd/m^2/s].
-    condition_number : float
-        Of the least-squares design in this basis.
-    simulated : bool
-        Whether the participants were simulated.
-    source : str
-        Where it comes from.
-    procedure : Procedure or None
-        What the participants were asked; None if that is not known.
-    direction : Direction or None
-        Which way the luminance of the ramps went; None if that is not known.
-    ramp_duration : float or None
-        How long the ramps took [s]; None if that is not known.
     """
 
     name: str = described("name of the rate limit")
-    display_name: str = described("display that it was fitted on")
+    display_name: str = described("display that it was fitted on; it holds for no other")
     display_fingerprint: str = described("identity of that display's photometry")
     form: RateLimitForm = described("what the polynomial describes, and over what")
     coefficients: tuple[float, ...] = quantity(
-        "1", "Legendre coefficients, constant term first, z = luminance_range mapped to [-1, 1]", min_items=1
+        "1",
+        "Legendre coefficients, constant term first: of ln(cd/m^2/s), or of cd/m^2/s for the form rate",
+        min_items=1,
     )
     luminance_range: tuple[float, float] = quantity(
-        "cd/m^2", "measured luminances: lowest, highest", minimum=LOWEST_LUMINANCE
+        "cd/m^2", "lowest and highest luminance measured", minimum=LOWEST_LUMINANCE
     )
-    band_luminance: tuple[float, ...] = quantity("cd/m^2", "where the band is sampled", above=0.0, default=())
-    band_lower: tuple[float, ...] = quantity("cd/m^2/s", "lower edge of the band", minimum=0.0, default=())
-    band_upper: tuple[float, ...] = quantity("cd/m^2/s", "upper edge of the band", minimum=0.0, default=())
-    band_level: float = quantity("1", "probability of the band", above=0.0, maximum=1.0, default=0.95)
-    point_luminance: tuple[float, ...] = quantity("cd/m^2", "luminances fitted to", above=0.0, default=())
-    point_rate: tuple[float, ...] = quantity("cd/m^2/s", "thresholds fitted to", above=0.0, default=())
+    band_luminance: tuple[float, ...] = quantity(
+        "cd/m^2",
+        "luminances at which the band is sampled; empty if no degree of freedom was left to estimate it",
+        above=0.0,
+        default=(),
+    )
+    band_lower: tuple[float, ...] = quantity(
+        "cd/m^2/s", "lower edge of the pointwise confidence band", minimum=0.0, default=()
+    )
+    band_upper: tuple[float, ...] = quantity(
+        "cd/m^2/s", "upper edge of the pointwise confidence band", minimum=0.0, default=()
+    )
+    band_level: float = quantity(
+        "1", "confidence level of the band, at each luminance", above=0.0, maximum=1.0, default=0.95
+    )
+    point_luminance: tuple[float, ...] = quantity(
+        "cd/m^2", "luminances of the thresholds that it was fitted to", above=0.0, default=()
+    )
+    point_rate: tuple[float, ...] = quantity(
+        "cd/m^2/s", "thresholds that it was fitted to", above=0.0, default=()
+    )
     condition_number: float | None = quantity(
-        "1", "condition number of the fit's design matrix", minimum=1.0, default=None
+        "1", "condition number of the least-squares design in this basis", minimum=1.0, default=None
     )
     simulated: bool = described("true if the participants were simulated", default=False)
     source: str = described("where it comes from", default="")
     provenance: Provenance | None = described("how the file was made", default=None)
-    procedure: Procedure | None = described("what the participants were asked", default=None)
-    direction: Direction | None = described("which way the luminance of the ramps went", default=None)
-    ramp_duration: float | None = quantity("s", "how long the ramps took", above=0.0, default=None)
+    procedure: Procedure | None = described(
+        "what the participants were asked; null if not known", default=None
+    )
+    direction: Direction | None = described(
+        "which way the luminance of the ramps went; null if not known", default=None
+    )
+    ramp_duration: float | None = quantity(
+        "s", "duration of the ramps; null if not known", above=0.0, default=None
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -111,10 +102,15 @@ class RateLimit:
         self._check_band()
         self._check_size()
 
+    def __repr__(self) -> str:
+        low, high = self.luminance_range
+        form = f"{self.form.value} of degree {len(self.coefficients) - 1}"
+        return f"<RateLimit {self.name!r}: {form}, {low:g} to {high:g} cd/m^2, display {self.display_name!r}>"
+
     @property
     def at_limit_in_words(self) -> str:
         """What happens to a change at the limit, as its task has it, for a sentence."""
-        found = {Procedure.YES_NO: "noticed", Procedure.TWO_INTERVAL: "told right"}
+        found = {Procedure.YES_NO: "noticed", Procedure.TWO_INTERVAL: "identified correctly"}
         return f"{found[self.procedure] if self.procedure else 'detected'} in 75 % of the trials"
 
     @property

@@ -1,1 +1,72 @@
-"""Temporal brightness management: dim a display over time, to a power budget, within a rate limit."""
+"""Temporal brightness management: dim a display over time, to a power budget, within a rate limit.
+
+>>> import evenlight
+>>> limit = evenlight.load_rate_limit("surace2025")
+>>> limit.display_name
+'varjo-xr3'
+
+The names below are the public interface; docs/api.md describes them. Each is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evenlight.data_schema.display import Display
+    from evenlight.data_schema.errors import InputError
+    from evenlight.data_schema.frame import Frame
+    from evenlight.data_schema.power_model import PowerModel
+    from evenlight.data_schema.rate_limit import RateLimit
+    from evenlight.data_schema.tracks.loss_curves import LossCurves
+    from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
+    from evenlight.online import OnlineController
+    from evenlight.stimuli.open_video import open_video
+    from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
+    from evenlight.track import Track, frame_loss, load, loss_curves, optimize
+
+# In the order of docs/api.md: what goes in, a track, online, data.
+_PLACES = {
+    "open_video": "evenlight.stimuli.open_video",
+    "Frame": "evenlight.data_schema.frame",
+    "Display": "evenlight.data_schema.display",
+    "PowerModel": "evenlight.data_schema.power_model",
+    "RateLimit": "evenlight.data_schema.rate_limit",
+    "load_display": "evenlight.method.preset_files",
+    "load_power_model": "evenlight.method.preset_files",
+    "load_rate_limit": "evenlight.method.preset_files",
+    "frame_loss": "evenlight.track",
+    "loss_curves": "evenlight.track",
+    "LossCurves": "evenlight.data_schema.tracks.loss_curves",
+    "optimize": "evenlight.track",
+    "Track": "evenlight.track",
+    "load": "evenlight.track",
+    "OnlineController": "evenlight.online",
+    "fit_ramps": "evenlight.tables",
+    "RampFit": "evenlight.tables",
+    "analyze": "evenlight.tables",
+    "Analysis": "evenlight.tables",
+    "InputError": "evenlight.data_schema.errors",
+}
+__all__ = [
+    "Analysis", "Display", "Frame", "InputError", "LossCurves", "OnlineController", "PowerModel", "RampFit",
+    "RateLimit", "Track",
+    "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
+    "loss_curves", "open_video", "optimize",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: `import evenlight` itself loads nothing."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'evenlight' has no attribute {name!r}")
+    import importlib
+
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not."""
+    return sorted({*globals(), *_PLACES})

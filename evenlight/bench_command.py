@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.seeds import require_seed
+from evenlight.data_schema.provenance import require_seed
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 
@@ -22,15 +22,20 @@ from evenlight.analysis import (
     plan_command,
     reproduce_command,
 )
-from evenlight.data_schema import export_command, validate_command
+from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.files import results_folder
-from evenlight.data_schema.sealed_folder import require_sealed, seal
-from evenlight.experiments import commands as experiment_commands
+from evenlight.data_schema.export import export_command
+from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 from evenlight.experiments import play_command, run_command
+from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.stimuli import commands as stimuli_commands
+
+if TYPE_CHECKING:
+    from evenlight.analysis.plans.ramp_plan_pool import TrueThresholds
+    from evenlight.data_schema.display import Display
+    from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
 
 app = typer.Typer(
     name="evenlight",
@@ -60,14 +65,16 @@ def start(
         typer.echo(context.get_help())
 
 
-def _simulated_ramps(design: Any, display: Any, participants: int, seed: int) -> Any:
+def _simulated_ramps(
+    design: RampDesign, display: Display, participants: int, seed: int
+) -> tuple[Sequence[RampTrial], TrueThresholds]:
     """Return the trials and true thresholds of simulated participants: who answers in a plan."""
-    from evenlight.experiments.simulate_ramp import simulated_trials_and_thresholds
+    from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
 
     return simulated_trials_and_thresholds(design, display, participants, seed)
 
 
-def _ramp_design(name_or_path: str) -> Any:
+def _ramp_design(name_or_path: str) -> RampDesign:
     """Return a design of the ramp experiment."""
     from evenlight.experiments.design_files import load_design
 
@@ -76,14 +83,14 @@ def _ramp_design(name_or_path: str) -> Any:
 
 def _fit_sweep(folder: Path) -> list[str]:
     """Write the results of a sweep into its folder, and return what is to be said of them."""
-    from evenlight.analysis.measurement.sweep_results import fit_sweep
+    from evenlight.analysis.measurement.sweeps.sweep_results import fit_sweep
 
     return fit_sweep(folder, folder)
 
 
 def _write_power(folder: Path, power_model: str | None) -> list[str]:
     """Write the results of measured power into its folder, and return what is to be said of them."""
-    from evenlight.analysis.measurement.power_table import write_power_results
+    from evenlight.analysis.measurement.played_power.power_report import write_power_results
     from evenlight.method.preset_files import load_power_model
 
     return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)

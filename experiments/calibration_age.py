@@ -1,4 +1,4 @@
-"""How old a calibration is, and whether a rig still takes it."""
+"""The time of day, and how old a calibration is by it: whether a rig still takes it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
-from evenlight.experiments.timed_logs import utc_now
 
 SECONDS_A_DAY = 86400.0
 
@@ -53,3 +52,8 @@ def _moment(text: str) -> datetime:
     """Return a time of day; one without a zone is UTC."""
     moment = datetime.fromisoformat(text)
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+def utc_now() -> str:
+    """Return the time of day, UTC (ISO 8601)."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

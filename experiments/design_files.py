@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.data_schema.session import DESIGN_OF_TASK, Design
-from evenlight.data_schema.sweep import DESIGN_OF_SWEEP, SweepDesign
-from evenlight.data_schema.text_files import read_toml_record
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.session import DESIGN_OF_TASK, Design
+from evenlight.data_schema.recordings.sweep import DESIGN_OF_SWEEP, SweepDesign
+from evenlight.data_schema.storage.text_files import read_toml_record
 
 DESIGNS = Path(__file__).parent / "designs"
 SUFFIX = ".design.toml"

@@ -1,48 +1,22 @@
-"""The experiments by name: what each is made of. A new one gets an entry, and nothing else changes."""
+"""The experiments by name: what each is made of."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.session import SessionManifest
-from evenlight.experiments.stimulus_folder import LoadedStimulus
-from evenlight.experiments.task import Task
+import numpy as np
 
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """What a session is made from, beside its manifest.
-
-    Attributes
-    ----------
-    manifest : SessionManifest
-        Design, display, seed, place in the data set.
-    rig : Rig
-        What it runs on now.
-    stimuli : sequence of LoadedStimulus
-        Of a viewing experiment.
-    smallest_factor : float
-        The lowest that the backlight can be asked for.
-    """
-
-    manifest: SessionManifest
-    rig: Rig
-    stimuli: Sequence[LoadedStimulus] = ()
-    smallest_factor: float = 0.0
-
-    @property
-    def session(self) -> tuple[int, int]:
-        """Seed, and place in the data set."""
-        return self.manifest.provenance.seed or 0, self.manifest.order_index
-
-    @property
-    def display(self) -> Display:
-        """The display."""
-        return self.manifest.display
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.ramp.ramp_observer import ramp_answers
+from evenlight.experiments.ramp.ramp_task import ramp_task
+from evenlight.experiments.sessions.task import AnswersOf, SessionSetting, Task
+from evenlight.experiments.viewing.comparison_task import ComparisonTask
+from evenlight.experiments.viewing.rating_task import RatingTask
+from evenlight.experiments.viewing.search_task import SearchTask
+from evenlight.experiments.viewing.simulated_viewers import viewing_answers
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +27,28 @@ class Experiment:
     ----------
     task : callable
         Makes its task in a setting.
-    sequences : callable
-        Names the sequences of its design; none where no video or scene is shown.
+    answers : callable
+        Makes the answers of a simulated observer in a setting, drawn by a generator.
     shows_videos : bool
         Whether the videos of its sequences are shown.
     """
 
-    task: Callable[[Setting], Task]
-    sequences: Callable[[Any], tuple[str, ...]]
-    shows_videos: bool
+    task: Callable[[SessionSetting], Task]
+    answers: Callable[[SessionSetting, np.random.Generator], AnswersOf]
+    shows_videos: bool = False
+
+    @staticmethod
+    def sequences(design: Any) -> tuple[str, ...]:
+        """Return the sequences of a design; none where no video or scene is shown."""
+        return tuple(getattr(design, "sequences", ()))
+
+
+_EXPERIMENTS = {
+    "ramp": Experiment(ramp_task, ramp_answers),
+    "rating": Experiment(RatingTask, viewing_answers, shows_videos=True),
+    "comparison": Experiment(ComparisonTask, viewing_answers, shows_videos=True),
+    "search": Experiment(SearchTask, viewing_answers),
+}
 
 
 def experiment(name: str) -> Experiment:
@@ -69,42 +56,16 @@ def experiment(name: str) -> Experiment:
     return _EXPERIMENTS[name]
 
 
-def _ramp(setting: Setting) -> Task:
-    from evenlight.experiments.ramp_task import RampTask
+def simulated_answers(setting: SessionSetting) -> AnswersOf:
+    """Return what makes the answers of a session's simulated observer.
 
-    return RampTask(
-        setting.manifest.design,  # type: ignore[arg-type] # the manifest checks that it is the task's
-        setting.display,
-        *setting.session,
-        setting.rig,
-        smallest_factor=setting.smallest_factor,
-    )
+    The observer is that of the participant's id: simulated participant 01 is the same in every session and
+    rehearsal. The answers need the session's seed and place in the data set, which come later.
 
-
-def _rating(setting: Setting) -> Task:
-    from evenlight.experiments.rating_task import RatingTask
-
-    design: Any = setting.manifest.design
-    return RatingTask(design, setting.stimuli, setting.session, setting.rig)
-
-
-def _comparison(setting: Setting) -> Task:
-    from evenlight.experiments.comparison_task import ComparisonTask
-
-    design: Any = setting.manifest.design
-    return ComparisonTask(design, setting.stimuli, setting.session, setting.rig)
-
-
-def _search(setting: Setting) -> Task:
-    from evenlight.experiments.search_task import SearchTask
-
-    design: Any = setting.manifest.design
-    return SearchTask(design, setting.stimuli, setting.session, setting.rig, setting.display)
-
-
-_EXPERIMENTS = {
-    "ramp": Experiment(_ramp, lambda design: (), shows_videos=False),
-    "rating": Experiment(_rating, lambda design: tuple(design.sequences), shows_videos=True),
-    "comparison": Experiment(_comparison, lambda design: tuple(design.sequences), shows_videos=True),
-    "search": Experiment(_search, lambda design: tuple(design.sequences), shows_videos=False),
-}
+    Raises
+    ------
+    InputError
+        If something that the observer sees cannot be had.
+    """
+    who = int(sha256_of_bytes(setting.manifest.participant_id.encode())[:12], 16)
+    return experiment(setting.manifest.task).answers(setting, generator_for(who, 0, Purpose.PERSON))

@@ -1,24 +1,25 @@
-"""The command `evenlight run`: one session with a participant, or its rehearsal."""
+"""The command `evenlight run`: one session with a participant, one sweep of a display, or its rehearsal."""
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import functools
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.seeds import require_seed
+from evenlight.data_schema.provenance import require_seed
 
 if TYPE_CHECKING:
-    from evenlight.experiments.conduct_session import Progress as SessionProgress
     from evenlight.experiments.run_session import SessionOutcome, SessionRequest
+    from evenlight.experiments.sessions.conduct_session import SessionProgress
+    from evenlight.experiments.sweeps.run_sweep import SweepRequest
 
 EXPERIMENTS = ("ramp", "rating", "comparison", "search")
 SWEEPS = ("luminance-sweep", "power-sweep")
@@ -26,8 +27,12 @@ TASKS = (*EXPERIMENTS, *SWEEPS)
 ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
+AnalyseSweep = Callable[
+    [Path], list[str]
+]  # writes a sweep's results into its folder; returns what to say of them
 
-class Simulation(enum.Enum):
+
+class Rehearsal(enum.Enum):
     """How a session is rehearsed."""
 
     DATA = "data"  # without a window
@@ -57,7 +62,7 @@ def run(
         typer.Option(help="Folder with a track, and a video, for each sequence of a viewing experiment."),
     ] = None,
     simulate: Annotated[
-        Simulation | None,
+        Rehearsal | None,
         typer.Option(help="Rehearse with a simulated observer: data, without a window; visual, through it."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
@@ -92,15 +97,16 @@ def run(
             )
     if seed is not None:
         require_seed(seed)
-    if simulate is not Simulation.VISUAL and real_time:
+    if simulate is not Rehearsal.VISUAL and real_time:
         raise InputError("--real-time goes with --simulate visual: a session with a person always runs so")
-    if simulate is Simulation.DATA and screenshots is not None:
+    if simulate is Rehearsal.DATA and screenshots is not None:
         raise InputError("--screenshots needs a window, which --simulate data does not open")
     from evenlight.experiments.calibration_age import require_young
-    from evenlight.experiments.design_files import load_task_design
-    from evenlight.experiments.pages import load_pages
+    from evenlight.experiments.design_files import load_sweep_design, load_task_design
     from evenlight.experiments.run_session import SessionRequest
-    from evenlight.experiments.staging import Staging
+    from evenlight.experiments.sessions.pages import load_pages
+    from evenlight.experiments.sessions.staging import Staging
+    from evenlight.experiments.sweeps.run_sweep import SweepRequest
     from evenlight.hardware.rig_files import load_rig
     from evenlight.method.preset_files import load_display
 
@@ -111,21 +117,31 @@ def run(
         for option, given in of_people.items():
             if given is not None:
                 raise InputError(f"{option} is for sessions with people; leave it out of {task}")
-        from evenlight.experiments.sweep_request import (
-            require_young_display,
-            run_sweep_as_asked,
-            sweep_request,
+        loaded, display_name = load_rig(rig)
+        new = (
+            display_name.endswith(".toml") and not Path(display_name).exists()
+        )  # what the sweep is to measure
+        sweep = SweepRequest(
+            task=task,
+            dataset=out,
+            session_id=session,
+            rig=loaded,
+            display=None if new else load_display(display_name),
+            design=load_sweep_design(task, design) if design else None,
+            staging=staging,
+            measured_by=participant or "",
+            seed=seed,
+            resume=resume,
         )
-
-        asked = sweep_request(task, rig, design, staging, (out, session, participant or ""), seed)
-        require_young_display(asked, accepted=old_calibration_ok)
-        return run_sweep_as_asked(dataclasses.replace(asked, resume=resume), quiet)
+        if sweep.goes_by_display and sweep.display is not None:
+            require_young(sweep.display, loaded.calibration_age_limit, accepted=old_calibration_ok)
+        return _run_sweep(sweep, quiet)
     loaded, display_name = load_rig(rig)
     try:
         display = load_display(display_name)
     except InputError as error:
         raise InputError(
-            f"the display of the rig {loaded.name!r} is not to be had, and without it no luminance can "
+            f"the display of the rig {loaded.name!r} cannot be loaded, and without it no luminance can "
             f"be drawn: {error}"
         ) from error
     request = SessionRequest(
@@ -146,74 +162,101 @@ def run(
         if staging.simulated
         else require_young(display, loaded.calibration_age_limit, accepted=old_calibration_ok),
     )
-    outcome = _run_with_progress(request, quiet)
-    if not quiet:
-        _close(outcome)
+    _run_session(request, quiet)
     return None
 
 
-def run_command(fit_sweep: Callable[[Path], list[str]]) -> Callable[..., None]:
-    """Return the command `run`, which hands the folder of a sweep that is complete to a fit.
+def run_command(analyse_sweep: AnalyseSweep) -> Callable[..., None]:
+    """Return the command `run`, which hands the folder of a complete sweep to an analysis.
 
     Parameters
     ----------
-    fit_sweep : callable
-        Writes the results of a sweep into its folder, and returns what is to be said of them.
+    analyse_sweep : callable
+        The analysis.
     """
 
     @functools.wraps(run)
-    def run_then_fit(**asked: Any) -> None:
+    def run_then_analyse(**asked: Any) -> None:
         complete = run(**asked)
         if complete is None:
             return
-        said = fit_sweep(complete)
-        if not asked["quiet"]:
-            for line in said:
+        for line in analyse_sweep(complete):
+            if not asked["quiet"]:
                 typer.echo(line)
 
-    return run_then_fit
+    return run_then_analyse
 
 
-def _run_with_progress(request: SessionRequest, quiet: bool) -> SessionOutcome:
-    """Run a session, with its progress on the experimenter's terminal."""
+@contextmanager
+def _bar(words: str, counted: str, *, off: bool) -> Iterator[Callable[[int, int, str], None]]:
+    """Yield what shows on the terminal how many trials or readings are done and planned, and what goes on.
+
+    Whoever interrupts is told what is safe: elsewhere nothing is left then, here everything is.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from evenlight.experiments.run_session import run_session
-
-    console = Console(stderr=True)
+    console, done = Console(stderr=True), 0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    done = 0
-    with Progress(
-        *columns, console=console, transient=True, disable=quiet or not console.is_terminal
-    ) as bars:
-        words = f"participant {request.participant_id}, session {request.session_id}"
+    with Progress(*columns, console=console, transient=True, disable=off or not console.is_terminal) as bars:
         bar = bars.add_task(words, total=None)
 
-        def show(progress: SessionProgress) -> None:
+        def show(completed: int, planned: int, description: str) -> None:
             nonlocal done
-            done = progress.done
-            flagged = f"{progress.flagged} flagged" if progress.flagged else ""
-            said = ", ".join(part for part in (words, progress.practised, flagged) if part)
-            bars.update(bar, completed=progress.done, total=progress.planned, description=said)
+            done = completed
+            bars.update(bar, completed=completed, total=planned, description=description)
 
         try:
-            return run_session(request, show)
+            yield show
         except BaseException as error:
             if isinstance(error, Exception | SystemExit):
                 raise
-            # Interrupted or told to end: elsewhere nothing is left then, here everything is.
             print(
-                f"evenlight: interrupted after {done} trials; all of them are safe, go on with --resume",
+                f"evenlight: interrupted after {done} {counted}; all of them are safe, go on with --resume",
                 file=sys.stderr,
             )
             sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
+def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
+    """Run a sweep with its progress on the terminal; return its folder if it is complete."""
+    from evenlight.data_schema.recordings.session import SessionStatus
+    from evenlight.experiments.sweeps.run_sweep import run_sweep
+
+    off = quiet or request.rig.luminance_meter == "manual"
+    with _bar(request.task, "readings", off=off) as show:
+        outcome = run_sweep(request, lambda done, n, level: show(done, n, f"{request.task}: {level}"))
+    words = f"{outcome.done} of {outcome.planned} readings in {outcome.folder}"
+    if outcome.status is not SessionStatus.COMPLETE:
+        if not quiet:
+            print(f"evenlight: stopped after {words}; go on with --resume", file=sys.stderr)
+        return None
+    if not quiet:
+        typer.echo(f"complete: {words}")
+    return outcome.folder
+
+
+def _run_session(request: SessionRequest, quiet: bool) -> None:
+    """Run a session with its progress on the experimenter's terminal, and say how it ended."""
+    from evenlight.experiments.run_session import run_session
+
+    words = f"participant {request.participant_id}, session {request.session_id}"
+    with _bar(words, "trials", off=quiet) as show:
+
+        def report(progress: SessionProgress) -> None:
+            flagged = f"{progress.flagged} flagged" if progress.flagged else ""
+            parts = (words, progress.practised, flagged)
+            show(progress.done, progress.planned, ", ".join(part for part in parts if part))
+
+        outcome = run_session(request, report)
+    if not quiet:
+        _close(outcome)
+
+
 def _close(outcome: SessionOutcome) -> None:
     """Say how a session ended."""
-    from evenlight.data_schema.dataset_layout import EVENTS
-    from evenlight.data_schema.session import SessionStatus
+    from evenlight.data_schema.recordings.dataset_layout import EVENTS
+    from evenlight.data_schema.recordings.session import SessionStatus
 
     flagged = f", {outcome.flagged} flagged" if outcome.flagged else ""
     words = f"{outcome.done} of {outcome.planned} trials{flagged} in {outcome.folder}"

@@ -8,23 +8,35 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from evenlight.data_schema.dataset_layout import MANIFEST, TRIALS, session_folder
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file, sha256_of_record
-from evenlight.data_schema.rig import Keys, Rig
-from evenlight.data_schema.session import DESIGN_OF_TASK, Design, EventKind, SessionManifest, SessionStatus
-from evenlight.data_schema.text_files import read_json_record
-from evenlight.experiments.conduct_session import Cast, Progress, conduct_session
-from evenlight.experiments.dataset import enrol
-from evenlight.experiments.experiment_kinds import Setting, experiment
-from evenlight.experiments.pages import Pages
-from evenlight.experiments.participants import Answers, Person, PressKey, SimulatedParticipant
-from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
-from evenlight.experiments.simulated_answers import simulated_answers
-from evenlight.experiments.staging import Staging, open_stage, smallest_factor
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file
+from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS, session_folder
+from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.data_schema.recordings.session import (
+    DESIGN_OF_TASK,
+    Design,
+    EventKind,
+    SessionManifest,
+    SessionStatus,
+)
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.experiment_kinds import experiment, simulated_answers
+from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
+from evenlight.experiments.sessions.dataset import enrol
+from evenlight.experiments.sessions.pages import Pages
+from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
+from evenlight.experiments.sessions.staging import Staging, open_stage, smallest_factor
+from evenlight.experiments.sessions.task import (
+    Answers,
+    Participant,
+    Person,
+    PressKey,
+    SessionSetting,
+    SimulatedParticipant,
+)
 from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
-from evenlight.experiments.task import Participant
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1
@@ -101,7 +113,7 @@ class SessionOutcome:
 
 
 def run_session(
-    request: SessionRequest, report: Callable[[Progress], None] = lambda progress: None
+    request: SessionRequest, report: Callable[[SessionProgress], None] = lambda progress: None
 ) -> SessionOutcome:
     """Run a session, new or resumed, and return how it ended.
 
@@ -118,7 +130,7 @@ def run_session(
     stimuli = _stimuli(request, design)
     manifest = began or _new_manifest(request, design, stimuli)
     _refuse_other_than_began(request, manifest, stimuli)
-    setting = Setting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
+    setting = SessionSetting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
     make_task = experiment(request.task).task
     task = make_task(setting)
     simulated = simulated_answers(setting) if request.staging.simulated else None
@@ -132,7 +144,7 @@ def run_session(
             if request.old_calibration:
                 store.note(EventKind.OLD_CALIBRATION, request.old_calibration)
             participant = _participant(setting, simulated, press)
-            cast = Cast(task, stage, participant, request.pages, request.rig.keys)
+            cast = SessionParts(task, stage, participant, request.pages, request.rig.keys)
             status = conduct_session(store, cast, report)
             done = sum(trial.usable for trial in store.trials)
             flagged = sum(task.is_flagged(trial) for trial in store.trials if not trial.practice)
@@ -240,7 +252,7 @@ def _refuse_other_than_began(
             )
 
 
-def _opened(request: SessionRequest, manifest: SessionManifest, setting: Setting) -> SessionStore:
+def _opened(request: SessionRequest, manifest: SessionManifest, setting: SessionSetting) -> SessionStore:
     """Return the files of the session, open."""
     utc = request.staging.utc
     if request.resume:
@@ -260,7 +272,7 @@ def _sessions_of_task(folder: Path, task: str) -> int:
 
 
 def _participant(
-    setting: Setting, simulated: Callable[[tuple[int, int]], Answers] | None, press: PressKey | None
+    setting: SessionSetting, simulated: Callable[[tuple[int, int]], Answers] | None, press: PressKey | None
 ) -> Participant:
     """Return who answers: a person, or the simulated observer of this session."""
     if simulated is None or press is None:

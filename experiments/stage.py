@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.hardware.protocols import KeyPress
-from evenlight.stimuli.landolt import Ring
+from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.video_source import VideoSource
+from evenlight.stimuli.video.video_source import VideoSource
 
 KEY_DECIMALS = 6  # of a response time [s]: what a key's time says, without the rounding of a difference
 
 
-class PausePressed(Exception):  # noqa: N818 - it is no error: somebody pressed the pause key
+class PausePressed(Exception):  # noqa: N818 - it is no error: the pause key was pressed
     """The pause key was pressed while something was shown."""
 
 
@@ -182,7 +182,7 @@ class SearchView:
 
 
 @dataclass(frozen=True, slots=True)
-class Searched:
+class SearchResult:
     """How a search went.
 
     Attributes
@@ -268,7 +268,7 @@ class Stage(Protocol):
     def prepare_scene(self, name: str) -> None:
         """Make a scene ready to be searched, where it is not yet; the first time may take a while."""
 
-    def search(self, view: SearchView) -> Searched:
+    def search(self, view: SearchView) -> SearchResult:
         """Show a scene to look around in until the key `found` is pressed or the time is over.
 
         Raises `PausePressed` if the pause key was pressed.

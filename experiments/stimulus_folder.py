@@ -13,16 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.data_schema.brightness_track import BrightnessTrack, OptimizationSummary, read_track
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves
 from evenlight.data_schema.provenance import sha256_of_file
-from evenlight.data_schema.text_files import read_json_record
-from evenlight.data_schema.viewing import Stimulus, Version
-from evenlight.experiments.track_fit import require_fit
-from evenlight.stimuli.ring_place_files import ring_places, search_sha256
-from evenlight.stimuli.video_source import VideoSource, open_video, size_of
+from evenlight.data_schema.recordings.viewing import Stimulus, Version
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, read_track
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
+from evenlight.experiments.playback.video_and_track import require_fit
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.rings.place_files import ring_places, search_sha256
+from evenlight.stimuli.video.video_source import VideoSource, size_of
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
 DARKEST_NEUTRAL = 1.0  # [cd/m^2] below it nobody reads a page

@@ -1,4 +1,9 @@
-"""Where a driver is and what stands in for its instrument: modules are imported when a device is opened."""
+"""The drivers that there are: one entry each, with its place, its emulated instrument, and what users read.
+
+A new driver is a file in `hardware.drivers`, an emulated instrument in `hardware.emulators`, and an entry
+here: `hardware.rig` opens it, `evenlight measure list` shows it, and tests/conventions/test_drivers.py tries
+it. Modules are imported when a device is opened.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +18,7 @@ from urllib.parse import urlsplit
 from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
-    from evenlight.hardware.simulated_panel import Simulation
+    from evenlight.hardware.simulated.panel import Simulation
 
 SIMULATED = "simulated"  # by itself, an instrument in this process; before a driver's name, an emulated one
 
@@ -28,28 +33,44 @@ class LinkKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver, and the emulated instrument that it can be tried on.
+    """A driver: its place, the emulated instrument to try it on, and what `measure list` says of it.
 
     Attributes
     ----------
     place : str
-        Module and class, as "power_board:BoardPowerMeter" in `evenlight.hardware`.
+        Module and class in `evenlight.hardware`, as "drivers.power_board:BoardPowerMeter"; empty where the
+        name opens no device.
+    instrument : str
+        What it drives; a driver without it is not listed.
+    address : str
+        The form of its address, e.g. "ls100:PORT".
+    settings : str
+        Of the line and of the instrument, in words.
+    note : str
+        What else to know: an extra or a program to install, what is not confirmed.
+    usb_ids : tuple of (int, int)
+        Vendor and product numbers that the instrument has on USB, where they are known.
     emulator : str
         Module and class of the emulated instrument; empty where there is none.
     link : LinkKind
         How the driver reaches that.
-    address : str
+    emulated_address : str
         Of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it.
     on_link : str
         Module and function that open the driver on an emulated instrument, where its class does not.
     needs_address : bool
-        Whether the driver has to be told where the instrument is.
+        Whether the driver needs to know where the instrument is.
     """
 
     place: str
+    instrument: str = ""
+    address: str = ""
+    settings: str = ""
+    note: str = ""
+    usb_ids: tuple[tuple[int, int], ...] = ()
     emulator: str = ""
     link: LinkKind = LinkKind.SOCKET
-    address: str = "{url}"
+    emulated_address: str = "{url}"
     on_link: str = ""
     needs_address: bool = True
 
@@ -64,7 +85,9 @@ class Driver:
     def open_at(self, url: str, clock: Callable[[], float], timeout: float | None = None) -> Any:
         """Return the driver, opened at what the link to an emulated instrument made."""
         opener, where = _named(self.on_link or self.place), urlsplit(url)
-        return opener(self.address.format(url=url, host=where.hostname, port=where.port), clock, timeout)
+        return opener(
+            self.emulated_address.format(url=url, host=where.hostname, port=where.port), clock, timeout
+        )
 
     def open_emulated(self, clock: Callable[[], float], simulation: Simulation) -> tuple[Any, Any]:
         """Return the driver on an emulated instrument, and the link between them; both are open."""
@@ -86,6 +109,186 @@ def _named(place: str) -> Any:
     """Return what a module of `evenlight.hardware` has under a name."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(f"evenlight.hardware.{module}"), name)
+
+
+IMPORTED = "csv"  # in place of a luminance meter: a table, whose readings a sweep imports
+BOARD = "board"  # one link, which a power meter and a backlight share
+NO_BACKLIGHT = "none"
+REMOTE_7E2 = "4800 baud, 7 data bits, even parity, 2 stop bits; hold F while switching it on"
+PHOTO_RESEARCH = "9600 baud, 8N1"
+EMULATED_METERS = "emulators.luminance_meters"
+
+LUMINANCE_METERS = {
+    "ls100": Driver(
+        "drivers.konica_minolta:Ls100",
+        "Konica Minolta LS-100",
+        "ls100:PORT",
+        REMOTE_7E2,
+        emulator=f"{EMULATED_METERS}:EmulatedLs100",
+    ),
+    "ls110": Driver(
+        "drivers.konica_minolta:Ls110",
+        "Konica Minolta LS-110",
+        "ls110:PORT",
+        REMOTE_7E2,
+        emulator=f"{EMULATED_METERS}:EmulatedLs110",
+    ),
+    "cs100a": Driver(
+        "drivers.konica_minolta:Cs100a",
+        "Konica Minolta CS-100A",
+        "cs100a:PORT",
+        REMOTE_7E2,
+        emulator=f"{EMULATED_METERS}:EmulatedCs100a",
+    ),
+    "pr655": Driver(
+        "drivers.photo_research:Pr655",
+        "Photo Research PR-655",
+        "pr655:PORT",
+        PHOTO_RESEARCH,
+        emulator=f"{EMULATED_METERS}:EmulatedPr655",
+        link=LinkKind.TERMINAL,
+    ),
+    "pr670": Driver(
+        "drivers.photo_research:Pr670",
+        "Photo Research PR-670",
+        "pr670:PORT",
+        PHOTO_RESEARCH,
+        emulator=f"{EMULATED_METERS}:EmulatedPr670",
+        link=LinkKind.TERMINAL,
+    ),
+    "pr650": Driver(
+        "drivers.photo_research:Pr650",
+        "Photo Research PR-650",
+        "pr650:PORT",
+        f"{PHOTO_RESEARCH}; switch it off and on, and connect within 5 s",
+        emulator=f"{EMULATED_METERS}:EmulatedPr650",
+        link=LinkKind.TERMINAL,
+    ),
+    "colorcal": Driver(
+        "drivers.colorcal:ColorCal",
+        "CRS ColorCAL II",
+        "colorcal:PORT",
+        "USB, any baud rate; its zero is set with the sensor covered",
+        usb_ids=((0x0861, 0x1001),),  # 2145, 4097
+        emulator=f"{EMULATED_METERS}:EmulatedColorCal",
+        link=LinkKind.TERMINAL,
+    ),
+    "spotread": Driver(
+        "drivers.spotread:Spotread",
+        "any colorimeter or spectrometer that ArgyllCMS knows",
+        "spotread: or spotread:NUMBER",
+        "the program `spotread` of ArgyllCMS; NUMBER is that of its list, 1 if left out",
+        "install it with: apt install argyll",
+        emulator="emulators.spotread:EmulatedSpotread",
+        link=LinkKind.OWN,
+        needs_address=False,
+    ),
+    "manual": Driver(
+        "drivers.manual_meter:ManualMeter",
+        "any meter that is read by eye",
+        "manual",
+        "readings are typed in, in cd/m^2; u for under range, o for over range, stop to end",
+        needs_address=False,
+    ),
+    IMPORTED: Driver(
+        "",
+        "a table of readings made elsewhere",
+        "csv:FILE",
+        "columns pixel_value,luminance_cd_m2 and, where the brightness was varied, factor",
+        "named in a rig, and imported by `evenlight run luminance-sweep`",
+    ),
+    SIMULATED: Driver(
+        "simulated.luminance_meter:SimulatedLuminanceMeter",
+        "a simulated luminance meter, looking at the simulated panel",
+        "simulated, or simulated:DRIVER for a driver on its emulated instrument",
+        "a spot meter of 4 digits",
+        needs_address=False,
+    ),
+}
+POWER_METERS = {
+    BOARD: Driver(
+        "drivers.power_board:BoardPowerMeter",
+        "power board: an INA219, INA226 or INA228 on a microcontroller (docs/power-board.md)",
+        "board:PORT, board:PORT?baud=921600",
+        "115200 8N1; up to 272 Hz, or what the board states where its serial port is USB itself",
+        "the same port may be the rig's backlight; its sync input marks the frames",
+        emulator="emulators.power_board:PowerBoardEmulator",
+        link=LinkKind.TERMINAL,
+    ),
+    "hwmon": Driver(
+        "drivers.hwmon_power:HwmonPowerMeter",
+        "a power sensor that Linux drives itself, under hwmon or iio",
+        "hwmon:NAME or hwmon:FOLDER, e.g. hwmon:ina226; hwmon:NAME?channel=2",
+        "files under /sys; as fast as the sensor's update_interval, at most 1000 Hz",
+        "samples carry the computer's time; no sync input",
+        emulator="emulators.hwmon:HwmonEmulator",
+        link=LinkKind.OWN,
+    ),
+    "ppk2": Driver(
+        "drivers.nordic_ppk2:Ppk2PowerMeter",
+        "Nordic Power Profiler Kit II, as an ampere meter in the panel's supply",
+        "ppk2:PORT?voltage=5.0, with the supply's voltage, 0.8 to 5.0 V, at most 1 A",
+        "USB; 100 kHz, averaged to the rate asked for, 10 Hz to 10 kHz; frame line on D0",
+        "needs the extra: pip install 'evenlight[instruments]' (ppk2-api, GPLv2)",
+        usb_ids=((0x1915, 0xC00A),),
+        emulator="emulators.ppk2:Ppk2Emulator",
+        link=LinkKind.TERMINAL,
+        emulated_address="{url}?voltage=5.0",
+    ),
+    "scpi": Driver(
+        "drivers.scpi_power:ScpiPowerMeter",
+        "a bench supply, multimeter or power analyser that speaks SCPI",
+        "scpi:HOST:PORT, scpi:HOST (port 5025) or scpi:/dev/ttyUSB0; ?voltage=5.0 for an ammeter",
+        "raw socket, or 9600 8N1; MEAS:POW?, else MEAS:VOLT? times MEAS:CURR?",
+        "samples carry the computer's time; as fast as the instrument answers",
+        emulator="emulators.scpi_instrument:ScpiEmulator",
+        emulated_address="{host}:{port}",
+    ),
+    "visa": Driver(
+        "drivers.scpi_power:VisaPowerMeter",
+        "the same over USB, GPIB or VXI-11, through PyVISA",
+        "visa:RESOURCE, e.g. visa:USB0::0x2A8D::0x1301::MY1::INSTR; ?voltage=5.0 for an ammeter",
+        "those of the resource",
+        "needs the extra: pip install 'evenlight[instruments]' (pyvisa, pyvisa-py)",
+        emulator="emulators.scpi_instrument:ScpiEmulator",
+        emulated_address="TCPIP::{host}::{port}::SOCKET",
+    ),
+    SIMULATED: Driver("simulated.power_meter:SimulatedPowerMeter", needs_address=False),
+}
+BACKLIGHTS = {
+    "sysfs": Driver(
+        "drivers.sysfs_backlight:SysfsBacklight",
+        "the computer's own panel, as Linux drives it",
+        "sysfs:NAME",
+        "a folder under /sys/class/backlight; some milliseconds a setting",
+        "steps that Linux calls non-linear need a measured `backlight_curve`",
+    ),
+    "ddc": Driver(
+        "drivers.ddc_backlight:DdcBacklight",
+        "a monitor over DDC/CI, in steps of about 1 %",
+        "ddc:NUMBER, that of its I2C bus: ddc:5 for /dev/i2c-5",
+        "50 ms between messages, 0.14 s a setting: for baselines and sweeps, not for every frame",
+        "needs the extra: pip install 'evenlight[instruments]' (monitorcontrol), and the module i2c-dev",
+        emulator="emulators.ddc_monitor:EmulatedMonitor",
+        on_link="emulators.ddc_monitor:backlight_on",
+    ),
+    BOARD: Driver(
+        "drivers.power_board:BoardBacklight",
+        "the PWM output of the power board (docs/power-board.md)",
+        "board:PORT",
+        "115200 8N1; the link is shared with the power meter where that names the same port",
+        emulator="emulators.power_board:PowerBoardEmulator",
+        link=LinkKind.TERMINAL,
+    ),
+    SIMULATED: Driver(
+        "simulated.panel:SimulatedBacklight",
+        "a simulated backlight, in 4095 steps",
+        "simulated, or simulated:DRIVER for a driver on its emulated instrument",
+        "none",
+        needs_address=False,
+    ),
+    NO_BACKLIGHT: Driver("", "no backlight: pixels make the brightness", "none", "none"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,17 +330,16 @@ def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDr
     InputError
         If there is no such driver, or the name does not say where the instrument is.
 
-    >>> meters = {"ls100": Driver("konica:Ls100", "emulators:Ls100")}
-    >>> named_driver("ls100:COM3", meters, "luminance meter").address
+    >>> named_driver("ls100:COM3", LUMINANCE_METERS, "luminance meter").address
     'COM3'
-    >>> named_driver("simulated:ls100", meters, "luminance meter").emulated
+    >>> named_driver("simulated:ls100", LUMINANCE_METERS, "luminance meter").emulated
     True
     """
     driver, _, address = name.partition(":")
     emulated = driver == SIMULATED and bool(address)
     if emulated:
         driver, address = address, ""
-    offered = [each for each in drivers if not emulated or drivers[each].emulator]
+    offered = [each for each in drivers if (drivers[each].emulator if emulated else drivers[each].place)]
     if driver not in offered:
         kind = f"emulated {what}" if emulated else what
         raise InputError(f"{name}: there is no {kind} {driver!r}; {_offer(driver, offered)}")
@@ -154,7 +356,7 @@ def own_simulation(clock: Callable[[], float]) -> Simulation:
 
     import numpy as np
 
-    from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+    from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
     return Simulation(SimulatedPanel(PanelPhysics(), clock), np.random.default_rng(1), clock, time.sleep)
 

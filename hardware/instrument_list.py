@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from evenlight.hardware.backlight_notes import BACKLIGHTS
-from evenlight.hardware.driver_notes import DriverNote
-from evenlight.hardware.luminance_meters import LUMINANCE_METERS
-from evenlight.hardware.power_meters import POWER_METERS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS, Driver
 
 SYSTEM = Path("/sys")
 SERIAL_CONVERTERS = (0x0403, 0x067B, 0x10C4, 0x1A86)  # vendors: FTDI, Prolific, Silicon Labs, WCH
@@ -40,7 +34,7 @@ class SerialPort(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Present:
+class ConnectedDevices:
     """What a computer has.
 
     Attributes
@@ -55,14 +49,14 @@ class Present:
     system: Path = SYSTEM
 
 
-def what_is_present() -> Present:
+def connected_devices() -> ConnectedDevices:
     """Return what this computer has; nothing is opened."""
     from serial.tools.list_ports import comports
 
-    return Present(tuple(sorted(comports(), key=lambda port: str(port.device))))
+    return ConnectedDevices(tuple(sorted(comports(), key=lambda port: str(port.device))))
 
 
-def list_lines(present: Present) -> list[str]:
+def list_lines(present: ConnectedDevices) -> list[str]:
     """Return all that is to be shown, line by line."""
     system = present.system
     return [
@@ -79,7 +73,7 @@ def list_lines(present: Present) -> list[str]:
 
 def driver_names() -> list[str]:
     """Return what drivers are called, in the order of the list, each once."""
-    return list(dict.fromkeys(note.name for note in (*LUMINANCE_METERS, *POWER_METERS, *BACKLIGHTS)))
+    return list(dict.fromkeys((*LUMINANCE_METERS, *POWER_METERS, *BACKLIGHTS)))
 
 
 def missing_lines() -> Iterable[str]:
@@ -92,19 +86,21 @@ def missing_lines() -> Iterable[str]:
             yield f"{name}, for {needed_by}: {install}"
 
 
-def known_instruments(vendor: int | None, product: int | None) -> list[DriverNote]:
-    """Return the drivers of the instruments that have a USB id."""
-    notes: Sequence[DriverNote] = (*LUMINANCE_METERS, *POWER_METERS)
-    return [note for note in notes if (vendor, product) in note.usb_ids]
+def known_instruments(vendor: int | None, product: int | None) -> dict[str, Driver]:
+    """Return the drivers of the instruments that have a USB id, by name."""
+    drivers = (*LUMINANCE_METERS.items(), *POWER_METERS.items())
+    return {name: driver for name, driver in drivers if (vendor, product) in driver.usb_ids}
 
 
-def _drivers(title: str, notes: Iterable[DriverNote]) -> Iterable[str]:
+def _drivers(title: str, drivers: Mapping[str, Driver]) -> Iterable[str]:
     """Yield the drivers of one kind of instrument."""
     yield title
-    for note in notes:
-        yield f"  {note.name:<10} {note.instrument}"
-        yield f"  {'':<10}   {note.address}"
-        for words in (note.settings, note.note):
+    for name, driver in drivers.items():
+        if not driver.instrument:
+            continue
+        yield f"  {name:<10} {driver.instrument}"
+        yield f"  {'':<10}   {driver.address}"
+        for words in (driver.settings, driver.note):
             if words and words != "none":
                 yield f"  {'':<10}   {words}"
     yield ""
@@ -118,7 +114,7 @@ def _found(title: str, lines: list[str], nothing: str = "none") -> Iterable[str]
 
 
 def _port_line(port: SerialPort) -> str:
-    """Return a serial port, with the instrument that its USB id tells."""
+    """Return a serial port, with the instrument of its USB id."""
     words = [port.device]
     if port.vid is not None and port.pid is not None:
         words.append(f"USB {port.vid:04X}:{port.pid:04X}")
@@ -126,8 +122,8 @@ def _port_line(port: SerialPort) -> str:
         words.append(port.description)
     if port.serial_number:
         words.append(f"serial number {port.serial_number}")
-    if notes := known_instruments(port.vid, port.pid):
-        words += [f"{note.instrument}: {note.name}:{port.device}" for note in notes]
+    if drivers := known_instruments(port.vid, port.pid):
+        words += [f"{driver.instrument}: {name}:{port.device}" for name, driver in drivers.items()]
     elif port.vid in SERIAL_CONVERTERS:
         words.append("a serial converter: its instrument does not show")
     return "  ".join(words)

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from evenlight.data_schema.display import HIGHEST_LUMINANCE
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.sweep import LuminanceReading, ReadingStatus, SweepPhase
-from evenlight.data_schema.text_files import csv_rows
+from evenlight.data_schema.recordings.sweep import LuminanceReading, ReadingStatus, SweepPhase
+from evenlight.data_schema.storage.tables import csv_rows
 
 COLUMNS = ("pixel_value", "luminance_cd_m2", "factor")
 UNDER_RANGE = "u"

@@ -33,9 +33,9 @@ def list_instruments(
     quiet: Annotated[bool, typer.Option("--quiet", help="Only the names of the drivers.")] = False,
 ) -> None:
     """Show drivers, what is plugged in, and what is not installed; nothing is opened."""
-    from evenlight.hardware.instrument_list import driver_names, list_lines, what_is_present
+    from evenlight.hardware.instrument_list import connected_devices, driver_names, list_lines
 
-    for line in driver_names() if quiet else list_lines(what_is_present()):
+    for line in driver_names() if quiet else list_lines(connected_devices()):
         typer.echo(line)
 
 
@@ -57,7 +57,7 @@ def luminance(
 
     name = instrument or _named(rig, "luminance_meter")
     with _saying_what_is_kept(out):
-        typer.echo(measure_luminance(name, count, interval_s, out, _tell(quiet)))
+        typer.echo(measure_luminance(name, count, interval_s, out, _show(quiet)))
 
 
 @measure.command()
@@ -76,7 +76,7 @@ def power(
 
     name = instrument or _named(rig, "power_meter")
     with _saying_what_is_kept(out):
-        typer.echo(measure_power(name, seconds, rate_hz, out, _tell(quiet)))
+        typer.echo(measure_power(name, seconds, rate_hz, out, _show(quiet)))
 
 
 @measure.command()
@@ -86,9 +86,9 @@ def zero(
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
     """Set the zero of a meter: asks to cover its sensor, or to unplug the panel, and for Enter."""
-    from evenlight.hardware.zeroing import measure_zero
+    from evenlight.hardware.measuring import measure_zero
 
-    typer.echo(measure_zero(instrument, None if yes else input, _tell(quiet)))
+    typer.echo(measure_zero(instrument, None if yes else input, _show(quiet)))
 
 
 def _named(rig: str | None, key: str) -> str:
@@ -111,7 +111,7 @@ def _named(rig: str | None, key: str) -> str:
 
 @contextmanager
 def _saying_what_is_kept(out: Path | None) -> Iterator[None]:
-    """Say where the table is, if whoever reads an instrument is interrupted."""
+    """Say where the table is, if the measurement is interrupted."""
     begun_with = out is not None and out.exists()
     try:
         yield
@@ -122,6 +122,6 @@ def _saying_what_is_kept(out: Path | None) -> Iterator[None]:
         sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
-def _tell(quiet: bool) -> Callable[[str], None]:
+def _show(quiet: bool) -> Callable[[str], None]:
     """Return what shows a line."""
     return (lambda _: None) if quiet else typer.echo

@@ -1,4 +1,4 @@
-"""Readings at the bench: of a luminance meter one by one, of a power meter over some seconds."""
+"""Readings at the bench: luminance one by one, power over some seconds, and the zero of a meter."""
 
 from __future__ import annotations
 
@@ -9,25 +9,29 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from evenlight.data_schema.append_rows import AppendedRows
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.meter_reading import MeterReading
-from evenlight.data_schema.power_log import PowerSample
-from evenlight.hardware.clocks import WaitingClock
-from evenlight.hardware.driver_table import SIMULATED
+from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
+from evenlight.data_schema.storage.append_log import AppendedRows
+from evenlight.hardware.driver_table import LUMINANCE_METERS, POWER_METERS, SIMULATED, named_driver
 from evenlight.hardware.power_average import PowerAverage, averaged, sampled
-from evenlight.hardware.protocols import Reading
-from evenlight.hardware.rig import is_simulated, open_luminance_meter, open_power_meter
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, Reading, ZeroedMeter
+from evenlight.hardware.rig import (
+    is_simulated,
+    open_luminance_meter,
+    open_power_meter,
+)
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 WARM = 3600.0  # [s] since a simulated panel was switched on: nine times its warm-up time
 SEED = 1  # of simulated noise
-TOLD_EVERY = 1.0  # [s]
-KEPT_EVERY = 0.25  # [s] samples are brought to the disk
-
-Tell = Callable[[str], None]
+SHOWN_EVERY = 1.0  # [s]
+SAVED_EVERY = 0.25  # [s] samples are brought to the disk
+ShowLine = Callable[[str], None]
+METERS = {name: driver for name, driver in (LUMINANCE_METERS | POWER_METERS).items() if driver.place}
+OFF = PanelPhysics(peak_luminance=0.0, black_level=0.0, base_power=0.0, power_per_luminance=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class Bench:
     timed: bool
 
     def utc(self) -> str:
-        """Return the time of day; empty where time goes only while somebody waits."""
+        """Return the time of day; empty where time passes only while the program waits."""
         return datetime.now(UTC).isoformat(timespec="milliseconds") if self.timed else ""
 
 
@@ -77,7 +81,7 @@ def bench_for(name: str, panel: PanelPhysics | None = None) -> Bench:
     return Bench(since_switched_on, time.sleep, simulation, timed=True)
 
 
-def measure_luminance(name: str, count: int, interval: float, out: Path | None, tell: Tell) -> str:
+def measure_luminance(name: str, count: int, interval: float, out: Path | None, show: ShowLine) -> str:
     """Read a luminance meter some times, and return the closing line.
 
     Parameters
@@ -90,14 +94,14 @@ def measure_luminance(name: str, count: int, interval: float, out: Path | None, 
         From the begin of one to that of the next, if the meter is fast enough [s].
     out : Path or None
         A new table of `MeterReading`.
-    tell : callable
+    show : callable
         Shows a line for each reading.
     """
     bench = bench_for(name)
     with ExitStack() as stack:
         rows = _rows(stack, out, MeterReading)
         meter = stack.enter_context(open_luminance_meter(name, bench.clock, bench.simulation))
-        introduce(meter.apparatus(), tell)
+        _introduce(meter.apparatus(), show)
         readings: list[Reading] = []
         for index in range(1, count + 1):
             if readings:
@@ -105,11 +109,11 @@ def measure_luminance(name: str, count: int, interval: float, out: Path | None, 
             reading = meter.read_luminance()
             readings.append(reading)
             rows([_row(index, reading, readings[0].begun, name, bench.utc())])
-            tell(_shown(index, reading, readings[0].begun))
+            show(_shown(index, reading, readings[0].begun))
     return _closing([reading.value for reading in readings], name)
 
 
-def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell: Tell) -> str:
+def measure_power(name: str, seconds: float, rate: float, out: Path | None, show: ShowLine) -> str:
     """Average the power of a meter over some seconds, and return the closing line.
 
     Parameters
@@ -122,7 +126,7 @@ def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell
         Samples each second [Hz].
     out : Path or None
         A new table of `PowerSample`.
-    tell : callable
+    show : callable
         Shows the mean so far, once a second.
     """
     if rate <= 0 or seconds * rate < 2:
@@ -138,39 +142,31 @@ def measure_power(name: str, seconds: float, rate: float, out: Path | None, tell
     with ExitStack() as stack:
         rows = _rows(stack, out, PowerSample)
         meter = stack.enter_context(open_power_meter(name, bench.clock, bench.simulation))
-        introduce(meter.apparatus(), tell)
+        _introduce(meter.apparatus(), show)
         begun = bench.clock()
         achieved = meter.start(rate)
-        tell(f"{achieved:g} samples a second" + ("" if achieved == rate else f" instead of {rate:g}"))
-        taken = _Taken(rows, tell, bench.clock)
+        show(f"{achieved:g} samples a second" + ("" if achieved == rate else f" instead of {rate:g}"))
+        log = _SampleLog(rows, show, bench.clock)
         try:
             for samples in sampled(meter, seconds, achieved, bench.clock, bench.wait):
-                taken.add(samples)
+                log.add(samples)
         finally:
-            taken.keep()
+            log.keep()
         ended = bench.clock()
-    average = averaged(taken.samples, begun=begun, ended=ended, seconds=seconds, sample_rate=achieved)
+    average = averaged(log.samples, begun=begun, ended=ended, seconds=seconds, sample_rate=achieved)
     return _average_line(average, name)
 
 
-class _Taken:
-    """The samples of a power meter so far, kept and told of now and then.
+class _SampleLog:
+    """The samples of a power meter so far, brought to the disk and summed up on the screen now and then."""
 
-    Parameters
-    ----------
-    rows : callable
-        Keeps samples on the disk.
-    tell : callable
-        Shows a line.
-    clock : callable
-        The computer's clock [s].
-    """
-
-    def __init__(self, rows: Callable[[Iterable[Any]], None], tell: Tell, clock: Callable[[], float]) -> None:
-        self._rows, self._tell, self._clock = rows, tell, clock
+    def __init__(
+        self, rows: Callable[[Iterable[Any]], None], show: ShowLine, clock: Callable[[], float]
+    ) -> None:
+        self._rows, self._show, self._clock = rows, show, clock
         self.samples: list[PowerSample] = []
         self._kept, self._sum = 0, 0.0
-        self._begun = self._kept_at = self._told_at = clock()
+        self._begun = self._kept_at = self._shown_at = clock()
 
     def add(self, samples: Iterable[PowerSample]) -> None:
         """Take in the samples that came."""
@@ -178,13 +174,13 @@ class _Taken:
             self.samples.append(sample)
             self._sum += sample.power
         now = self._clock()
-        if now - self._kept_at >= KEPT_EVERY:
+        if now - self._kept_at >= SAVED_EVERY:
             self._kept_at = now
             self.keep()
-        if now - self._told_at >= TOLD_EVERY and self.samples:
-            self._told_at = now
+        if now - self._shown_at >= SHOWN_EVERY and self.samples:
+            self._shown_at = now
             mean, count = self._sum / len(self.samples), len(self.samples)
-            self._tell(f"{now - self._begun:7.1f} s  {mean:.4f} W  mean so far, {count} samples")
+            self._show(f"{now - self._begun:7.1f} s  {mean:.4f} W  mean so far, {count} samples")
 
     def keep(self) -> None:
         """Bring what came to the disk."""
@@ -225,10 +221,10 @@ def _rows(stack: ExitStack, out: Path | None, cls: type[Any]) -> Callable[[Itera
     return keep
 
 
-def introduce(apparatus: dict[str, str], tell: Tell) -> None:
+def _introduce(apparatus: dict[str, str], show: ShowLine) -> None:
     """Show what an instrument says of itself."""
     if apparatus:
-        tell(", ".join(f"{key.replace('_', ' ')}: {value}" for key, value in apparatus.items()))
+        show(", ".join(f"{key.replace('_', ' ')}: {value}" for key, value in apparatus.items()))
 
 
 def _row(index: int, reading: Reading, first: float, name: str, utc: str) -> MeterReading:
@@ -266,3 +262,52 @@ def _average_line(average: PowerAverage, name: str) -> str:
 def _labelled(line: str, name: str) -> str:
     """Return a line that says so where the instrument was a simulated one."""
     return f"SIMULATED: {line}" if is_simulated(name) else line
+
+
+def measure_zero(name: str, ask: Callable[[str], str] | None, show: ShowLine) -> str:
+    """Set the zero of an instrument, and return the closing line.
+
+    Parameters
+    ----------
+    name : str
+        The instrument.
+    ask : callable or None
+        Shows a question, and returns the line that was typed once all is ready; None where it is already.
+    show : callable
+        Shows a line.
+
+    Raises
+    ------
+    InputError
+        If there is no such instrument, it has no zero to set, or no one answers.
+    InstrumentError
+        If it is not there, or refuses.
+    """
+    before = _preparation(name)
+    if ask is not None:
+        try:
+            ask(f"{name}: {before}, then press Enter: ")
+        except EOFError:
+            raise InputError("no one has pressed Enter; where all is ready, give --yes") from None
+    with _opened(name) as meter:
+        _introduce(meter.apparatus(), show)
+        found = cast("ZeroedMeter", meter).zero()
+    what = "" if found is None else f"; it was {found * 1e3:.3g} mA"
+    return f"{'SIMULATED: ' if is_simulated(name) else ''}zero set{what}"
+
+
+def _preparation(name: str) -> str:
+    """Return what has to be done before the zero of an instrument is set; refuse one that has none."""
+    driver = named_driver(name, METERS, "luminance or power meter").driver.load()
+    if not hasattr(driver, "zero"):
+        having = ", ".join(each for each in METERS if hasattr(METERS[each].load(), "zero"))
+        raise InputError(f"{name}: has no zero that is set by command; these have: {having}")
+    return str(driver.before_zero)
+
+
+def _opened(name: str) -> LuminanceMeter | PowerMeter:
+    """Return a meter, open; a simulated one looks at a panel that is off."""
+    bench = bench_for(name, OFF)
+    if named_driver(name, METERS, "luminance or power meter").name in POWER_METERS:
+        return open_power_meter(name, bench.clock, bench.simulation)
+    return open_luminance_meter(name, bench.clock, bench.simulation)

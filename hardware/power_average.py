@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_log import PowerSample
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.protocols import Fault, InstrumentError, PowerMeter
 
 POLL = 0.05  # [s] between two looks at the meter, or the time between two samples if that is shorter,
@@ -93,7 +93,7 @@ def average_power(
         for batch in sampled(meter, seconds, rate, clock, wait):
             samples += batch
     except BaseException:
-        with contextlib.suppress(InstrumentError):  # the first fault is the one to tell
+        with contextlib.suppress(InstrumentError):  # the first fault is the one to report
             meter.stop()
         raise
     return averaged(samples, begun=begun, ended=clock(), seconds=seconds, sample_rate=rate)

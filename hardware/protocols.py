@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # every command imports this module, and shows its help witho
     import numpy as np
     from numpy.typing import NDArray
 
-    from evenlight.data_schema.power_log import ClockPing, PowerSample
+    from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
 
 
 class Fault(enum.Enum):
@@ -161,14 +161,21 @@ class HeldKeys(Protocol):
         """Let go of the device."""
 
 
-class Backlight(Protocol):
-    """A backlight whose brightness factor is set."""
+class ContextManaged(Protocol):
+    """A device that is closed at the end of its context."""
 
     def __enter__(self) -> Self:
         """Return the device, open."""
 
     def __exit__(self, *_: object) -> None:
         """Close it."""
+
+    def close(self) -> None:
+        """Let go of the device; more than once does nothing."""
+
+
+class Backlight(ContextManaged, Protocol):
+    """A backlight whose brightness factor is set."""
 
     def set_factor(self, factor: float) -> float:
         """Set the brightness factor b, and return the one achieved: the nearest step of the device.
@@ -195,14 +202,8 @@ class Backlight(Protocol):
         """Leave the device as it was found."""
 
 
-class LuminanceMeter(Protocol):
+class LuminanceMeter(ContextManaged, Protocol):
     """A spot meter aimed at the display."""
-
-    def __enter__(self) -> Self:
-        """Return the device, open."""
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
 
     def read_luminance(self) -> Reading:
         """Return one reading [cd/m^2].
@@ -216,18 +217,9 @@ class LuminanceMeter(Protocol):
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself: model, serial number, firmware, settings."""
 
-    def close(self) -> None:
-        """Let go of the instrument; more than once does nothing."""
 
-
-class PowerMeter(Protocol):
+class PowerMeter(ContextManaged, Protocol):
     """An instrument that samples the power of a panel."""
-
-    def __enter__(self) -> Self:
-        """Return the device, open."""
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
 
     def start(self, rate: float) -> float:
         """Begin to sample at a rate [Hz], and return the one achieved: the nearest that it has.
@@ -259,9 +251,6 @@ class PowerMeter(Protocol):
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself: model, serial number, firmware, settings."""
 
-    def close(self) -> None:
-        """Let go of the instrument; more than once does nothing."""
-
 
 class ZeroedMeter(Protocol):
     """What a luminance or power meter is besides, if its zero is set by command.
@@ -282,3 +271,25 @@ class ZeroedMeter(Protocol):
         InstrumentError
             If it is not near zero.
         """
+
+
+class ContextDevice:
+    """What all drivers and simulated devices share: a context closes them, and closed they refuse to work."""
+
+    _name: str  # as messages name the device
+    _closed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the device; more than once does nothing."""
+        self._closed = True
+
+    def _require_open(self) -> None:
+        """Refuse to work after `close`."""
+        if self._closed:
+            raise InstrumentError(f"{self._name}: is closed", Fault.DISCONNECTED)

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import SLOWEST_DISPLAY, Rig
-from evenlight.hardware.clocks import RefreshClock
+from evenlight.data_schema.recordings.rig import SLOWEST_DISPLAY, Rig
 from evenlight.hardware.driver_table import (
+    BACKLIGHTS,
+    BOARD,
+    IMPORTED,
+    LUMINANCE_METERS,
+    NO_BACKLIGHT,
+    POWER_METERS,
     SIMULATED,
-    Driver,
-    LinkKind,
     NamedDriver,
     named_driver,
     own_simulation,
@@ -28,93 +31,11 @@ from evenlight.hardware.protocols import (
     ResponseDevice,
     Window,
 )
+from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
-    from evenlight.hardware.board_link import PowerBoard
-    from evenlight.hardware.simulated_panel import Simulation
+    from evenlight.hardware.simulated.panel import Simulation
 
-IMPORTED = "csv"  # in place of a luminance meter: a table, whose readings a sweep imports
-BOARD = "board"  # one link, which a power meter and a backlight share
-
-LUMINANCE_METERS = {  # what they are for the person at the bench stands in hardware/luminance_meters.py
-    "ls100": Driver("konica_minolta:Ls100", "emulators.konica_minolta:EmulatedLs100"),
-    "ls110": Driver("konica_minolta:Ls110", "emulators.konica_minolta:EmulatedLs110"),
-    "cs100a": Driver(
-        "konica_minolta:Cs100a",
-        "emulators.konica_minolta:EmulatedCs100a",
-    ),
-    "pr655": Driver(
-        "photo_research:Pr655",
-        "emulators.photo_research:EmulatedPr655",
-        LinkKind.TERMINAL,
-    ),
-    "pr670": Driver(
-        "photo_research:Pr670",
-        "emulators.photo_research:EmulatedPr670",
-        LinkKind.TERMINAL,
-    ),
-    "pr650": Driver(
-        "photo_research_650:Pr650",
-        "emulators.photo_research:EmulatedPr650",
-        LinkKind.TERMINAL,
-    ),
-    "colorcal": Driver(
-        "colorcal:ColorCal",
-        "emulators.colorcal:EmulatedColorCal",
-        LinkKind.TERMINAL,
-    ),
-    "spotread": Driver(
-        "spotread:Spotread",
-        "emulators.spotread:EmulatedSpotread",
-        LinkKind.OWN,
-        needs_address=False,
-    ),
-    "manual": Driver("manual_meter:ManualMeter", needs_address=False),
-    SIMULATED: Driver("simulated_luminance_meter:SimulatedLuminanceMeter", needs_address=False),
-}
-POWER_METERS = {  # hardware/power_meters.py
-    BOARD: Driver(
-        "power_board:BoardPowerMeter",
-        "emulators.power_board:PowerBoardEmulator",
-        LinkKind.TERMINAL,
-    ),
-    "hwmon": Driver(
-        "hwmon_power:HwmonPowerMeter",
-        "emulators.hwmon:HwmonEmulator",
-        LinkKind.OWN,
-    ),
-    "ppk2": Driver(
-        "nordic_ppk2:Ppk2PowerMeter",
-        "emulators.ppk2:Ppk2Emulator",
-        LinkKind.TERMINAL,
-        address="{url}?voltage=5.0",
-    ),
-    "scpi": Driver(
-        "scpi_power:ScpiPowerMeter",
-        "emulators.scpi_instrument:ScpiEmulator",
-        address="{host}:{port}",
-    ),
-    "visa": Driver(
-        "scpi_power:VisaPowerMeter",
-        "emulators.scpi_instrument:ScpiEmulator",
-        address="TCPIP::{host}::{port}::SOCKET",
-    ),
-    SIMULATED: Driver("simulated_power_meter:SimulatedPowerMeter", needs_address=False),
-}
-BACKLIGHTS = {  # hardware/backlight_notes.py
-    "sysfs": Driver("backlights:SysfsBacklight"),
-    "ddc": Driver(
-        "ddc_backlight:DdcBacklight",
-        "emulators.ddc_monitor:EmulatedMonitor",
-        on_link="emulators.ddc_monitor:backlight_on",
-    ),
-    BOARD: Driver(
-        "power_board:BoardBacklight",
-        "emulators.power_board:PowerBoardEmulator",
-        LinkKind.TERMINAL,
-    ),
-    SIMULATED: Driver("backlights:SimulatedBacklight", needs_address=False),
-}
 FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
 LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
 
@@ -129,14 +50,14 @@ def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsa
     refresh_clock : RefreshClock, optional
         A clock that goes with the flips, for a rehearsal at full speed; else the computer's.
     rehearsal : bool, optional
-        Whether any refresh rate will do, as where nobody looks.
+        Whether any refresh rate will do, as where no one watches.
 
     Raises
     ------
     InputError
-        If there is no such window, or, but for a rehearsal, it has not the rig's refresh rate.
+        If there is no such window, or, except in a rehearsal, its refresh rate is not the rig's.
     """
-    from evenlight.hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig, refresh_clock)
     if refresh_clock is None and not rehearsal:
@@ -153,7 +74,7 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
     A window that does not wait for a display, as on a virtual screen, keeps the rig's.
     """
-    from evenlight.hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig)
     rate = window.measure_refresh_rate()
@@ -164,23 +85,23 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
 def open_keyboard() -> ResponseDevice:
     """Return the computer's keyboard; the window must be open."""
-    from evenlight.hardware.psychopy_keyboard import PsychoPyKeyboard
+    from evenlight.hardware.presentation.psychopy_input import PsychoPyKeyboard
 
     return PsychoPyKeyboard()
 
 
 def open_pointer(window: Window) -> Pointer | None:
     """Return the computer's mouse as it moves over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.psychopy_pointer import PsychoPyPointer
-    from evenlight.hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_input import PsychoPyPointer
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     return PsychoPyPointer(window) if isinstance(window, PsychoPyWindow) else None
 
 
 def open_held_keys(window: Window) -> HeldKeys | None:
     """Return which keys are down over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.psychopy_held_keys import PsychoPyHeldKeys
-    from evenlight.hardware.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_input import PsychoPyHeldKeys
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
@@ -218,7 +139,7 @@ def open_luminance_meter(
         )
     named = named_driver(name, LUMINANCE_METERS, "luminance meter")
     if named.emulated:
-        from evenlight.hardware.emulated_instruments import EmulatedLuminanceMeter
+        from evenlight.hardware.emulators.emulated_devices import EmulatedLuminanceMeter
 
         return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -255,7 +176,7 @@ def open_power_meter(
     """
     named = named_driver(name, POWER_METERS, "power meter")
     if named.emulated:
-        from evenlight.hardware.emulated_instruments import EmulatedPowerMeter
+        from evenlight.hardware.emulators.emulated_devices import EmulatedPowerMeter
 
         return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -263,7 +184,9 @@ def open_power_meter(
     if name == SIMULATED:
         meter = driver(simulation or own_simulation(clock))
     elif named.name == BOARD:
-        meter = driver(_shared_board(named.address, clock), clock)
+        from evenlight.hardware.drivers.board_link import board_at
+
+        meter = driver(board_at(named.address, clock), clock)
     else:
         meter = driver(named.address, clock)
     return meter
@@ -292,10 +215,9 @@ def open_backlight(
     InstrumentError
         If it does not answer as it should.
     """
-    if not rig.backlight_curve or rig.backlight == "none":
+    if not rig.backlight_curve or rig.backlight == NO_BACKLIGHT:
         return _open_device(rig, clock, simulation, curve_known=False)
-    from evenlight.hardware.backlight_curve import read_backlight_curve
-    from evenlight.hardware.linear_backlight import LinearizedBacklight
+    from evenlight.hardware.backlight_curve import LinearizedBacklight, read_backlight_curve
 
     curve = read_backlight_curve(Path(rig.backlight_curve))
     device = _open_device(rig, clock, simulation, curve_known=True)
@@ -358,11 +280,11 @@ def _open_device(
     rig: Rig, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
 ) -> Backlight | None:
     """Return the rig's backlight by its own factors."""
-    if rig.backlight == "none":
+    if rig.backlight == NO_BACKLIGHT:
         return None
     named = named_driver(rig.backlight, BACKLIGHTS, "backlight")
     if named.emulated:
-        from evenlight.hardware.emulated_instruments import EmulatedBacklight
+        from evenlight.hardware.emulators.emulated_devices import EmulatedBacklight
 
         return EmulatedBacklight(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -370,7 +292,9 @@ def _open_device(
     if rig.backlight == SIMULATED:
         backlight = driver(clock, follow=simulation.panel.set_backlight if simulation else None)
     elif named.name == BOARD:
-        backlight = driver(_shared_board(named.address, clock), clock)
+        from evenlight.hardware.drivers.board_link import board_at
+
+        backlight = driver(board_at(named.address, clock), clock)
     elif named.name == "sysfs":
         backlight = driver(named.address, curve_known=curve_known)
     else:
@@ -385,14 +309,7 @@ def _on_emulator(
     simulation = simulation or own_simulation(clock)
     if named.name != BOARD:
         return named.driver.open_emulated(clock, simulation)
-    from evenlight.hardware.shared_boards import emulated_board
+    from evenlight.hardware.emulators.emulated_devices import emulated_board
 
     # The link to an emulated board is closed with the board, after the last of its devices.
     return named.driver.load()(emulated_board(simulation, clock), clock), nullcontext()
-
-
-def _shared_board(address: str, clock: Callable[[], float]) -> PowerBoard:
-    """Return the power board at a port; one that is open already is shared."""
-    from evenlight.hardware.shared_boards import board_at
-
-    return board_at(address, clock)

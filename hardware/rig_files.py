@@ -7,8 +7,8 @@ import difflib
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.text_files import read_toml_record
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.storage.text_files import read_toml_record
 
 RIGS = Path(__file__).parent / "rigs"
 TABLE = "csv:"  # a table of readings in place of a luminance meter

@@ -1,8 +1,10 @@
-"""The choices that the optimizer leaves to its user; apart from their use, so that commands load fast."""
+"""The choices that a user of analysis and optimizer has; apart from their use, so that commands load fast."""
 
 from __future__ import annotations
 
 import enum
+import os
+from dataclasses import dataclass
 
 
 class LimitCurve(enum.Enum):
@@ -32,5 +34,42 @@ class Device(enum.Enum):
     """What computes loss curves."""
 
     CPU = "cpu"  # the processor
-    GPU = "gpu"  # the graphics processor, by compute shaders; software ones will do
+    GPU = "gpu"  # the graphics processor, by compute shaders; software renderers too
     AUTO = "auto"  # a graphics processor that is more than software, if there is one; else the processor
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisEffort:
+    """How much of a video is counted, on how many cores or on the graphics processor.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest error of contrast loss, at the knots of its curve, that is accepted for not counting all bands
+        of every frame; with 0, all are counted.
+    jobs : int
+        How many frames are analysed at a time, each on a core of its own, beside the decoding of those that
+        follow; 0 for one on each core. The result is the same, byte for byte.
+    device : Device
+        What counts; the graphics processor counts all bands of every frame, whatever the tolerance.
+    """
+
+    tolerance: float = 0.0
+    jobs: int = 1
+    device: Device = Device.CPU
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tolerance < 1:
+            raise ValueError(f"tolerance must lie in 0 to below 1, got {self.tolerance:g}")
+        if self.jobs < 0:
+            raise ValueError(f"jobs must be 0 (all cores) or more, got {self.jobs}")
+
+    @property
+    def threads(self) -> int:
+        """How many threads analyse frames."""
+        if self.jobs > 0:
+            return self.jobs
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+FULL_ANALYSIS = AnalysisEffort()  # all of every frame, on one core

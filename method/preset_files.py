@@ -12,7 +12,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.text_files import read_json_record, read_toml_record
+from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
 from evenlight.method.rate_limit import require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
@@ -54,7 +54,7 @@ def load_rate_limit_for(display: Display, name_or_path: str, other_display_ok: b
     name_or_path : str
         Of the preset (`surace2025`) or of the json file.
     other_display_ok : bool
-        Whether one that was fitted on another display will do.
+        Whether to accept one that was fitted on another display.
 
     Raises
     ------

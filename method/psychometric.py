@@ -1,7 +1,13 @@
-"""The psychometric function: how often a ramp of some rate is seen (Section 3.4), and its inverse."""
+"""The psychometric function: how often a ramp of some rate is seen (Section 3.4), and its inverse.
+
+The same eye can be asked in two ways: "did it change?" (yes/no) and "in which of two intervals?" (2IFC);
+`two_interval_function` relates the two by signal detection.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +16,9 @@ from scipy import special
 
 THRESHOLD_PROBABILITY = 0.75  # "probability of 75 % of detecting the change", Section 3.4
 WIDTH_LOGITS = 2 * np.log(19.0)  # logit(0.95) - logit(0.05): the width in units of the logistic's scale
+TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
+THRESHOLD_D_PRIME = math.sqrt(2) * float(special.ndtri(THRESHOLD_PROBABILITY))  # 0.954
+LEAST_FALSE_ALARM_RATE = 0.01  # below it the criterion, and with it d', would run off to infinity
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +69,7 @@ def yes_probability(rate: ArrayLike, function: PsychometricFunction) -> NDArray[
     rate : array_like, any shape
         Rate of the luminance change [cd/m^2/s], at least 0; at 0 (a catch trial) ψ is the guess rate.
     function : PsychometricFunction
-        Whose.
+        The observer's.
 
     >>> observer = PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.1, lapse_rate=0.05)
     >>> yes_probability([0.0, 2.0, 1e300], observer).round(12).tolist()
@@ -78,7 +87,7 @@ def rate_at(probability: ArrayLike, function: PsychometricFunction) -> NDArray[n
     probability : array_like, any shape
         P("yes"), from the guess rate (rate 0) to one minus the lapse rate (an infinite rate).
     function : PsychometricFunction
-        Whose.
+        The observer's.
 
     Returns
     -------
@@ -107,7 +116,7 @@ def log_likelihood(
     Parameters
     ----------
     function : PsychometricFunction
-        Whose.
+        The observer's.
     rate, n_yes, n_trials : array_like (m,)
         Rate [cd/m^2/s], answers "yes" and trials at each.
 
@@ -135,3 +144,46 @@ def _logit_of_rise(rate: ArrayLike, function: PsychometricFunction) -> NDArray[n
 def _times(count: NDArray[np.int64], logarithm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return count · logarithm, with 0 · (-inf) = 0: what never happened costs nothing."""
     return np.where(count > 0, count * np.where(count > 0, logarithm, 0.0), 0.0)
+
+
+def two_interval_function(yes_no: PsychometricFunction) -> PsychometricFunction:
+    """Return the psychometric function of a 2IFC task, for an observer with a given one in yes/no.
+
+    Equal-variance signal detection (Green & Swets 1966): without lapses P("yes") = Φ(d' - c) with the
+    criterion c = -z(γ), and P(right) = Φ(d' / √2). So the threshold is the rate at which d' is 0.954, which
+    for most people lies below the rate of 75 % "yes". The shape is taken to be logistic again, with the
+    slope at the threshold that d' has there. An observer who did not look is right by chance in half of the
+    trials: lapses show half as often.
+
+    Parameters
+    ----------
+    yes_no : PsychometricFunction
+        In yes/no; its guess rate is taken for at least 1 %.
+
+    >>> two = two_interval_function(PsychometricFunction(2.0, width=1.6, guess_rate=0.05))
+    >>> two.guess_rate, two.threshold < 2.0
+    (0.5, True)
+    """
+    false_alarms = max(yes_no.guess_rate, LEAST_FALSE_ALARM_RATE)
+    asked = dataclasses.replace(yes_no, guess_rate=false_alarms)
+    z = THRESHOLD_D_PRIME + float(special.ndtri(false_alarms))
+    yes = float(special.ndtr(z))
+    rise = (yes - false_alarms) / (1 - false_alarms)  # F of the yes/no function, which lapses leave alone
+    rate = float(rate_at(false_alarms + (1 - false_alarms - yes_no.lapse_rate) * rise, asked))
+    yes_slope = (1 - false_alarms) * rise * (1 - rise) * WIDTH_LOGITS / yes_no.width  # of ln(rate)
+    d_prime_slope = yes_slope / _density(z)
+    slope = _density(THRESHOLD_D_PRIME / math.sqrt(2)) / math.sqrt(2) * d_prime_slope
+    lapse = yes_no.lapse_rate / 2
+    room = 1 - TWO_INTERVAL_GUESS_RATE - lapse
+    own_rise = (THRESHOLD_PROBABILITY - TWO_INTERVAL_GUESS_RATE) / room
+    return PsychometricFunction(
+        threshold=rate,
+        width=float(room * own_rise * (1 - own_rise) * WIDTH_LOGITS / slope),
+        guess_rate=TWO_INTERVAL_GUESS_RATE,
+        lapse_rate=lapse,
+    )
+
+
+def _density(z: float) -> float:
+    """Return the density of the standard normal distribution."""
+    return math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)

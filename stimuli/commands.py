@@ -14,7 +14,7 @@ from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
     from evenlight.data_schema.frame import Frame
-    from evenlight.stimuli.video_source import VideoSource
+    from evenlight.stimuli.video.video_source import VideoSource
 
 
 def render(
@@ -27,7 +27,7 @@ def render(
 ) -> None:
     """Render a built-in sequence to a lossless video (FFV1, 10 bits, Matroska)."""
     from evenlight.stimuli.sequences import built_in_sequence
-    from evenlight.stimuli.video_writer import write_video
+    from evenlight.stimuli.video.video_writer import write_video
 
     source = built_in_sequence(sequence, size_in(size), duration, fps)
     with _shown_progress(source, quiet) as frames:
@@ -46,7 +46,7 @@ def size_in(text: str | None) -> tuple[int, int] | None:
 
 @contextmanager
 def _shown_progress(source: VideoSource, quiet: bool) -> Iterator[Iterator[Frame]]:
-    """Yield the frames of a source, with a bar on the terminal that tells how far they are."""
+    """Yield the frames of a source, with a progress bar on the terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

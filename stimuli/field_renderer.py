@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
+from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Draws an image, dimmed, into a window's back buffer: pixel by pixel, in the middle of a uniform ground.
 
 numpy says, for each level that a pixel may have, which two codes make its dimmed luminance and in what mix
-(`stimuli.image_codes`), and the shader takes one of the two for each channel of each pixel. It works in whole
+(`stimuli.dithering`), and the shader takes one of the two for each channel of each pixel. It works in whole
 numbers only, so it draws exactly the codes of numpy's reference.
 """
 
@@ -14,10 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
-from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
+from evenlight.data_schema.recordings.rig import Dither
+from evenlight.stimuli.dithering import (
+    DEEP_LEVELS,
+    level_mixtures,
+    levels_of,
+    neighbouring_codes,
+    thresholds_of,
+)
 from evenlight.stimuli.field_renderer import GL_DITHER, GL_FRAMEBUFFER_SRGB, NOISE, VERTEX_SHADER
-from evenlight.stimuli.image_codes import DEEP_LEVELS, level_mixtures, levels_of
 
 if TYPE_CHECKING:
     import moderngl
@@ -101,7 +106,7 @@ class Image:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class DimmedImage:
     """An image as it is shown.
 
     Attributes
@@ -181,7 +186,7 @@ class ImageRenderer:
         return Image(texture, count)
 
     def draw(
-        self, framebuffer: moderngl.Framebuffer, picture: Picture, frame: int = 0, seed: int = 0
+        self, framebuffer: moderngl.Framebuffer, picture: DimmedImage, frame: int = 0, seed: int = 0
     ) -> None:
         """Draw a picture over the whole framebuffer.
 
@@ -189,7 +194,7 @@ class ImageRenderer:
         ----------
         framebuffer : moderngl.Framebuffer
             Where to; at least as large as the image.
-        picture : Picture
+        picture : DimmedImage
             What.
         frame, seed : int
             Number of the frame, and seed of the dithering noise; both in [0, 2^32).

@@ -1,12 +1,14 @@
 """Pages of text as images: instructions, consent, breaks, and the question after a ramp.
 
-`stimuli.page_text` says what a text may hold. The fonts are the DejaVu Sans that come with matplotlib, so
+A text is a small part of markdown: `# ` begins the title, blank lines divide paragraphs, `- ` or `1. ` begins
+an item of a list, and `**` encloses what is bold. The fonts are the DejaVu Sans that come with matplotlib, so
 that a page looks alike on every machine.
 """
 
 from __future__ import annotations
 
 import functools
+import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,8 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.page_text import Block, Word, beginning, page_blocks, words_of
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.stimuli.ramp import reachable_luminances
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
@@ -34,6 +38,88 @@ TITLE_SIZE, FOOTER_SIZE, QUESTION_SIZE = 1.6, 0.85, 1.25  # em
 FOOTER_INK = 0.9  # of the text's coverage: it steps back
 INDENT = 1.7  # em; of lists
 OPTICAL_CENTRE = 0.42  # share of the free height that is above the text: the true middle looks too low
+Word = tuple[tuple[str, bool], ...]  # its pieces, and whether each is bold
+WIDE_GAP = "\u2003\u2003"  # two em spaces, at which no line ends
+READABLE_RATIO = 7.0  # of the luminances of ground and text, at least: W3C, WCAG 2.1, criterion 1.4.6
+DARK_TEXT = 25.0  # ratio of dark text where the display has it
+BRIGHT_TEXT = 10.0  # of bright text: more would glare on a dark ground
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A title, a paragraph or an item of a list.
+
+    Attributes
+    ----------
+    words : tuple of Word
+        Its words.
+    title : bool
+        Whether it is the title.
+    mark : str
+        What stands before an item of a list; empty for none.
+    """
+
+    words: tuple[Word, ...]
+    title: bool = False
+    mark: str = ""
+
+
+def page_blocks(text: str) -> tuple[Block, ...]:
+    r"""Return the blocks of a page.
+
+    Raises
+    ------
+    InputError
+        If it is empty, or a bold part has no end.
+
+    >>> blocks = page_blocks("# Start\n\nSit.\n- Look **here**.")
+    >>> [(block.title, block.mark, len(block.words)) for block in blocks]
+    [(True, '', 1), (False, '', 1), (False, '•', 2)]
+    """
+    if not text.strip():
+        raise InputError("a page is empty; expected a title or a paragraph")
+    if text.count("**") % 2:
+        raise InputError(f"the page {beginning(text)} has a ** that no second one ends")
+    return tuple(_blocks(text))
+
+
+def beginning(text: str) -> str:
+    r"""Return the first words of a text, for a message.
+
+    >>> beginning("# Welcome\n\nThank you")
+    "'# Welcome'"
+    """
+    return repr(text.strip().splitlines()[0][:40])
+
+
+def _blocks(text: str) -> Iterator[Block]:
+    """Yield the blocks of a text."""
+    for paragraph in re.split(r"\n\s*\n", text.strip()):
+        for part in re.split(r"\n(?=\s*(?:-|\d+\.|#+)\s)", paragraph):
+            begun = re.match(r"\s*(?:(#+)|(-)|(\d+\.))\s+(.*)", part, re.DOTALL)
+            if begun is None:
+                yield Block(words_of(part))
+            else:
+                yield Block(words_of(begun[4]), bool(begun[1]), "•" if begun[2] else begun[3] or "")
+
+
+def words_of(text: str) -> tuple[Word, ...]:
+    """Return the words of a text; a space that must not break stays within its word, three are a wide gap.
+
+    >>> words_of("press **any key**, now")
+    ((('press', False),), (('any', True),), (('key', True), (',', False)), (('now', False),))
+    """
+    words: list[list[tuple[str, bool]]] = [[]]
+    bold = False
+    gaps = re.sub(r"(?<=\S) {3,}(?=\S)", WIDE_GAP, text)
+    for piece in re.split(r"(\*\*|[ \t\r\n]+)", gaps):
+        if piece == "**":
+            bold = not bold
+        elif piece.strip(" \t\r\n"):
+            words[-1].append((piece, bold))
+        elif piece:
+            words.append([])
+    return tuple(tuple(word) for word in words if word)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +148,7 @@ def page_image(text: str, size: tuple[int, int], footer: str = "") -> NDArray[np
     Parameters
     ----------
     text : str
-        The page, as `stimuli.page_text` describes it.
+        The page, in the markdown that this module reads.
     size : (int, int)
         Width and height of the page [pixels].
     footer : str, optional
@@ -152,9 +238,9 @@ def _too_long(text: str, size: tuple[int, int]) -> InputError:
 
 
 def _sizes(height: int) -> Iterator[int]:
-    """Yield sizes of letters to try, from the wanted one to the smallest [pixels]."""
-    wanted = max(SMALLEST_PIXELS, round(height * TEXT_SIZE))
-    yield from range(wanted, max(SMALLEST_PIXELS, round(wanted * SMALLEST_SHARE)) - 1, -1)
+    """Yield sizes of letters to try, from the preferred one to the smallest [pixels]."""
+    preferred = max(SMALLEST_PIXELS, round(height * TEXT_SIZE))
+    yield from range(preferred, max(SMALLEST_PIXELS, round(preferred * SMALLEST_SHARE)) - 1, -1)
 
 
 def _set(
@@ -258,3 +344,23 @@ def _font_file(bold: bool) -> str:
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name)
+
+
+def ink_on(ground: float, display: Display) -> float:
+    """Return the luminance of text on a ground [cd/m^2]: darker, or brighter where the ground is near black.
+
+    Parameters
+    ----------
+    ground : float
+        L of the ground, reflected light included [cd/m^2].
+    display : Display
+        The display, whose black and white are the limits.
+
+    >>> lab = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
+    >>> ink_on(50.0, lab), ink_on(0.25, lab)
+    (2.0, 2.5)
+    """
+    darkest, brightest = reachable_luminances(1.0, display, Actuator.PIXELS)
+    darker, brighter = max(darkest, ground / DARK_TEXT), min(brightest, ground * BRIGHT_TEXT)
+    readable = ground >= READABLE_RATIO * darker
+    return darker if readable or ground / darker >= brighter / ground else brighter

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator
-from evenlight.method.luminance import dimmed_luminance, displayed_luminance
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.method.contrast.luminance import dimmed_luminance, displayed_luminance
 
 ROUNDING = 1e-9  # relative, of a luminance that was computed
 

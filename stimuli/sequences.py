@@ -11,7 +11,7 @@ from evenlight.stimuli.checkerboard import Checkerboard
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
 from evenlight.stimuli.sequence_format import SequenceFormat
 from evenlight.stimuli.sunrise import Sunrise
-from evenlight.stimuli.video_source import VideoSource
+from evenlight.stimuli.video.video_source import VideoSource
 
 
 class BuiltInSequence(VideoSource, Protocol):

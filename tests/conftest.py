@@ -18,22 +18,23 @@ from numpy.typing import ArrayLike
 
 from evenlight import command as command_line
 from evenlight.analysis import figure_style
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
     TrackHeader,
     write_track,
 )
-from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves, write_loss_curves
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.data_schema.text_files import write_json_record
-from evenlight.method.optimize import Problem, Request, pose
+from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
+from evenlight.method.optimizer.optimize import Problem, pose
+from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_display, load_power_model
 from evenlight.stimuli.sequence_format import on_grid
-from evenlight.stimuli.video_writer import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
 # that are started from here, those that run the tests among them.

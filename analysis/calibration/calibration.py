@@ -1,35 +1,34 @@
-"""The calibration: from the trials of a data set to thresholds and the rate limit, and their files."""
+"""The calibration: from the trials of a data set to thresholds and the rate limit."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from evenlight.analysis.calibration.fit_summary import summary_of
-from evenlight.analysis.calibration.goodness_of_fit import FEW_TRIALS, joint_p_value
-from evenlight.analysis.calibration.level_estimates import LevelEstimates, estimate_levels
-from evenlight.analysis.calibration.pooled_fit import PooledFit, fit_pooled
-from evenlight.analysis.calibration.ramp_counts import catch_counts
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE, RateLimitFit, fit_thresholds
-from evenlight.analysis.calibration.signal_detection import (
+from evenlight.analysis.calibration.level_estimates import (
+    LevelEstimates,
+    PooledFit,
+    estimate_levels,
+    fit_pooled,
+)
+from evenlight.analysis.calibration.psychometric.goodness_of_fit import FEW_TRIALS, joint_p_value
+from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
+from evenlight.analysis.calibration.psychometric.signal_detection import (
     Criterion,
     IntervalBias,
     criterion_of,
     false_alarm_warnings,
     interval_biases,
 )
-from evenlight.analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
-from evenlight.analysis.loading import RampData
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, ThresholdFit, fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_thresholds
+from evenlight.analysis.ramp_loading import RampData
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Procedure, RampTrial
-from evenlight.data_schema.text_files import write_json, write_json_record, write_rows
-from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 
-CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are told
+CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are reported
 NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"
 
 
@@ -189,22 +188,6 @@ def trials_of_one_task(
     if procedure.value not in tasks:
         raise InputError(f"the data set holds no trials of {procedure.value}; it holds {' and '.join(tasks)}")
     return tuple(trial for trial in trials if trial.procedure is procedure), procedure
-
-
-def write_calibration(calibration: Calibration, folder: Path, provenance: Provenance) -> None:
-    """Write `thresholds.csv`, `rate_limit.json` and `fit_summary.json`."""
-    write_rows(folder / "thresholds.csv", Threshold, [fit.threshold for fit in calibration.thresholds])
-    participants = len(calibration.data.participant_ids)
-    kind = "simulated participants" if calibration.data.simulated else "participants"
-    fitted = calibration.rate_limit.limit
-    limit = dataclasses.replace(
-        fitted,
-        simulated=calibration.data.simulated,
-        source=f"ramp calibration with {participants} {kind}: {fitted.task_in_words}",
-        provenance=provenance,
-    )
-    write_json_record(folder / "rate_limit.json", limit)
-    write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
 
 
 def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:

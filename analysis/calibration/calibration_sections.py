@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.conditions import condition_of, conditions_of
-from evenlight.analysis.calibration.rate_limit_figure import level_means
-from evenlight.analysis.calibration.rate_limit_fit import UNUSABLE
+from evenlight.analysis.calibration.level_estimates import LevelEstimates, difference_in_words, mean_ratios
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
+from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table, probability
-from evenlight.data_schema.ramp import Procedure
+from evenlight.analysis.report_prose import prose
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -31,39 +33,24 @@ def calibration_section(calibration: Calibration, psychometric_png: bytes) -> Se
         Its `psychometric_figure`.
     """
     data, thresholds = calibration.data, [fit.threshold for fit in calibration.thresholds]
-    people = len(data.participant_ids)
-    who = f"{people} {'simulated ' if data.simulated else ''}participant{'s' if people != 1 else ''}"
     catches = sum(trial.is_catch for trial in data.trials)
-    ramps = len(data.trials) - catches
-    luminances = len({(t.screen, t.factor) for t in thresholds})
-    conditions = conditions_of(thresholds)
-    kinds = ", ".join(condition.words for condition in conditions)
-    shown = f" ({kinds})" if len(conditions) > 1 else ""
-    nothing = f" and {catches} catch trials without any change" if catches else ""
-    asked = (
-        "They said in which of two intervals the brightness had changed; the threshold is the rate at which "
-        "75 % of the answers are right."
-        if _two_interval(thresholds)
-        else "They said whether the brightness had changed; the threshold is the rate that is noticed in "
-        "75 % of the trials."
-    )
-    text = (
-        f"{who} saw {ramps} ramps of luminance{shown}{nothing} on the display {data.display.name} (white "
-        f"{short(data.display.peak_luminance)} cd/m², black {short(data.display.black_level)} cd/m²), from "
-        f"{luminances} initial luminances. {asked} A logistic function with asymptotes for guesses and "
-        "lapses was fitted to each participant's answers at each level."
-    )
-    caption = (
-        f"Share of {'right answers' if _two_interval(thresholds) else '“yes, it changed”'} over the rate of "
-        "change. Black dots: all participants' answers. Thin lines: the participants' functions; red line: "
-        "their mean. Below each panel: every participant's threshold with its 95 % interval, hollow where it "
-        "cannot be used; the red line is their geometric mean."
+    two = _two_interval(thresholds)
+    text = prose(
+        "fit_calibration",
+        data=data,
+        people=len(data.participant_ids),
+        ramps=len(data.trials) - catches,
+        catches=catches,
+        conditions=[condition.words for condition in conditions_of(thresholds)],
+        luminances=len({(t.screen, t.factor) for t in thresholds}),
+        two=two,
+        short=short,
     )
     return Section(
         "Calibration",
-        (text[0].upper() + text[1:],),
+        text,
         (_level_table(thresholds), _participant_table(calibration)),
-        (Picture(psychometric_png, caption),),
+        (Picture(psychometric_png, prose("fit_calibration_caption", two=two)[0]),),
         data.warnings,
         data.simulated,
     )
@@ -89,10 +76,10 @@ def _level_table(thresholds: Sequence[Threshold]) -> Table:
         relative = None if mean is None else 100 * mean / luminance
         row = (screen, factor, luminance, f"{len(used)} of {len(own)}", mean, interval, relative, _flags(own))
         rows.append((condition.words, *row) if several else row)
-    columns = ("screen", "factor b", "luminance [cd/m²]", "used", "threshold [cd/m²/s]", "95 % interval",
+    columns = ("screen", "factor b", "luminance [cd/m²]", "used", "threshold [cd/m²/s]", "95 % CI",
                "threshold [%/s]", "flags")  # fmt: skip
     return Table(
-        "Thresholds of each level: geometric mean over participants with its 95 % interval.",
+        "Thresholds of each level: geometric mean over participants with its 95 % confidence interval (CI).",
         ("ramps", *columns) if several else columns,
         tuple(rows),
     )
@@ -106,11 +93,11 @@ def _flags(thresholds: Sequence[Threshold]) -> str:
 
 def _participant_table(calibration: Calibration) -> Table:
     """Return each participant's sensitivity, criterion, drift and flags."""
-    fit, everybody = calibration.rate_limit, [fit.threshold for fit in calibration.thresholds]
-    two = _two_interval(everybody)
+    fit, thresholds = calibration.rate_limit, [fit.threshold for fit in calibration.thresholds]
+    two = _two_interval(thresholds)
     rows: list[tuple[Cell, ...]] = []
     for who in calibration.data.participant_ids:
-        own = [t for t in everybody if t.participant_id == who]
+        own = [t for t in thresholds if t.participant_id == who]
         used = [t for t in own if t.flag not in UNUSABLE]
         ratios = [
             t.threshold / float(rate_limit_at(fit.limit, t.luminance))
@@ -133,18 +120,9 @@ def _participant_table(calibration: Calibration) -> Table:
                 _flags(own),
             )
         )
-    task = (
-        "A bias above 0 leans to the first interval."
-        if two
-        else "False alarms are “yes” in catch trials; from them follow the criterion, in standard deviations "
-        "of what is seen when nothing changes, and d′, how clearly a ramp at threshold stands out."
-    )
     columns = ("bias",) if two else ("false alarms", "criterion", "d′ at threshold")
     return Table(
-        "Participants. Who has a threshold of 1.2 × the limit needs a change 20 % faster than the "
-        f"population's curve says. {task} Drift: threshold at the end of the session over that at its "
-        "beginning, with the probability of as clear a drift by chance. Fit p: share of simulated answers of "
-        "the fitted functions that lie as far from them, all levels together.",
+        prose("fit_participants", two=two)[0],
         ("participant", "thresholds used", "threshold / limit", *columns, "drift", "fit p", "flags"),
         tuple(rows),
     )
@@ -180,40 +158,31 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
         Whether the figure shows the published rate limit too.
     """
     fit = calibration.rate_limit
-    low, high = fit.limit.luminance_range
-    text = [
-        f"{_form_in_words(fit.limit)} was fitted to {len(fit.used)} of {len(calibration.thresholds)} "
-        f"thresholds between {short(low)} and {short(high)} cd/m². Below that range the relative rate is "
-        "held, above it the rate. The limit holds for the display that it was measured on."
-    ]
-    if fit.effects and fit.reference is not None:
-        text.append(f"It is the limit for {fit.reference.words}. {_effects_in_words(calibration)}")
-    if fit.participant_sd is not None and fit.limit.form is not RateLimitForm.RATE:
-        text.append(
-            f"Participants differ: two of three lie within a factor of {np.exp(fit.participant_sd):.2f} of "
-            "the population's curve."
-        )
-    excluded = [f"participant {who} ({why})" for who, why in calibration.excluded_participants.items()]
-    if excluded:
-        text.append("No threshold was used of " + ", ".join(excluded) + ".")
-    told = {f"{_sentence(effect.in_words)}." for effect in fit.effects}
-    caption = (
-        f"Rate of luminance change that is {fit.limit.at_limit_in_words}. Small dots: participants' "
-        "thresholds; large dots: means of a level with 95 % interval; line and area: the fitted limit and "
-        "its 95 % band; dashed: held outside the measured range"
+    said = {f"{_sentence(effect.in_words)}." for effect in fit.effects}
+    ln_sd = None if fit.limit.form is RateLimitForm.RATE else fit.participant_sd
+    text = prose(
+        "fit_rate_limit",
+        fit=fit,
+        form=_form_in_words(fit.limit),
+        total=len(calibration.thresholds),
+        ends=[short(end) for end in fit.limit.luminance_range],
+        effects=_effects_in_words(calibration),
+        people_differ=None if ln_sd is None else float(np.exp(ln_sd)),
+        excluded=calibration.excluded_participants,
     )
-    caption += "; dash-dotted: the published rate limit surace2025. " if published else ". "
-    caption += "Grey rays: constant relative rates."
-    if calibration.data.simulated:
-        caption += " The simulated population's yes/no thresholds were drawn around the published limit"
-        two = calibration.procedure is Procedure.TWO_INTERVAL
-        caption += "; what it tells right of two intervals lies at about half of it." if two else "."
+    caption = prose(
+        "fit_rate_limit_caption",
+        limit=fit.limit,
+        published=published,
+        simulated=calibration.data.simulated,
+        two=calibration.procedure is Procedure.TWO_INTERVAL,
+    )
     return Section(
         "Rate limit",
-        tuple(text),
+        text,
         (_limit_table(fit.limit),) + ((_effect_table(calibration),) if fit.effects else ()),
-        (Picture(rate_limit_png, caption),),
-        tuple(note.replace("cd/m^2", "cd/m²") for note in fit.notes if note not in told),
+        (Picture(rate_limit_png, caption[0]),),
+        tuple(note.replace("cd/m^2", "cd/m²") for note in fit.notes if note not in said),
         calibration.data.simulated,
     )
 
@@ -243,7 +212,7 @@ def _effect_table(calibration: Calibration) -> Table:
     ]
     return Table(
         "Thresholds of other ramps as a multiple of those that the limit is for.",
-        ("ramps", "ratio", "95 % interval", "if the rate decides", "if the amount does"),
+        ("ramps", "ratio", "95 % confidence interval", "if the rate decides", "if the amount does"),
         tuple(rows),
     )
 
@@ -268,6 +237,106 @@ def _limit_table(limit: RateLimit) -> Table:
         rows.append((L, rate, band, 100 * rate / L))
     return Table(
         "The rate limit at some luminances.",
-        ("luminance [cd/m²]", "limit [cd/m²/s]", f"{100 * limit.band_level:g} % band", "limit [%/s]"),
+        (
+            "luminance [cd/m²]",
+            "limit [cd/m²/s]",
+            f"{100 * limit.band_level:g} % pointwise band",
+            "limit [%/s]",
+        ),
         tuple(rows),
+    )
+
+
+def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Section:
+    """Return the three estimates of the population's threshold at each level, and why they differ.
+
+    Parameters
+    ----------
+    levels : sequence of LevelEstimates
+        Of all levels.
+    simulated : bool
+        Whether the participants were simulated.
+    """
+    several = len({(level.level.direction, level.level.ramp_duration) for level in levels}) > 1
+    rows: list[tuple[Cell, ...]] = []
+    by_luminance = sorted(levels, key=lambda e: (_order_of_ramps(e), e.level.luminance))
+    for estimates in by_luminance:
+        level, random = estimates.level, estimates.random
+        interval = None if random is None else f"{random.ci_low:.3g} to {random.ci_high:.3g}"
+        spread = None if random is None else f"{np.exp(random.participant_sd):.2f}"
+        row = (
+            level.screen,
+            level.factor,
+            level.luminance,
+            None if random is None else random.threshold,
+            interval,
+            spread,
+            estimates.pooled,
+            _ratio(estimates.pooled_ratio),
+            estimates.mean_of_fits,
+            _ratio(estimates.mean_ratio),
+        )
+        rows.append((f"{level.direction.value}, {level.ramp_duration:g}\u00a0s", *row) if several else row)
+    columns = ("screen", "factor b", "luminance [cd/m²]", "population", "95 % CI", "people differ ×",
+               "pooled", "ratio", "mean of fits", "ratio")  # fmt: skip
+    table = Table(
+        prose("fit_population_table")[0],
+        ("ramps", *columns) if several else columns,
+        tuple(rows),
+    )
+    pooled = mean_ratios(levels)[0]
+    text = prose(
+        "fit_population",
+        two=any(estimates.level.procedure is Procedure.TWO_INTERVAL for estimates in levels),
+        pooled_lies_below=pooled is not None and pooled < 1,
+        found=_sentence(difference_in_words(levels) or ""),
+    )
+    return Section("The population's threshold", text, (table,), (), (), simulated)
+
+
+def _order_of_ramps(estimates: LevelEstimates) -> tuple[str, float]:
+    """Return what sorts levels by direction and duration: falling first, short first."""
+    return estimates.level.direction.value, estimates.level.ramp_duration
+
+
+def _ratio(value: float | None) -> str | None:
+    """Return a ratio with two decimals."""
+    return None if value is None else f"{value:.2f}"
+
+
+def thresholds_section(calibration: Calibration) -> Section:
+    """Return every threshold with what there is to know about it."""
+    thresholds = [fit.threshold for fit in calibration.thresholds]
+    several = len(conditions_of(thresholds)) > 1
+    rows: list[tuple[Cell, ...]] = []
+    for t in thresholds:
+        row = (
+            t.participant_id,
+            t.screen,
+            t.factor,
+            t.luminance,
+            t.threshold,
+            f"{t.ci_low:.3g} to {t.ci_high:.3g}",
+            t.threshold_d_prime_1,
+            t.n_trials,
+            None if t.deviance is None else f"{t.deviance:.1f}",
+            None if t.deviance_p is None else probability(t.deviance_p),
+            t.flag.value.replace("_", " ") or "–",
+        )
+        rows.append((*row[:1], condition_of(t).words, *row[1:]) if several else row)
+    columns = ("participant", "screen", "b", "L [cd/m²]", "threshold [cd/m²/s]", "95 % credible interval",
+               "at d′ = 1", "ramps", "deviance", "p", "flag")  # fmt: skip
+    return Section(
+        "Every threshold",
+        prose("fit_thresholds"),
+        (
+            Table(
+                f"{len(thresholds)} thresholds.",
+                columns if not several else (columns[0], "of", *columns[1:]),
+                tuple(rows),
+            ),
+        ),
+        (),
+        (),
+        calibration.data.simulated,
     )

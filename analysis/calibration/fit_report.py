@@ -8,22 +8,27 @@ from pathlib import Path
 import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from evenlight.analysis.calibration.choice_on_clip import ClipComparison
-from evenlight.analysis.calibration.conditions import condition_of
-from evenlight.analysis.calibration.limit_choices import LimitChoices
-from evenlight.analysis.calibration.limit_choices_figure import limit_choices_figure
-from evenlight.analysis.calibration.limit_choices_files import (
+from evenlight.analysis.calibration.calibration_sections import (
+    calibration_section,
+    population_section,
+    rate_limit_section,
+    thresholds_section,
+)
+from evenlight.analysis.calibration.choices.choice_on_clip import ClipComparison
+from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
+from evenlight.analysis.calibration.choices.limit_choices_figure import limit_choices_figure
+from evenlight.analysis.calibration.choices.limit_choices_report import (
     FIGURE,
     LOG_LOG_LIMIT,
     SAFE_LIMIT,
     SUMMARY,
     TABLE,
+    choices_section,
 )
-from evenlight.analysis.calibration.limit_choices_section import choices_section
-from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.calibration.rate_limit.conditions import condition_of
 from evenlight.analysis.figure_style import short, write_png
 from evenlight.analysis.report import Report, Section, write_report
+from evenlight.analysis.report_prose import prose
 from evenlight.analysis.report_sections import files_section, provenance_section
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.threshold import Threshold
@@ -31,7 +36,7 @@ from evenlight.method.rate_limit import rate_limit_at
 
 REPORT = "report.html"
 FILES = {
-    "thresholds.csv": "thresholds of each participant and level, with intervals",
+    "thresholds.csv": "thresholds of each participant and level, with credible intervals",
     "rate_limit.json": "the fitted rate limit, for `evenlight optimize --rate-limit`",
     SAFE_LIMIT: "the lower edge of its band, for the same use",
     LOG_LOG_LIMIT: "the better of line and quadratic in log-log, for the same use",
@@ -43,7 +48,7 @@ FILES = {
 
 @dataclass(frozen=True, slots=True)
 class FitResults:
-    """What the report tells about.
+    """What the report is about.
 
     Attributes
     ----------
@@ -77,7 +82,7 @@ def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
     Parameters
     ----------
     results : FitResults
-        What it tells about.
+        What it is about.
     pictures : dict of str to bytes
         Its figures by the names of their files.
     """
@@ -100,23 +105,21 @@ def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
 
 def _lead(results: FitResults) -> str:
     """Return what came out, in two sentences."""
-    limit, choices = results.calibration.rate_limit.limit, results.choices
-    low, high = limit.luminance_range
-    ends = [f"{short(float(rate_limit_at(limit, L)))} cd/m²/s at {short(L)} cd/m²" for L in (low, high)]
-    words = f"On {limit.display_name}, the rate limit runs from {ends[0]} to {ends[1]}"
+    limit = results.calibration.rate_limit.limit
+    width = None
     if limit.band_luminance:
         widths = np.log(np.array(limit.band_upper) / np.maximum(limit.band_lower, 1e-300)) / 2
-        words += f", known within {100 * float(np.expm1(np.median(widths))):.0f} % (95 % band)"
-    falls = choices.fitted.falling
-    words += ". It falls with luminance somewhere, which no eye is known to do. " if falls else ". "
-    if results.comparison is not None:
-        gains = [outcome.gain for outcome in results.comparison.outcomes]
-        words += (
-            f"On {results.comparison.video}, contrast loss then differs {100 * gains[0]:.0f} % less between "
-            "frames than under constant dimming; with other curves through the same thresholds, "
-            f"{100 * min(gains[1:], default=gains[0]):.0f} to {100 * max(gains[1:], default=gains[0]):.0f} %."
-        )
-    return words.strip().replace(" %", "\u00a0%")
+        width = 100 * float(np.expm1(np.median(widths)))
+    words = prose(
+        "fit_lead",
+        limit=limit,
+        ends=[(short(float(rate_limit_at(limit, L))), short(L)) for L in limit.luminance_range],
+        width=width,
+        falls=results.choices.fitted.falling,
+        comparison=results.comparison,
+        gains=[100 * outcome.gain for outcome in results.comparison.outcomes] if results.comparison else (),
+    )
+    return words[0].replace(" %", "\u00a0%")
 
 
 def _own_thresholds(calibration: Calibration) -> list[Threshold]:
@@ -127,8 +130,8 @@ def _own_thresholds(calibration: Calibration) -> list[Threshold]:
 
 def _warnings(calibration: Calibration) -> tuple[Section, ...]:
     """Return a section of what to be warned of that no other section says; none if there is nothing."""
-    told = {*calibration.data.warnings, *calibration.rate_limit.notes}
-    others = tuple(warning for warning in calibration.warnings if warning not in told)
+    said = {*calibration.data.warnings, *calibration.rate_limit.notes}
+    others = tuple(warning for warning in calibration.warnings if warning not in said)
     if not others:
         return ()
     text = ("Not every level or participant is as the models have it.",)

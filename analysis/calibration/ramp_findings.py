@@ -5,24 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.calibration_figures import calibration_figures, drawn_thresholds
-from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.calibration_files import calibration_figures, drawn_thresholds
+from evenlight.analysis.calibration.calibration_sections import (
+    calibration_section,
+    population_section,
+    rate_limit_section,
+    thresholds_section,
+)
 from evenlight.analysis.calibration.level_estimates import LevelEstimates
-from evenlight.analysis.calibration.rate_limit_figure import level_means
-from evenlight.analysis.calibration.rate_limit_notes import UNUSABLE
-from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
 from evenlight.method.rate_limit import rate_limit_at
 
 UNIT = "cd/m^2/s"
 INTERVAL = 0.95
 CURVE_POINTS = 61  # drawn as a smooth line
 WAYS = {
-    "random": "of the median participant: everybody's answers, a random threshold for each participant",
-    "pooled": "75 % point of everybody's answers in one pot, as if of one person (a reading of the paper)",
+    "random": "of the median participant: all participants' answers, a random threshold for each participant",
+    "pooled": "75 % point of all participants' answers pooled, as if of one person (a reading of the paper)",
     "mean": "geometric mean of the participants' own usable thresholds",
 }
 
@@ -46,7 +50,7 @@ def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -
             _answer_points(calibration, origin),
         ),
         Drawing(
-            "rate_limit", limit, "The rate limit with its band, and the thresholds behind it.",
+            "rate_limit", limit, "The rate limit with its pointwise band, and the thresholds behind it.",
             (*_limit_points(calibration, origin), *(_compared_points(compared) if compared else ())),
         ),
     )  # fmt: skip

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.comparison.comparison_counts import Choices
-from evenlight.data_schema.viewing import ComparisonTrial
+from evenlight.analysis.comparison.comparison_shares import Choices
+from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
 PERMUTATIONS = 9999
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evenlight.analysis.comparison.comparison_limits import POWER
-from evenlight.analysis.comparison.comparison_results import Comparison
+from evenlight.analysis.comparison.comparison_results import ComparisonResults
 from evenlight.analysis.comparison.comparison_shares import ShareEstimate
 from evenlight.analysis.figure_style import (
     BASELINE,
@@ -48,18 +48,18 @@ class ShareRow:
     estimate: ShareEstimate | None
 
 
-def share_rows(found: Comparison) -> tuple[ShareRow, ...]:
+def share_rows(found: ComparisonResults) -> tuple[ShareRow, ...]:
     """Return what the figure of shares draws, from above: the sequences, then all of them."""
     rows = tuple(ShareRow(own.name, own.estimate) for own in found.sequences)
     return (*rows, ShareRow(ALL, found.pooled)) if len(rows) > 1 else rows
 
 
-def shares_figure(found: Comparison, medium: Medium = PAGE) -> Figure:
+def shares_figure(found: ComparisonResults, medium: Medium = PAGE) -> Figure:
     """Draw the share of each sequence with its interval, one half, and the margin about it.
 
     Parameters
     ----------
-    found : Comparison
+    found : ComparisonResults
         What the comparison shows.
     medium : Medium
         Where it is shown.
@@ -86,7 +86,7 @@ def shares_figure(found: Comparison, medium: Medium = PAGE) -> Figure:
     return figure
 
 
-def _heading(found: Comparison) -> tuple[str, str]:
+def _heading(found: ComparisonResults) -> tuple[str, str]:
     """Return title and subtitle."""
     who = "simulated participants" if found.data.simulated else "participants"
     exact = found.pooled.exact is not None or all(
@@ -95,8 +95,8 @@ def _heading(found: Comparison) -> tuple[str, str]:
     bars = "mid-p of the binomial" if exact else "by the scatter of participants"
     return (
         "Which of the two changed in brightness?",
-        f"{found.people} {who}. Bars: 95 % intervals ({bars}; all answers: by the scatter of participants). "
-        f"Band: 0.5 ± {found.margin:g}, the margin within which a share counts as a coin's.",
+        f"{found.people} {who}. Bars: 95 % confidence intervals ({bars}; all answers: by the scatter of "
+        f"participants). Band: 0.5 ± {found.margin:g}, the margin within which a share counts as a coin's.",
     )
 
 

@@ -18,7 +18,7 @@ from evenlight.analysis.inference.binomial_power import (
     smallest_share_found,
 )
 from evenlight.analysis.inference.binomial_tests import HALF
-from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.analysis_results import Origin, Statistic
 
 POWER = 0.8
 THRESHOLD_SHARE = 0.75  # right answers at the threshold of a two-interval calibration

@@ -1,9 +1,18 @@
-"""What the artifact comparison shows: each sequence, all of them, and what is wrong with the answers."""
+"""All results of the artifact comparison: each sequence, all answers, and what is wrong with them.
+
+The pooled model of all answers is a mixed logistic regression (the paper's Section 4.3),
+
+    logit P(ours chosen) = preference_i + leaning · s,    s = 1 if ours came first, -1 if second,
+
+with the preference of participant i normal about the population's. Whether ours is chosen more often than by
+a coin is the question whether the population's preference is 0; s takes out a bias to an interval, where the
+order is not balanced.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,19 +23,65 @@ from evenlight.analysis.comparison.comparison_chance import (
     consistency_of,
     sequence_differences,
 )
-from evenlight.analysis.comparison.comparison_counts import chose_first, count_choices, sequences_in
-from evenlight.analysis.comparison.comparison_model import choice_model
-from evenlight.analysis.comparison.comparison_order import Order, order_of
-from evenlight.analysis.comparison.comparison_shares import ShareEstimate, estimate_share
+from evenlight.analysis.comparison.comparison_shares import (
+    OURS_FIRST,
+    ShareEstimate,
+    chose_first,
+    count_choices,
+    estimate_share,
+    sequences_in,
+)
 from evenlight.analysis.inference.binomial_tests import ALPHA
-from evenlight.analysis.inference.cumulative_link import OrdinalFit
+from evenlight.analysis.inference.cumulative_link import OrdinalData, OrdinalFit, fit_ordinal
 from evenlight.analysis.inference.holm import holm
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few, spaced
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.viewing import ComparisonTrial
+from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
-SEVERAL = 4  # answers of somebody before "always the same" is worth saying: by chance once in eight
+SEVERAL = 4  # answers of one person before "always the same" is worth saying: by chance once in eight
+RARE = 0.2  # share of the rarer order below which the order counts as nearly constant: 3 of 17
+PREFERENCE = "ours chosen by a person in the middle"
+LEANING = "first chosen by a person in the middle"
+METHOD = "mixed logistic regression, participant random; likelihood ratio, profile interval"
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalOrder:
+    """How often ours came first.
+
+    Attributes
+    ----------
+    ours_first, trials : int
+        How often, of how many.
+    """
+
+    ours_first: int
+    trials: int
+
+    @property
+    def constant(self) -> bool:
+        """Whether ours came always in the same interval."""
+        return self.trials > 0 and self.ours_first in (0, self.trials)
+
+    @property
+    def flag(self) -> str:
+        """What the order makes of a share; empty where both orders are frequent enough."""
+        rarer = min(self.ours_first, self.trials - self.ours_first)
+        if rarer >= RARE * self.trials:
+            return ""
+        where = "first" if self.ours_first > rarer else "second"
+        cause = "cannot be told" if self.constant else "can hardly be told"
+        return (
+            f"ours came {where} in {self.trials - rarer} of {self.trials} trials: its choice {cause} from a "
+            "leaning to that interval"
+        )
+
+
+def order_of(trials: Iterable[ComparisonTrial]) -> IntervalOrder:
+    """Return how often ours came first."""
+    intervals = [trial.ours_interval for trial in trials]
+    return IntervalOrder(sum(interval == OURS_FIRST for interval in intervals), len(intervals))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +96,7 @@ class SequenceShare:
         None without an answer.
     p_holm, equivalence_holm : float or None
         The p of both tests, adjusted for the number of sequences.
-    order : Order
+    order : IntervalOrder
         How often the modulated version came first.
     """
 
@@ -49,11 +104,11 @@ class SequenceShare:
     estimate: ShareEstimate | None
     p_holm: float | None
     equivalence_holm: float | None
-    order: Order
+    order: IntervalOrder
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ComparisonResults:
     """All results of the artifact comparison.
 
     Attributes
@@ -70,12 +125,12 @@ class Comparison:
         Between sequences; None for a single one.
     consistency : Consistency or None
         Of participants; None where nobody answered twice.
-    order : Order
+    order : IntervalOrder
         How often the modulated version came first, of all trials.
     model : OrdinalFit
         Of all answers.
     warnings : tuple of str
-        What is amiss.
+        What is wrong with the answers.
     """
 
     data: TaskData[ComparisonTrial]
@@ -85,7 +140,7 @@ class Comparison:
     first: ShareEstimate
     differences: SequenceDifferences | None
     consistency: Consistency | None
-    order: Order
+    order: IntervalOrder
     model: OrdinalFit
     warnings: tuple[str, ...]
 
@@ -102,7 +157,7 @@ class Comparison:
         )
 
 
-def compare(data: TaskData[ComparisonTrial], seed: int, margin: float) -> Comparison:
+def compare(data: TaskData[ComparisonTrial], seed: int, margin: float) -> ComparisonResults:
     """Return what an artifact comparison shows.
 
     Parameters
@@ -127,7 +182,7 @@ def compare(data: TaskData[ComparisonTrial], seed: int, margin: float) -> Compar
     names = sequences_in(data)
     answered = [name for name in names if any(trial.sequence == name for trial in trials)]
     sequences, order = _sequence_shares(trials, names, margin), order_of(trials)
-    return Comparison(
+    return ComparisonResults(
         data=data,
         margin=margin,
         sequences=sequences,
@@ -158,13 +213,13 @@ def _sequence_shares(
     )
 
 
-def _flagged(share: ShareEstimate, order: Order) -> ShareEstimate:
+def _flagged(share: ShareEstimate, order: IntervalOrder) -> ShareEstimate:
     """Return a share with what the order makes of it."""
     flags = dict.fromkeys(words for words in (share.flag, order.flag) if words)
     return dataclasses.replace(share, flag="; ".join(flags))
 
 
-def _order_warnings(sequences: Sequence[SequenceShare], order: Order) -> tuple[str, ...]:
+def _order_warnings(sequences: Sequence[SequenceShare], order: IntervalOrder) -> tuple[str, ...]:
     """Return where ours came always, or nearly always, in the same interval."""
     over_all = [f"over all sequences {order.flag}"] if order.flag else []
     own = [f"comparison of {spaced(s.name)}: {s.order.flag}" for s in sequences if s.order.flag]
@@ -172,7 +227,7 @@ def _order_warnings(sequences: Sequence[SequenceShare], order: Order) -> tuple[s
 
 
 def _warnings(trials: Sequence[ComparisonTrial], names: Sequence[str]) -> tuple[str, ...]:
-    """Return what is amiss with the answers: missing ones, and people who always give the same."""
+    """Return what is wrong with the answers: missing ones, and people who always give the same."""
     people = sorted({trial.participant_id for trial in trials})
     cells = {(trial.participant_id, trial.sequence) for trial in trials}
     warnings = []
@@ -195,3 +250,26 @@ def _warnings(trials: Sequence[ComparisonTrial], names: Sequence[str]) -> tuple[
             f"ours ({first_few(always)}); they are used"
         )
     return tuple(warnings)
+
+
+def choice_model(trials: Sequence[ComparisonTrial]) -> OrdinalFit:
+    """Return the fitted model; without the leaning where ours came always in the same interval.
+
+    Parameters
+    ----------
+    trials : sequence of ComparisonTrial
+        All of them, at least one.
+    """
+    order = np.array([[1.0 if trial.ours_interval == OURS_FIRST else -1.0] for trial in trials])
+    known = np.ptp(order) > 0
+    who = sorted({trial.participant_id for trial in trials})
+    place = {name: k for k, name in enumerate(who)}
+    return fit_ordinal(
+        OrdinalData(
+            responses=np.array([trial.chose_ours for trial in trials], dtype=np.int64),
+            n_categories=2,
+            design=order if known else order[:, :0],
+            names=(LEANING,) if known else (),
+            groups=np.array([place[trial.participant_id] for trial in trials], dtype=np.int64),
+        )
+    )

@@ -1,19 +1,19 @@
-"""The share of answers that chose the modulated version: interval, exact test, equivalence to one half.
+"""The share of answers that chose the modulated version: counts, interval, exact test, equivalence to 1/2.
 
 Where everybody answered once, the answers are independent and their number is binomial. Where they answered
-more often, participants are the sample: answers of one person go together.
+more often, participants are the sample: answers of one person are correlated.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from evenlight.analysis.comparison.comparison_counts import Choices
 from evenlight.analysis.inference.binomial_tests import (
     ALPHA,
     HALF,
@@ -23,8 +23,11 @@ from evenlight.analysis.inference.binomial_tests import (
     clopper_pearson,
     infer_share,
 )
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.exact_tests import sign_flip_test
+from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.ramp import Response
+from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
 EXACT = "two-sided exact binomial test of 0.5; mid-p interval"
 CLUSTERED = (
@@ -35,6 +38,77 @@ ONE_WAY = "n: participants, each counted as one answer: exact binomial, mid-p in
 ONE_PERSON = "one participant: says nothing about other people"
 ALL_ALIKE = "all participants have the same share: their scatter gives no interval"
 ALL_ONE_WAY = "every answer was the same: exact interval with participants as the sample"
+OURS_FIRST = 1  # interval
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """How often each participant chose one of two things.
+
+    Attributes
+    ----------
+    participants : tuple of str
+        Who, in order; only those with an answer.
+    chosen, answers : array of int, (participants,)
+        How often it was chosen, of how many answers.
+    """
+
+    participants: tuple[str, ...]
+    chosen: NDArray[np.int64]
+    answers: NDArray[np.int64]
+
+    @property
+    def scores(self) -> NDArray[np.int64]:
+        """How much more often it was chosen than the other, (participants,): 0 on the average by guessing."""
+        return np.asarray(2 * self.chosen - self.answers)
+
+    @property
+    def total(self) -> int:
+        """All answers."""
+        return int(self.answers.sum())
+
+    @property
+    def share(self) -> float:
+        """Share of all answers."""
+        return float(self.chosen.sum() / self.answers.sum())
+
+    @property
+    def one_each(self) -> bool:
+        """Whether nobody answered twice, so that the answers are independent."""
+        return bool((self.answers == 1).all())
+
+
+def count_choices(
+    trials: Iterable[ComparisonTrial], chosen: Callable[[ComparisonTrial], bool] | None = None
+) -> Choices:
+    """Return how often each participant chose something.
+
+    Parameters
+    ----------
+    trials : iterable of ComparisonTrial
+        Whose answers count.
+    chosen : callable, optional
+        Whether a trial's answer is what is counted; the modulated version, if none is given.
+    """
+    is_chosen = chosen or (lambda trial: trial.chose_ours)
+    counts: dict[str, list[int]] = {}
+    for trial in trials:
+        own = counts.setdefault(trial.participant_id, [0, 0])
+        own[0] += is_chosen(trial)
+        own[1] += 1
+    who = tuple(sorted(counts))
+    table = np.array([counts[name] for name in who], dtype=np.int64).reshape(-1, 2)
+    return Choices(who, table[:, 0], table[:, 1])
+
+
+def chose_first(trial: ComparisonTrial) -> bool:
+    """Return whether the first of the two videos was chosen, whichever it was."""
+    return trial.response is Response.FIRST
+
+
+def sequences_in(data: TaskData[ComparisonTrial]) -> tuple[str, ...]:
+    """Return the sequences that were designed or answered, in the order of the design."""
+    return tuple(dict.fromkeys((*data.designed_sequences, *(trial.sequence for trial in data.trials))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +120,7 @@ class ShareEstimate:
     choices : Choices
         The answers.
     interval, narrow : (float, float) or None
-        With 95 % and 90 %; the second decides on equivalence at 5 %. None where there is none.
+        Confidence intervals, 95 % and 90 %; the second decides on equivalence at 5 %. None if missing.
     p_value : float
         Of the two-sided test of one half.
     margin : float
@@ -54,7 +128,7 @@ class ShareEstimate:
     equivalence_p : float or None
         Of the two one-sided tests; None without an interval.
     method, flag : str
-        How it was reckoned, and what is amiss.
+        How it was computed, and what is wrong with it.
     exact : BinomialInference or None
         Of independent answers; None where somebody answered twice.
     """

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import special
 
 from evenlight.analysis.comparison.comparison_chance import PERMUTATIONS
 from evenlight.analysis.comparison.comparison_figure import (
@@ -15,17 +16,15 @@ from evenlight.analysis.comparison.comparison_figure import (
     numbers_shown,
     share_rows,
 )
-from evenlight.analysis.comparison.comparison_model import LEANING, METHOD, PREFERENCE
-from evenlight.analysis.comparison.comparison_results import Comparison
+from evenlight.analysis.comparison.comparison_results import LEANING, METHOD, PREFERENCE, ComparisonResults
 from evenlight.analysis.comparison.comparison_shares import ONE_WAY, ShareEstimate
-from evenlight.analysis.comparison.comparison_words import share_of_log_odds
 from evenlight.analysis.inference.binomial_power import difference_power, smallest_margin_ever
 from evenlight.analysis.inference.binomial_tests import LEVEL
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
-from evenlight.analysis.inference.fit_cautions import shown_effect, shown_spread
+from evenlight.analysis.inference.cumulative_link import shown_effect, shown_spread
+from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.wording import listed, spaced
-from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 
 NO_ANSWER = "nobody compared it"
 DIFFERENT = "the sequences differ from one half or from each other: a share of them all tells of none"
@@ -34,7 +33,7 @@ CONSISTENCY = "sum of squared scores over what guessing gives; exact, one-sided"
 DIFFERENCES = f"largest share less smallest; {PERMUTATIONS} permutations within participants (Cochran's Q)"
 
 
-def statistics_of(found: Comparison) -> tuple[Statistic, ...]:
+def statistics_of(found: ComparisonResults) -> tuple[Statistic, ...]:
     """Return the rows of a comparison."""
     origin = Origin.SIMULATED if found.data.simulated else Origin.RECORDED
     rows: list[Statistic] = []
@@ -95,7 +94,7 @@ def _share_rows(
     return rows
 
 
-def _mid_p_row(found: Comparison, origin: Origin) -> Statistic:
+def _mid_p_row(found: ComparisonResults, origin: Origin) -> Statistic:
     """Return the mid-p of all answers: the exact test is strict where few sums are possible."""
     choices = found.pooled.choices
     return Statistic(
@@ -105,7 +104,7 @@ def _mid_p_row(found: Comparison, origin: Origin) -> Statistic:
     )  # fmt: skip
 
 
-def _first_row(found: Comparison, origin: Origin) -> Statistic:
+def _first_row(found: ComparisonResults, origin: Origin) -> Statistic:
     """Return how often the first of the two was chosen."""
     first = found.first
     low, high = first.interval or (None, None)
@@ -115,7 +114,7 @@ def _first_row(found: Comparison, origin: Origin) -> Statistic:
     )  # fmt: skip
 
 
-def _model_rows(found: Comparison, origin: Origin) -> tuple[Statistic, ...]:
+def _model_rows(found: ComparisonResults, origin: Origin) -> tuple[Statistic, ...]:
     """Return what the mixed model says: shares of a person in the middle, and how people differ."""
     fit = found.model
     effects = [(PREFERENCE, fit.intercept), *((LEANING, effect) for effect in fit.effects)]
@@ -133,10 +132,10 @@ def _model_rows(found: Comparison, origin: Origin) -> tuple[Statistic, ...]:
     return tuple(rows)
 
 
-def _effect_row(what: str, effect: FixedEffect, found: Comparison, origin: Origin) -> Statistic:
+def _effect_row(what: str, effect: FixedEffect, found: ComparisonResults, origin: Origin) -> Statistic:
     """Return an effect of the model, as a share instead of its log-odds."""
     value, low, high = (
-        None if number is None else share_of_log_odds(number)
+        None if number is None else float(special.expit(number))
         for number in (effect.estimate, effect.ci_low, effect.ci_high)
     )
     said = [] if effect.estimate is None else [flag.value for flag in found.model.flags]
@@ -149,7 +148,7 @@ def _effect_row(what: str, effect: FixedEffect, found: Comparison, origin: Origi
     )  # fmt: skip
 
 
-def _chance_rows(found: Comparison, origin: Origin) -> tuple[Statistic, ...]:
+def _chance_rows(found: ComparisonResults, origin: Origin) -> tuple[Statistic, ...]:
     """Return what else guessing would give."""
     people, consistency, differences = found.people, found.consistency, found.differences
     uneven = [own for own in found.sequences if own.order.flag]
@@ -170,7 +169,7 @@ def _chance_rows(found: Comparison, origin: Origin) -> tuple[Statistic, ...]:
     )  # fmt: skip
 
 
-def share_points(found: Comparison) -> tuple[PlottedPoint, ...]:
+def share_points(found: ComparisonResults) -> tuple[PlottedPoint, ...]:
     """Return what the figure of shares draws."""
     origin = Origin.SIMULATED if found.data.simulated else Origin.RECORDED
     points = []
@@ -195,9 +194,9 @@ def power_points(answers: Sequence[int]) -> tuple[PlottedPoint, ...]:
         for share, chance in zip(SHARES, difference_power(n, SHARES), strict=True)
     )  # fmt: skip
     margins = tuple(
-        PlottedPoint("margin", series, "", float(n), reckoned(int(n)), "answers", "1", "margin about 0.5",
+        PlottedPoint("margin", series, "", float(n), margin_of(int(n)), "answers", "1", "margin about 0.5",
                      "1", Origin.COMPUTED, n=int(n))
-        for series, reckoned in (("at best", smallest_margin_ever), ("80 % power", likely_margin))
+        for series, margin_of in (("at best", smallest_margin_ever), ("80 % power", likely_margin))
         for n in np.unique([*MARGIN_NUMBERS, numbers[0]])
     )  # fmt: skip
     return (*power, *margins)

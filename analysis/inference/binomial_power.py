@@ -140,7 +140,7 @@ def _from_here_on(enough: NDArray[np.bool_]) -> int | None:
 
 
 def interval_coverage(answers: int, shares: ArrayLike, mid_p: bool) -> Array:
-    """Return how often the 95 % interval holds each true share, (shares,).
+    """Return how often the 95 % confidence interval holds each true share, (shares,).
 
     Parameters
     ----------

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special, stats
 
-HALF = 0.5  # the share that somebody who cannot tell chooses either with
+HALF = 0.5  # the share of people who guess
 DEFAULT_MARGIN = 0.15  # a share from 0.35 to 0.65 counts as a coin's: a choice, said with every result
-LEVEL = 0.95  # of intervals
+LEVEL = 0.95  # of confidence intervals
 ALPHA = 0.05  # of tests
 Interval = tuple[float, float]
 
@@ -28,9 +28,9 @@ class BinomialInference:
     chosen, answers : int
         k and n.
     clopper_pearson : (float, float)
-        95 % interval that holds p at least so often, whatever p is.
+        95 % confidence interval that holds p at least so often, whatever p is.
     mid_p : (float, float)
-        95 % interval that does so on the average.
+        95 % confidence interval that does so on average.
     p_value : float
         Of the two-sided exact test of p = 1/2.
     margin : float

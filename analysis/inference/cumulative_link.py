@@ -3,6 +3,10 @@
 P(answer of participant p ≤ k) = F(θ_k - x β - w u_p), u_p ~ N(0, Σ): McCullagh (1980, J. R. Stat. Soc. B 42,
 109) with participant effects as in Tutz & Hennevogl (1996, Comput. Stat. Data Anal. 22, 537). Two categories
 make it the mixed logistic regression. What is tested against what: docs/decisions/cumulative-link-model.md.
+
+Where everybody always gives the same answer the likelihood rises with the participants' standard deviation
+without end. What the search then leaves at its bound comes from that bound, not from the data: such a fit is
+shown without numbers (`shown_effect`, `shown_spread`).
 """
 
 from __future__ import annotations
@@ -14,19 +18,32 @@ from functools import partial
 import numpy as np
 
 from evenlight.analysis.inference.adaptive_quadrature import FINE_NODES, marginal_likelihood, triangle
-from evenlight.analysis.inference.cumulative_link_density import Link
-from evenlight.analysis.inference.cumulative_link_model import OrdinalData, OrdinalModel, ordinal_model
-from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
-from evenlight.analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
-from evenlight.analysis.inference.profile_effects import FittedModel, Wanted, mirrored, profiled_effect
-from evenlight.analysis.inference.small_samples import Sample, reference_of
+from evenlight.analysis.inference.cumulative_link_model import Link, OrdinalData, OrdinalModel, ordinal_model
+from evenlight.analysis.inference.fixed_effects import (
+    EffectSpec,
+    FitFlag,
+    FittedModel,
+    FixedEffect,
+    mirrored,
+    profiled_effect,
+    unknown_effect,
+)
+from evenlight.analysis.inference.likelihood_search import (
+    HeldParameter,
+    Maximum,
+    Objective,
+    WalledLikelihood,
+    maximum,
+)
+from evenlight.analysis.inference.mixed_designs import Sample, reference_of
 from evenlight.data_schema.arrays import Array
 
 __all__ = ["FitFlag", "FixedEffect", "Link", "OrdinalData", "OrdinalFit", "fit_ordinal"]
-
 WIDE_SD = 2.0  # a participant SD beyond it [log-odds] makes steep posteriors, which take more nodes
 LARGEST_SD = 6.0  # a participant SD beyond it counts as infinite: odds 400 times those of the next [log-odds]
 FURTHEST = 30.0  # an effect beyond it [log-odds], over the range of its column, counts as infinite
+WITHOUT_NUMBERS = (FitFlag.NO_VARIATION, FitFlag.APART, FitFlag.NOT_CONVERGED)
+NO_RATIO = (*WITHOUT_NUMBERS, FitFlag.SEPARATED)  # nor has the likelihood a maximum to be compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +107,7 @@ def fit_ordinal(
         return _without_numbers(data, n_groups, (FitFlag.NO_VARIATION, *flags))
     model = ordinal_model(data, link)
     objective, top = _maximum(model)
-    found = _Found(data, model, FittedModel(objective, top, FURTHEST), profiled)
+    found = _Fit(data, model, FittedModel(objective, top, FURTHEST), profiled)
     effects = tuple(_effect(found, j) for j in range(len(data.names)))
     intercept = _intercept(found) if data.n_categories == 2 else None
     flags += _flags((*effects, *([intercept] if intercept else [])), model, top)
@@ -112,17 +129,17 @@ def fit_ordinal(
 def _maximum(model: OrdinalModel) -> tuple[Objective, Maximum]:
     """Return the likelihood and where it is largest, with as many nodes as the participants take."""
     padded = model.padded
-    objective = Walled(partial(marginal_likelihood, padded), padded.n_fixed, LARGEST_SD)
+    objective = WalledLikelihood(partial(marginal_likelihood, padded), padded.n_fixed, LARGEST_SD)
     top = maximum(objective, model.start)
     if np.abs(top.parameters[padded.n_fixed :]).max(initial=0.0) <= WIDE_SD:
         return objective, top
     fine = partial(marginal_likelihood, padded, nodes=FINE_NODES[padded.n_effects])
-    objective = Walled(fine, padded.n_fixed, LARGEST_SD)
+    objective = WalledLikelihood(fine, padded.n_fixed, LARGEST_SD)
     return objective, maximum(objective, top.parameters)
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Fit:
     """The data, their model where its likelihood is largest, and the effects that are to be profiled."""
 
     data: OrdinalData
@@ -130,26 +147,26 @@ class _Found:
     fitted: FittedModel
     profiled: tuple[str, ...] | None
 
-    def effect(self, wanted: Wanted) -> FixedEffect:
+    def effect(self, wanted: EffectSpec) -> FixedEffect:
         """Return an effect, profiled if it is to be."""
         return profiled_effect(self.fitted, wanted, self.profiled is None or wanted.name in self.profiled)
 
 
-def _effect(found: _Found, j: int) -> FixedEffect:
+def _effect(found: _Fit, j: int) -> FixedEffect:
     """Return the effect of a column, with interval and test."""
     data, model = found.data, found.model
-    if not model.columns.told_apart[j]:
+    if not model.columns.identifiable[j]:
         return unknown_effect(data.names[j], FitFlag.NOT_ESTIMABLE)
     place = model.columns.fitted.index(j)
     reference = reference_of(_with_ones(data, model), 1 + place, _sample(model), j == model.slope)
     span = float(np.ptp(data.design[:, j]))
-    return found.effect(Wanted(data.names[j], Held(model.n_cuts + place), span, reference))
+    return found.effect(EffectSpec(data.names[j], HeldParameter(model.n_cuts + place), span, reference))
 
 
-def _intercept(found: _Found) -> FixedEffect:
+def _intercept(found: _Fit) -> FixedEffect:
     """Return the log-odds of the upper of two categories where all columns are 0: minus the cut point."""
     reference = reference_of(_with_ones(found.data, found.model), 0, _sample(found.model))
-    return mirrored(found.effect(Wanted("intercept", Held(0), 1.0, reference)))
+    return mirrored(found.effect(EffectSpec("intercept", HeldParameter(0), 1.0, reference)))
 
 
 def _with_ones(data: OrdinalData, model: OrdinalModel) -> Array:
@@ -179,7 +196,7 @@ def _flags(effects: tuple[FixedEffect, ...], model: OrdinalModel, top: Maximum) 
     """Return what to know of a fit as a whole."""
     group_sd, slope_sd, _ = _spread(model, top)
     found = {
-        FitFlag.NOT_ESTIMABLE: not all(model.columns.told_apart),
+        FitFlag.NOT_ESTIMABLE: not all(model.columns.identifiable),
         FitFlag.SEPARATED: any("infinity" in effect.flag for effect in effects),
         FitFlag.APART: math.inf in (group_sd, slope_sd),
         FitFlag.NOT_CONVERGED: not top.converged,
@@ -201,3 +218,51 @@ def _without_numbers(data: OrdinalData, n_groups: int, flags: tuple[FitFlag, ...
         n_groups=n_groups,
         flags=flags,
     )
+
+
+def _cause(fit: OrdinalFit) -> str:
+    """Return why a fit has no numbers; empty if it has."""
+    return _words(fit, WITHOUT_NUMBERS)
+
+
+def no_ratio(fit: OrdinalFit) -> str:
+    """Return why the likelihood of a fit cannot be tested against another's; empty if it can."""
+    return _words(fit, NO_RATIO)
+
+
+def _words(fit: OrdinalFit, flags: tuple[FitFlag, ...]) -> str:
+    """Return which of some flags a fit has, in words."""
+    return "; ".join(flag.value for flag in fit.flags if flag in flags)
+
+
+def shown_effect(fit: OrdinalFit, effect: FixedEffect) -> FixedEffect:
+    """Return an effect of a fit as it may be shown: without numbers where the fit has none.
+
+    Parameters
+    ----------
+    fit : OrdinalFit
+        The model.
+    effect : FixedEffect
+        One of its effects.
+    """
+    why = _cause(fit)
+    if not why:
+        return effect
+    return FixedEffect(effect.name, None, None, None, None, None, flag=why)
+
+
+def shown_spread(fit: OrdinalFit, spread: float | None) -> tuple[float | None, str]:
+    """Return a standard deviation between participants and its flag: the reason if there is none.
+
+    Parameters
+    ----------
+    fit : OrdinalFit
+        The model.
+    spread : float or None
+        Its standard deviation of the level, or of the slope.
+    """
+    alone = FitFlag.ONE_PARTICIPANT.value if FitFlag.ONE_PARTICIPANT in fit.flags else ""
+    why = _cause(fit) or alone
+    if not why and spread is None:
+        why = FitFlag.NOT_ESTIMABLE.value
+    return (None, why) if why else (spread, "")

@@ -87,7 +87,7 @@ def _uphill(objective: Objective, at: Maximum, step: Array) -> Maximum | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Walled:
+class WalledLikelihood:
     """A log-likelihood with soft walls, beyond which its last parameters (those of Λ) only cost.
 
     A standard deviation that runs to infinity gains next to nothing on its way, slower and slower: the wall
@@ -121,7 +121,7 @@ class Walled:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldParameter:
     """One parameter θ_j held at v, or at v times another, θ_s: the rest stays free.
 
     Attributes
@@ -177,7 +177,7 @@ class ProfileEnd:
 class Profile:
     """The profile likelihood of one parameter: the others at their best for each of its values."""
 
-    def __init__(self, objective: Objective, top: Maximum, held: Held) -> None:
+    def __init__(self, objective: Objective, top: Maximum, held: HeldParameter) -> None:
         self.objective, self.top, self.held = objective, top, held
         self.estimate = held.value(top.parameters)
 

@@ -14,17 +14,28 @@ from functools import partial
 import numpy as np
 
 from evenlight.analysis.inference.adaptive_quadrature import Likelihood, marginal_likelihood, triangle
-from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
-from evenlight.analysis.inference.likelihood_search import Held, Maximum, Objective, Walled, maximum
+from evenlight.analysis.inference.fixed_effects import (
+    EffectSpec,
+    FitFlag,
+    FittedModel,
+    FixedEffect,
+    profiled_effect,
+    unknown_effect,
+)
+from evenlight.analysis.inference.likelihood_search import (
+    HeldParameter,
+    Maximum,
+    Objective,
+    WalledLikelihood,
+    maximum,
+)
 from evenlight.analysis.inference.lognormal_times_model import (
     CensoredTimes,
     TimesModel,
     leave_no_scatter,
     times_model,
 )
-from evenlight.analysis.inference.profile_effects import FittedModel, Wanted, profiled_effect
-from evenlight.analysis.inference.random_columns import in_row_space
-from evenlight.analysis.inference.small_samples import Sample, reference_of
+from evenlight.analysis.inference.mixed_designs import Sample, in_row_space, reference_of
 from evenlight.data_schema.arrays import Array
 
 __all__ = ["CensoredTimes", "Contrast", "FitFlag", "FixedEffect", "TimesFit", "fit_lognormal_times"]
@@ -107,9 +118,9 @@ def fit_lognormal_times(
     model = times_model(data)
     if leave_no_scatter(data, model):
         return _without_numbers(data, contrasts, (FitFlag.NO_SCATTER, *flags))
-    objective = Walled(partial(marginal_likelihood, model.padded), model.padded.n_fixed, LARGEST_SD)
+    objective = WalledLikelihood(partial(marginal_likelihood, model.padded), model.padded.n_fixed, LARGEST_SD)
     top = maximum(objective, model.start)
-    found = _Found(data, model, objective, top)
+    found = _Fit(data, model, objective, top)
     units = [
         Contrast(name, tuple(row)) for name, row in zip(data.names, np.eye(len(data.names)), strict=True)
     ]
@@ -133,7 +144,7 @@ def fit_lognormal_times(
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Fit:
     """The data, their model, and where its likelihood is largest."""
 
     data: CensoredTimes
@@ -142,7 +153,7 @@ class _Found:
     top: Maximum
 
 
-def _effect(found: _Found, asked: Contrast, profiled: bool) -> FixedEffect:
+def _effect(found: _Fit, asked: Contrast, profiled: bool) -> FixedEffect:
     """Return a combination of effects, w β: one effect of a design that is turned so that it has it.
 
     X β = X M β' with β'_m = w β for a column m of weight w_m ≠ 0 and β'_l = β_l for the others.
@@ -165,11 +176,11 @@ def _effect(found: _Found, asked: Contrast, profiled: bool) -> FixedEffect:
     sample = Sample(model.groups, int(data.observed.sum()), own_variance=True)
     reference = reference_of(design, m, sample, slope)
     span = float(np.ptp(design[:, m])) or float(np.abs(design[:, m]).max())
-    wanted = Wanted(asked.name, Held(1 + m, scale=0), span, reference)
+    wanted = EffectSpec(asked.name, HeldParameter(1 + m, scale=0), span, reference)
     return profiled_effect(_turned(found, turn), wanted, profiled)
 
 
-def _turned(found: _Found, turn: Array) -> FittedModel:
+def _turned(found: _Fit, turn: Array) -> FittedModel:
     """Return the fitted model in the parameters of a turned design."""
     matrix = np.eye(found.top.parameters.size)
     matrix[1 : 1 + turn.shape[0], 1 : 1 + turn.shape[0]] = turn
@@ -197,7 +208,7 @@ def _spread(model: TimesModel, top: Maximum) -> tuple[float, float | None]:
 def _flags(effects: tuple[FixedEffect, ...], model: TimesModel, top: Maximum) -> list[FitFlag]:
     """Return what to know of a fit as a whole."""
     found = {
-        FitFlag.NOT_ESTIMABLE: not all(model.columns.told_apart),
+        FitFlag.NOT_ESTIMABLE: not all(model.columns.identifiable),
         FitFlag.SEPARATED: any("infinity" in effect.flag for effect in effects),
         FitFlag.NOT_CONVERGED: not top.converged,
     }

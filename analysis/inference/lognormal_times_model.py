@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.adaptive_quadrature import Derivatives, PaddedModel, padded
-from evenlight.analysis.inference.random_columns import (
+from evenlight.analysis.inference.mixed_designs import (
     Columns,
     estimable_columns,
     loadings_of,

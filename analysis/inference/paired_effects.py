@@ -35,7 +35,7 @@ class Effect:
     value : float or None
         None where the differences do not give it.
     ci_low, ci_high : float or None
-        95 % interval; None where there is none.
+        95 % confidence interval; None where there is none.
     flag : str
         Why it is missing, or should be looked at.
     """
@@ -156,7 +156,7 @@ def _alike(values: Array) -> str:
 
 
 def superiority(differences: ArrayLike) -> Effect:
-    """Return P(better) + ½ P(alike), how probably somebody's first of a pair is the better one.
+    """Return P(better) + ½ P(alike), the probability that a participant's first of a pair is the better one.
 
     0.5 is no effect. Interval: the score interval of a paired difference of shares, P(better) - P(worse),
     by Tango (1998), moved from [-1, 1] to [0, 1].

@@ -1,9 +1,9 @@
 """Kaplan-Meier curves of times of which some are only known to be longer than a limit.
 
 The curve is S(t) = Π (1 - d_i / n_i) over the times at which something was found, d_i of the n_i that were
-still being searched for (Kaplan & Meier, 1958). Its pointwise interval is that of ln(-ln S) (Kalbfleisch &
-Prentice, 1980), which keeps within 0 and 1; the median's is all times at which that interval holds one half
-(Brookmeyer & Crowley, 1982).
+still being searched for (Kaplan & Meier, 1958). Its pointwise confidence interval is that of ln(-ln S)
+(Kalbfleisch & Prentice, 1980), which keeps within 0 and 1; the median's is all times at which that interval
+holds one half (Brookmeyer & Crowley, 1982).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SurvivalCurve:
     survival : array (k,)
         Share not yet found from then on.
     low, high : array (k,)
-        Ends of its pointwise interval.
+        Ends of its pointwise confidence interval.
     n, n_found : int
         How many were searched for, and found.
     last : float

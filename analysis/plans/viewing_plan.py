@@ -8,23 +8,26 @@ they are, and nothing is drawn. Beside the power stands how often the test finds
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from evenlight.analysis.inference.binomial_tests import clopper_pearson
-from evenlight.analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
+from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, ViewingPlanRow
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.plan import MOST_PARTICIPANTS, ViewingPlanRow
-from evenlight.data_schema.seeds import require_seed
+from evenlight.data_schema.provenance import require_seed
 
 BEYOND_TRIED = "beyond what was tried"
-
 Exact = Callable[[ArrayLike], Array]  # power, by number of participants
+NUMBERS = np.arange(2, MOST_PARTICIPANTS + 1)
+INTERVAL = 1.96  # standard errors: 95 %
+NEAR = 0.5  # share of the wanted power that some number tried must reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,7 @@ class PlannedTest:
     key : str
         Of its p values among those that `Truth.p_values` gives.
     effect : float
-        True effect with which the power is reckoned.
+        True effect with which the power is computed.
     effect_unit : str
         Its unit.
     null : float
@@ -134,7 +137,7 @@ class ViewingPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class _Work:
+class _Batch:
     """Experiments of one size with one true effect: what is simulated at once."""
 
     request: ViewingRequest
@@ -142,7 +145,7 @@ class _Work:
     participants: int
 
 
-def _p_values(work: _Work) -> Mapping[str, Array]:
+def _p_values(work: _Batch) -> Mapping[str, Array]:
     """Return the p values of simulated experiments; their seed depends on nothing but what they are."""
     request = work.request
     label = int.from_bytes(f"{request.task} {work.effect:.9g}".encode(), "big")
@@ -152,7 +155,7 @@ def _p_values(work: _Work) -> Mapping[str, Array]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """A share of experiments with its 95 % interval."""
+    """A share of experiments with its 95 % confidence interval."""
 
     value: float
     low: float
@@ -179,7 +182,7 @@ def plan_viewing(
     numbers = sorted(request.participants)
     drawn = [test for test in tests if test.exact is None]
     effects = list(dict.fromkeys(e for test in drawn for e in (test.effect, test.null)))
-    works = [_Work(request, effect, n) for effect in effects for n in reversed(numbers)]
+    works = [_Batch(request, effect, n) for effect in effects for n in reversed(numbers)]
     found: dict[tuple[float, int], Mapping[str, Array]] = {}
     for work, p_values in zip(works, mapped(_p_values, works), strict=True):
         found[work.effect, work.participants] = p_values
@@ -208,7 +211,9 @@ def _share_of(
     return _Share(hits / p_values.size, *clopper_pearson(hits, p_values.size))
 
 
-def _needed(test: PlannedTest, request: ViewingRequest, numbers: list[int], power: list[_Share]) -> Needed:
+def _needed(
+    test: PlannedTest, request: ViewingRequest, numbers: list[int], power: list[_Share]
+) -> ParticipantsNeeded:
     """Return how many participants a test needs."""
     if test.exact is not None:
         return exactly_needed(test.exact, request.power)
@@ -216,7 +221,7 @@ def _needed(test: PlannedTest, request: ViewingRequest, numbers: list[int], powe
     tried = [(n, share.value) for n, share in zip(numbers, power, strict=True) if n >= test.fewest]
     found = needed_by_line([n for n, _ in tried], [p for _, p in tried], request.runs, request.power)
     ends = (None if n is None else max(n, test.fewest) for n in (found.participants, found.low, found.high))
-    return Needed(*ends)
+    return ParticipantsNeeded(*ends)
 
 
 def _row(
@@ -225,7 +230,7 @@ def _row(
     participants: int,
     power: _Share,
     error: _Share,
-    needed: Needed,
+    needed: ParticipantsNeeded,
 ) -> ViewingPlanRow:
     """Return a row of the plan."""
     return ViewingPlanRow(
@@ -275,3 +280,83 @@ def needed_in_words(row: ViewingPlanRow) -> str:
     if low == needed == high:
         return str(needed)
     return f"{needed or beyond} ({low} to {high or beyond})"
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantsNeeded:
+    """How many participants are needed, and its 95 % confidence interval; None beyond 1000 or the tried."""
+
+    participants: int | None
+    low: int | None
+    high: int | None
+
+
+def exactly_needed(power: Callable[[ArrayLike], NDArray[np.float64]], wanted: float) -> ParticipantsNeeded:
+    """Return the number of participants from which on an exact power never falls below the wanted one."""
+    lacking = np.flatnonzero(power(NUMBERS) < wanted)
+    if lacking.size and lacking[-1] == NUMBERS.size - 1:
+        return ParticipantsNeeded(None, None, None)
+    number = int(NUMBERS[lacking[-1] + 1]) if lacking.size else int(NUMBERS[0])
+    return ParticipantsNeeded(number, number, number)
+
+
+def needed_by_line(
+    participants: Sequence[int], power: Sequence[float], runs: int, wanted: float
+) -> ParticipantsNeeded:
+    """Return the number of participants at which simulated power reaches the wanted one.
+
+    The power of a test of a mean is Φ(a + b √N): a probit regression on √N takes all numbers that were tried
+    together, and its 95 % band gives the interval. Half an experiment is added to either side, so that powers
+    of 0 and 1 stay finite. Far from the powers that were tried the line says nothing: if none reaches half
+    of the wanted power there is no number; if all are halfway from it to 1, it is the fewest tried.
+
+    Parameters
+    ----------
+    participants : sequence of int
+        Numbers that were tried.
+    power : sequence of float
+        Share of experiments that found something.
+    runs : int
+        Experiments of each number.
+    wanted : float
+        Power.
+
+    >>> numbers = [10, 20, 40]
+    >>> power = special.ndtr(0.5 * np.sqrt(numbers) - 1.96)
+    >>> needed_by_line(numbers, power, 10**6, 0.8).participants  # (2.80 / 0.5)²
+    32
+    """
+    import statsmodels.genmod.api as models  # half a second, and only needed here
+
+    hits = np.asarray(power) * runs
+    counts = np.column_stack([hits + 0.5, runs - hits + 0.5])
+    too_high = min(power, default=0.0) >= (1 + wanted) / 2
+    if len(participants) < 2 or np.ptp(power) == 0 or too_high:
+        return _of_one(participants, power, wanted)
+    if max(power) < NEAR * wanted:
+        return ParticipantsNeeded(None, None, None)
+    probit = models.families.Binomial(models.families.links.Probit())
+    design = np.column_stack([np.ones(len(participants)), np.sqrt(participants)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of perfect separation: half an experiment keeps all finite
+        fit = models.GLM(counts, design, family=probit).fit()
+    at = np.column_stack([np.ones(NUMBERS.size), np.sqrt(NUMBERS)])
+    line = at @ fit.params
+    half = INTERVAL * np.sqrt(np.sum((at @ fit.cov_params()) * at, axis=1))
+    return ParticipantsNeeded(
+        *(_first(edge >= special.ndtri(wanted)) for edge in (line, line + half, line - half))
+    )
+
+
+def _of_one(participants: Sequence[int], power: Sequence[float], wanted: float) -> ParticipantsNeeded:
+    """Return what powers say that give no line: the fewest that were tried, if they are enough."""
+    if min(power, default=0.0) < wanted:
+        return ParticipantsNeeded(None, None, None)
+    fewest = min(participants)
+    return ParticipantsNeeded(fewest, 2, fewest)
+
+
+def _first(enough: NDArray[np.bool_]) -> int | None:
+    """Return the first number that is enough."""
+    found = np.flatnonzero(enough)
+    return int(NUMBERS[found[0]]) if found.size else None

@@ -12,7 +12,7 @@ from scipy import optimize, special
 from evenlight.analysis.comparison.comparison_shares import equivalence_p, independent_error
 from evenlight.analysis.inference.binomial_power import difference_power, equivalence_power
 from evenlight.analysis.inference.binomial_tests import ALPHA, HALF
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.analysis.plans.viewing_plan import Exact, PlannedTest
 from evenlight.analysis.rating.rating_power import fewest_pairs
 from evenlight.data_schema.arrays import Array

@@ -27,7 +27,7 @@ from evenlight.analysis.figure_style import (
     text_size,
 )
 from evenlight.analysis.plans.viewing_plan import ViewingPlan, needed_in_words
-from evenlight.data_schema.plan import ViewingPlanRow
+from evenlight.data_schema.analysis_results import ViewingPlanRow
 
 COLOURS = (OURS, INK, BASELINE, LIMIT, PARTICIPANT, LOST)
 MARKERS = ("o", "s", "D", "^", "v", "P")

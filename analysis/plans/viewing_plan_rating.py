@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.binomial_tests import ALPHA
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.analysis.plans.viewing_plan import PlannedTest
 from evenlight.analysis.published import SEQUENCES, published
 from evenlight.analysis.rating.rating_power import LARGEST, fewest_pairs, likely_differences

@@ -1,8 +1,9 @@
-"""The figure of detail ratings: how each version was rated, and how the two differ for the same people."""
+"""The figure of detail ratings and its numbers: ratings of each version, differences within participants."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,10 @@ from evenlight.analysis.figure_style import (
 )
 from evenlight.analysis.rating.rating_pairs import ALL, PairedRatings, VersionRatings
 from evenlight.analysis.rating.rating_results import PairResult, RatingResults
-from evenlight.analysis.rating.rating_statistics import mean_of
+from evenlight.analysis.rating.rating_statistics import POINTS, mean_of
 from evenlight.analysis.wording import in_words, p_in_words, p_text
-from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, Version
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint
+from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 
 COLUMNS = 4  # panels of ratings side by side
 PANEL_HEIGHT = 11.0  # [em]
@@ -83,14 +85,14 @@ def _heading(results: RatingResults) -> tuple[str, str]:
     title = f"Detail ratings of {results.people}"
     return title, (
         "Bars: how many ratings of each value, constant dimming (baseline) to the left, ours to the right. "
-        "Diamonds: means with their 95 % intervals."
+        "Diamonds: means with 95 % confidence intervals."
     )
 
 
 def _differences_in_words(results: RatingResults) -> str:
     """Return the heading of the lower panel."""
     who = "simulated participant" if results.simulated else "participant"
-    return f"Difference ours − baseline of each {who}, and its mean with 95 % interval"
+    return f"Difference ours − baseline of each {who}, and its mean with 95 % confidence interval"
 
 
 def _draw_ratings(axes: Axes, results: RatingResults, name: str) -> None:
@@ -202,3 +204,40 @@ def difference_counts(pairs: PairedRatings) -> dict[float, int]:
     """Return how many participants have each difference, in bins."""
     width = bin_width(pairs)
     return dict(sorted(Counter((np.round(pairs.values / width) * width).tolist()).items()))
+
+
+def rating_points(results: RatingResults) -> tuple[PlottedPoint, ...]:
+    """Return every number that `rating_figure` draws: bars and means of ratings, and of differences."""
+    origin = Origin.SIMULATED if results.simulated else Origin.RECORDED
+    differences = [point for result in results.shown for point in _difference_points(result, origin)]
+    return (*_rating_points(results, origin), *differences)
+
+
+def _rating_points(results: RatingResults, origin: Origin) -> Iterator[PlottedPoint]:
+    """Return how often each rating was given, and the means."""
+    for (sequence, version), ratings in results.versions.items():
+        for rating in range(LOWEST_RATING, HIGHEST_RATING + 1):
+            yield PlottedPoint(
+                sequence, f"{version.value}, ratings", "", float(ratings.ratings.count(rating)),
+                float(rating), "number of ratings", "1", "rating", POINTS, origin, n=len(ratings.ratings),
+            )  # fmt: skip
+        mean = mean_of(ratings)
+        yield PlottedPoint(
+            sequence, f"{version.value}, mean and 95 % interval", version.value, None, mean.value,
+            "version", "1", "mean rating", POINTS, origin, mean.ci_low, mean.ci_high, len(ratings.means),
+        )  # fmt: skip
+
+
+def _difference_points(result: PairResult, origin: Origin) -> Iterator[PlottedPoint]:
+    """Return how many participants have each difference, and the mean."""
+    name, n, mean = result.pairs.name, len(result.pairs.participant_ids), result.mean
+    series = f"{name}, bins of {bin_width(result.pairs):g}"
+    for difference, count in difference_counts(result.pairs).items():
+        yield PlottedPoint(
+            "differences", series, "", difference, float(count), "ours less baseline", POINTS,
+            "number of participants", "1", origin, n=n,
+        )  # fmt: skip
+    yield PlottedPoint(
+        "differences", "mean and 95 % interval", name, None, mean.value, "sequence", "1",
+        "mean of ours less baseline", POINTS, origin, mean.ci_low, mean.ci_high, n,
+    )  # fmt: skip

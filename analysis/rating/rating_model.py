@@ -8,11 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from evenlight.analysis.inference.cumulative_link import FitFlag, OrdinalData, OrdinalFit, fit_ordinal
-from evenlight.analysis.inference.fit_cautions import no_ratio, shown_effect
+from evenlight.analysis.inference.cumulative_link import (
+    FitFlag,
+    OrdinalData,
+    OrdinalFit,
+    fit_ordinal,
+    no_ratio,
+    shown_effect,
+)
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.rating.rating_pairs import PairedRatings
-from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
+from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
 
 VERSION, PLACE = "version", "place"
 PERMUTATIONS = 9999

@@ -1,7 +1,7 @@
 """Ratings of the two versions of a sequence by the same people, as pairs.
 
 A participant's ratings of a version are averaged if there are several; the pair is the unit, because answers
-of one person are not independent. Whoever lacks one of the versions leaves the pair, and is named.
+of one person are not independent. Who lacks one of the versions is left out of the pair, and named.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.viewing import RatingDesign, RatingTrial, Version
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 ALL = "all"  # in place of a sequence's name
 
@@ -107,9 +107,8 @@ def whole_scores(values: Sequence[Fraction]) -> NDArray[np.int64]:
 
 def sequences_in(data: TaskData[RatingTrial]) -> tuple[str, ...]:
     """Return the names of the sequences that were designed or rated, in the order of the designs."""
-    designs = [session.manifest.design for session in data.sessions]
-    named = [name for design in designs if isinstance(design, RatingDesign) for name in design.sequences]
-    return tuple(dict.fromkeys((*named, *sorted({trial.sequence for trial in data.trials}))))
+    rated = sorted({trial.sequence for trial in data.trials})
+    return tuple(dict.fromkeys((*data.designed_sequences, *rated)))
 
 
 def version_ratings(trials: Sequence[RatingTrial], sequence: str, version: Version) -> VersionRatings:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special
 
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
+from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING
 
 ALPHA = 0.05
 POWER = 0.8

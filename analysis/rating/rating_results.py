@@ -1,4 +1,4 @@
-"""Everything that is reckoned of detail ratings, in one record: rows, figures and words are made of it."""
+"""All results of the detail ratings in one record, from which rows, figures and words are made."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenlight.analysis.inference.exact_paired_tests import (
+from evenlight.analysis.inference.exact_tests import (
     ExactTest,
     Zeros,
     sign_flip_test,
@@ -33,6 +33,7 @@ from evenlight.analysis.rating.rating_pairs import (
     PairedRatings,
     VersionRatings,
     always_alike,
+    incomplete,
     over_sequences,
     paired_ratings,
     sequences_in,
@@ -40,7 +41,7 @@ from evenlight.analysis.rating.rating_pairs import (
 )
 from evenlight.analysis.rating.rating_power import ALPHA, LARGEST, Spread, fewest_pairs, smallest_difference
 from evenlight.analysis.session_loading import TaskData
-from evenlight.data_schema.viewing import RatingTrial, Version
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 NOBODY = "nobody has rated both versions"
 
@@ -76,7 +77,7 @@ class PairResult:
 
     @property
     def caution(self) -> str:
-        """What is to be minded of its tests."""
+        """What to note about its tests."""
         return NOBODY if self.flip is None else caution_of(self.flip)
 
     @property
@@ -87,7 +88,7 @@ class PairResult:
         if self.flip.n < fewest_pairs():
             return f"{self.flip.n} pair{'s' * (self.flip.n != 1)}: p cannot come down to {ALPHA:g}"
         if not np.ptp(self.pairs.values) > 0:
-            return f"all {self.flip.n} differences are alike: no spread to reckon with"
+            return f"all {self.flip.n} differences are alike: no spread to compute with"
         return "no difference on the scale is large enough"
 
 
@@ -134,6 +135,22 @@ class RatingResults:
     def rated(self) -> tuple[str, ...]:
         """The sequences with a rating; only they are in the model."""
         return tuple(name for name in self.sequences if any(self.versions[name, v].ratings for v in Version))
+
+    @property
+    def unrated(self) -> tuple[str, ...]:
+        """The sequences that were designed, and that nobody rated."""
+        return tuple(name for name in self.sequences if name not in self.rated)
+
+    @property
+    def incomplete(self) -> tuple[str, ...]:
+        """Participants who lack a version of a sequence that was rated."""
+        return incomplete([result.pairs for result in self.pairs if result.pairs.name in self.rated])
+
+    @property
+    def different(self) -> tuple[str, ...]:
+        """The sequences whose mean difference is significant at 5 % (exact test, Holm)."""
+        tested = zip(self.pairs, self.adjusted, strict=True)
+        return tuple(result.pairs.name for result, p in tested if p is not None and p <= ALPHA)
 
     @property
     def shown(self) -> tuple[PairResult, ...]:
@@ -205,7 +222,7 @@ def pair_result(pairs: PairedRatings, rng: np.random.Generator) -> PairResult:
 
 
 def caution_of(test: ExactTest) -> str:
-    """Return what is to be minded of an exact test.
+    """Return what to note about an exact test.
 
     >>> caution_of(ExactTest(statistic=2.0, p_value=0.5, n=17, n_different=2))
     'only 2 of 17 pairs differ: p cannot come below 0.5'

@@ -3,22 +3,60 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from evenlight.analysis.inference.exact_paired_tests import ExactTest
+from evenlight.analysis.inference.cumulative_link import shown_spread
+from evenlight.analysis.inference.exact_tests import ExactTest
+from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.holm import holm
-from evenlight.analysis.inference.paired_effects import Effect, mean_difference, within
-from evenlight.analysis.rating.rating_cells import p_of
-from evenlight.analysis.rating.rating_model_rows import model_rows, order_rows
+from evenlight.analysis.inference.paired_effects import LEVEL, Effect, mean_difference, within
+from evenlight.analysis.rating.rating_model import InteractionTest, RatingModel
+from evenlight.analysis.rating.rating_order import PERMUTATIONS, OrderEffects
 from evenlight.analysis.rating.rating_pairs import VersionRatings
 from evenlight.analysis.rating.rating_power import POWER
 from evenlight.analysis.rating.rating_results import PairResult, RatingResults
-from evenlight.analysis.rating.rating_rows import ADJUSTED_T, POINTS, SIGN_FLIP, PValues, Row, statistic
-from evenlight.data_schema.statistic import Origin, Statistic
-from evenlight.data_schema.viewing import HIGHEST_RATING, LOWEST_RATING
+from evenlight.data_schema.analysis_results import Origin, Statistic
+from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING
+
+POINTS = "rating points"
+ADJUSTED_T = "Student's t with two pseudo pairs (after Agresti & Min 2005)"
+SIGN_FLIP = "exact sign-flip test of the mean difference"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a row of results is about.
+
+    Attributes
+    ----------
+    table, group, what, unit, method : str
+        As in `Statistic`.
+    """
+
+    table: str
+    group: str
+    what: str
+    unit: str
+    method: str
+
+
+def statistic(
+    row: Row,
+    effect: Effect,
+    n: int,
+    origin: Origin,
+    p_value: float | None = None,
+    p_adjusted: float | None = None,
+) -> Statistic:
+    """Return a row with its numbers."""
+    bounded = effect.ci_low is not None or effect.ci_high is not None
+    return Statistic(
+        row.table, row.group, row.what, effect.value, row.unit, origin, effect.ci_low, effect.ci_high,
+        LEVEL if bounded else None, p_value, p_adjusted, n, row.method, effect.flag,
+    )  # fmt: skip
 
 
 def rating_statistics(results: RatingResults) -> tuple[Statistic, ...]:
@@ -66,7 +104,7 @@ def _version_rows(results: RatingResults, origin: Origin) -> Iterator[Statistic]
 
 
 def _summary(ratings: VersionRatings) -> Iterator[tuple[str, str, Effect]]:
-    """Return what is said of a version: what it is, how it was reckoned, the number."""
+    """Return the numbers of a version: what each is, how it was computed, the number itself."""
     yield "mean rating", f"mean over participants; interval: {ADJUSTED_T}", mean_of(ratings)
     if not ratings.means:
         return
@@ -84,7 +122,7 @@ def _summary(ratings: VersionRatings) -> Iterator[tuple[str, str, Effect]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class TestedEffect:
     """An effect of the differences and the test that goes with it.
 
     Attributes
@@ -102,29 +140,29 @@ class Question:
     test: Callable[[PairResult], ExactTest | None]
 
 
-QUESTIONS = (
-    Question(
+TESTED_EFFECTS = (
+    TestedEffect(
         "mean difference",
         POINTS,
         f"primary: {SIGN_FLIP}, Holm over the sequences; interval: {ADJUSTED_T}",
         lambda result: result.mean,
         lambda result: result.flip,
     ),
-    Question(
+    TestedEffect(
         "mean difference, mid-p",
         POINTS,
         f"for comparison: {SIGN_FLIP} with mid-p (Lancaster 1961); interval: {ADJUSTED_T}",
         lambda result: result.mean,
         lambda result: result.flip_mid_p,
     ),
-    Question(
+    TestedEffect(
         "rank-biserial correlation",
         "1",
         "for comparison: exact signed-rank test, zeros ranked; interval: U-statistic with two pseudo pairs",
         lambda result: result.rank_biserial,
         lambda result: result.ranks,
     ),
-    Question(
+    TestedEffect(
         "probability of superiority",
         "1",
         "for comparison: exact sign test; interval: score (Tango 1998), ties count one half",
@@ -137,14 +175,14 @@ QUESTIONS = (
 def _pair_rows(results: RatingResults, origin: Origin) -> Iterator[Statistic]:
     """Return effects and tests of each sequence, with Holm over them, and of all together."""
     everything = results.shown
-    for question in QUESTIONS:
-        p_values = [p_of(question.test(result)) for result in everything]
+    for tested in TESTED_EFFECTS:
+        p_values = [_p_of(tested.test(result)) for result in everything]
         adjusted = (*holm(p_values[: len(results.pairs)]), None)[: len(everything)]
         for result, p_value, p_adjusted in zip(everything, p_values, adjusted, strict=True):
-            what = f"{question.what}, ours less baseline"
-            row = Row("differences", result.pairs.name, what, question.unit, question.method)
-            effect = _cautioned(question.effect(result), result)
-            yield statistic(row, effect, _n(result), origin, PValues(p_value, p_adjusted))
+            what = f"{tested.what}, ours less baseline"
+            row = Row("differences", result.pairs.name, what, tested.unit, tested.method)
+            effect = _cautioned(tested.effect(result), result)
+            yield statistic(row, effect, _n(result), origin, p_value, p_adjusted)
     for result in everything:
         yield from _untested_rows(result, origin)
 
@@ -158,7 +196,7 @@ def _untested_rows(result: PairResult, origin: Origin) -> Iterator[Statistic]:
     row = Row("differences", group, "signed-rank sum, zeros dropped", "1",
               "for comparison: exact signed-rank test, zeros dropped (Wilcoxon); p not adjusted")  # fmt: skip
     effect = Effect(None, flag=result.caution) if dropped is None else Effect(dropped.statistic)
-    yield statistic(row, _cautioned(effect, result), n, origin, PValues(p_of(dropped)))
+    yield statistic(row, _cautioned(effect, result), n, origin, _p_of(dropped))
     values = result.pairs.values
     for what, count in (("better", values > 0), ("alike", values == 0), ("worse", values < 0)):
         row = Row("differences", group, f"participants who rate ours {what}", "1", "count")
@@ -168,12 +206,87 @@ def _untested_rows(result: PairResult, origin: Origin) -> Iterator[Statistic]:
     yield statistic(row, Effect(result.smallest, flag=result.why_no_smallest), n, origin)
 
 
+def _p_of(test: ExactTest | None) -> float | None:
+    """Return the p value of a test, if there is one."""
+    return None if test is None else test.p_value
+
+
 def _n(result: PairResult) -> int:
     """Return the number of pairs."""
     return len(result.pairs.participant_ids)
 
 
 def _cautioned(effect: Effect, result: PairResult) -> Effect:
-    """Return an effect with what is to be minded of its test beside its own flag."""
+    """Return an effect with the caution about its test beside its own flag."""
     flags = dict.fromkeys(words for words in (effect.flag, result.caution) if words)
     return Effect(effect.value, effect.ci_low, effect.ci_high, "; ".join(flags))
+
+
+def model_rows(
+    model: RatingModel, permuted: InteractionTest, sequences: Sequence[str], origin: Origin
+) -> Iterator[Statistic]:
+    """Return odds ratios, spread of participants, and interactions."""
+    people = model.fit.n_groups
+    between = "cumulative-link mixed model (logit), participants differ in level and in effect of the version"
+    wanted = [("ours to baseline", model.version), ("shown second to first", model.place)]
+    wanted += [(f"{effect.name} to {sequences[0]}", effect) for effect in model.sequences]
+    for what, effect in wanted:
+        row = Row("model", "all", f"odds ratio of a higher rating, {what}", "1", between)
+        yield statistic(row, odds_ratio(effect), people, origin, effect.p_value)
+    what = "odds ratio of a higher rating, ours to baseline, the same for all participants"
+    row = Row(
+        "model", "all", what, "1", "cumulative-link mixed model (logit), participants differ in level only"
+    )
+    alike = model.version_alike
+    yield statistic(row, odds_ratio(alike), people, origin, alike.p_value)
+    spreads = {
+        "of the participants' level": model.fit.group_sd,
+        "of the participants' effect of the version": model.fit.slope_sd,
+    }
+    for what, sd in spreads.items():
+        row = Row("model", "all", f"standard deviation {what}", "log-odds", between)
+        shown, flag = shown_spread(model.fit, sd)
+        yield statistic(row, Effect(shown, flag=flag), people, origin)
+    df = model.interaction.df
+    yield _interaction_row(
+        "likelihood ratio", f"F distribution, {df} effects, as in a normal model", model.interaction, origin
+    )
+    method = "permutation of each participant's differences over the sequences"
+    yield _interaction_row("variance of mean differences", method, permuted, origin)
+
+
+def odds_ratio(effect: FixedEffect) -> Effect:
+    """Return an effect in log-odds as an odds ratio."""
+
+    def ratio(value: float | None) -> float | None:
+        return None if value is None else math.exp(value)
+
+    value = ratio(effect.estimate)
+    flag = effect.flag or ("" if value is not None else "the model gives no estimate")
+    return Effect(value, ratio(effect.ci_low), ratio(effect.ci_high), flag)
+
+
+def _interaction_row(what: str, method: str, test: InteractionTest, origin: Origin) -> Statistic:
+    """Return the row of an interaction."""
+    row = Row("model", "all", f"version x sequence, {what}", "1", method)
+    return statistic(row, Effect(test.statistic, flag=test.flag), test.n, origin, test.p_value)
+
+
+def order_rows(order: OrderEffects, origin: Origin) -> Iterator[Statistic]:
+    """Return the effects of the order."""
+    within = (
+        f"beside people and sequences; {PERMUTATIONS} permutations of the orders among participants; "
+        f"interval: {ADJUSTED_T}"
+    )
+    wanted = {
+        "shown second less shown first": order.place,
+        "mean of both versions, ours first less ours second": order.carry_over,
+    }
+    for what, test in wanted.items():
+        row = Row("order", "all", what, POINTS, within)
+        yield statistic(row, test.effect, test.n, origin, test.p_value)
+    adjusted = holm([test.p_value for test in order.by_sequence.values()])
+    between = "exact permutation test between the two orders; interval: Welch's t with pseudo answers"
+    for (name, test), p_adjusted in zip(order.by_sequence.items(), adjusted, strict=True):
+        row = Row("order", name, "ours less baseline, ours first less ours second", POINTS, between)
+        yield statistic(row, test.effect, test.n, origin, test.p_value, p_adjusted)

@@ -1,4 +1,4 @@
-"""Visual adaptation (Section 4.4): what it says of brightness that changes within the rate limit, or not."""
+"""Visual adaptation (Section 4.4): how far it lags where brightness changes within the rate limit, or not."""
 
 from __future__ import annotations
 
@@ -7,39 +7,42 @@ from collections.abc import Sequence
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.analysis.published import published, published_values
-from evenlight.analysis.reproduction.adaptation_differences import (
+from evenlight.analysis.report import Section, Table
+from evenlight.analysis.report_prose import prose, section
+from evenlight.analysis.reproduction.adaptation_figures import (
+    LuminanceChange,
+    Results,
+    changes,
+    differences_figure,
+    histogram_points,
+    step_figure,
+    step_points,
+)
+from evenlight.analysis.reproduction.adaptation_lag import (
     LARGE,
     AdaptationInput,
-    Differences,
-    Dimming,
-    Place,
+    ConeInput,
+    DimmingCondition,
+    ResponseDifferences,
     differences_of,
 )
-from evenlight.analysis.reproduction.adaptation_figure import Results, differences_figure
-from evenlight.analysis.reproduction.adaptation_points import histogram_points, step_points
-from evenlight.analysis.reproduction.adaptation_section import (
-    BEYOND,
-    LARGEST_RESPONSE,
-    PUBLISHED,
-    adaptation_section,
-)
-from evenlight.analysis.reproduction.adaptation_step_figure import Change, changes, step_figure
+from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.statistic import Origin, Statistic
 
 METHOD = "cones after Pattanaik et al. 2000; updated exactly, integrated within frames"
 UNIT_UNKNOWN = "the paper prints no unit: not comparable in size"
+PUBLISHED = {DimmingCondition.CONSTRAINED: "constrained", DimmingCondition.UNCONSTRAINED: "unconstrained"}
+LARGEST_RESPONSE = 1.0  # so that no average of differences of responses can be larger
+BEYOND = f"beyond what two responses from 0 to {LARGEST_RESPONSE:g} can differ by"
 
 
-def adaptation_findings(sequences: Sequence[AdaptationInput], origin: Origin = Origin.COMPUTED) -> Findings:
+def adaptation_findings(sequences: Sequence[AdaptationInput]) -> Findings:
     """Return how far the cones' adaptation lags: constant dimming, and tracks with and without a rate limit.
 
     Parameters
     ----------
     sequences : sequence of AdaptationInput
         The sequences, and their tracks.
-    origin : Origin
-        Where the tracks come from; without people, computed.
 
     Raises
     ------
@@ -51,36 +54,36 @@ def adaptation_findings(sequences: Sequence[AdaptationInput], origin: Origin = O
     results = {
         (sequence.name, dimming, place): differences_of(sequence, dimming, place)
         for sequence in sequences
-        for dimming in Dimming
-        for place in Place
+        for dimming in DimmingCondition
+        for place in ConeInput
     }
     statistics = [
-        *(row for sequence in sequences for row in _rows(sequence, results, origin)),
-        *_orderings(sequences, results, origin),
+        *(row for sequence in sequences for row in _rows(sequence, results)),
+        *_orderings(sequences, results),
     ]
     steps = changes()
-    drawings = _drawings(sequences, results, steps, origin)
+    drawings = _drawings(sequences, results, steps)
     lead = _lead(sequences, results)
     return Findings(
         "adaptation",
         lead,
         tuple(statistics),
         drawings,
-        (adaptation_section(sequences, results, lead, statistics, drawings),),
+        (_section(sequences, results, lead, statistics, drawings),),
     )
 
 
-def _rows(sequence: AdaptationInput, results: Results, origin: Origin) -> list[Statistic]:
+def _rows(sequence: AdaptationInput, results: Results) -> list[Statistic]:
     """Return the statistics of a sequence."""
     rows: list[Statistic] = []
-    for place in Place:
-        for dimming in Dimming:
-            rows += _difference_rows(sequence, results[sequence.name, dimming, place], dimming, place, origin)
+    for place in ConeInput:
+        for dimming in DimmingCondition:
+            rows += _difference_rows(sequence, results[sequence.name, dimming, place], dimming, place)
         rows += [
-            _excess(sequence, results, dimming, place, origin)
-            for dimming in (Dimming.CONSTRAINED, Dimming.UNCONSTRAINED)
+            _excess(sequence, results, dimming, place)
+            for dimming in (DimmingCondition.CONSTRAINED, DimmingCondition.UNCONSTRAINED)
         ]
-    rows.append(_coarser(sequence, results, origin))
+    rows.append(_coarser(sequence, results))
     for dimming, column in PUBLISHED.items():
         rows += [
             Statistic(
@@ -102,7 +105,7 @@ def _flag_of(printed: float) -> str:
 
 
 def _difference_rows(
-    sequence: AdaptationInput, found: Differences, dimming: Dimming, place: Place, origin: Origin
+    sequence: AdaptationInput, found: ResponseDifferences, dimming: DimmingCondition, place: ConeInput
 ) -> list[Statistic]:
     """Return the numbers of one way to dim."""
     where = f"{place.value}, {dimming.value}"
@@ -115,58 +118,59 @@ def _difference_rows(
     )
     method = f"{METHOD}; n frames, {found.n_pixels} places"
     return [
-        Statistic("adaptation", sequence.name, f"{what}: {where}", value, unit, origin,
+        Statistic("adaptation", sequence.name, f"{what}: {where}", value, unit, Origin.COMPUTED,
                   n=found.n_frames, method=method)
         for what, value, unit in numbers
     ]  # fmt: skip
 
 
 def _excess(
-    sequence: AdaptationInput, results: Results, dimming: Dimming, place: Place, origin: Origin
+    sequence: AdaptationInput, results: Results, dimming: DimmingCondition, place: ConeInput
 ) -> Statistic:
     """Return the mean difference beyond that of constant dimming, as a share of it."""
-    constant = results[sequence.name, Dimming.CONSTANT, place].mean
+    constant = results[sequence.name, DimmingCondition.CONSTANT, place].mean
     own = results[sequence.name, dimming, place]
     still = "nothing changes under constant dimming: there is no ratio" if constant == 0 else ""
     return Statistic(
         "adaptation", sequence.name, f"excess over constant dimming: {place.value}, {dimming.value}",
-        own.mean / constant - 1 if constant > 0 else None, "1", origin, n=own.n_frames,
+        own.mean / constant - 1 if constant > 0 else None, "1", Origin.COMPUTED, n=own.n_frames,
         method="mean difference, relative to that of constant dimming of the same mean factor", flag=still,
     )  # fmt: skip
 
 
-def _coarser(sequence: AdaptationInput, results: Results, origin: Origin) -> Statistic:
+def _coarser(sequence: AdaptationInput, results: Results) -> Statistic:
     """Return what maps of half the width would give: fine detail is lost in blocks."""
-    fine = results[sequence.name, Dimming.CONSTRAINED, Place.PIXEL]
-    coarse = differences_of(sequence, Dimming.CONSTRAINED, Place.PIXEL, coarser=2)
+    fine = results[sequence.name, DimmingCondition.CONSTRAINED, ConeInput.PIXEL]
+    coarse = differences_of(sequence, DimmingCondition.CONSTRAINED, ConeInput.PIXEL, coarser=2)
     still = "nothing changes: there is no ratio" if fine.mean == 0 else ""
     return Statistic(
         "adaptation", sequence.name, "mean difference in maps of half the width, relative to these",
-        coarse.mean / fine.mean if fine.mean > 0 else None, "1", origin, n=fine.n_frames,
-        method=f"{coarse.n_pixels} instead of {fine.n_pixels} blocks, {Dimming.CONSTRAINED.value}",
+        coarse.mean / fine.mean if fine.mean > 0 else None, "1", Origin.COMPUTED, n=fine.n_frames,
+        method=f"{coarse.n_pixels} instead of {fine.n_pixels} blocks, {DimmingCondition.CONSTRAINED.value}",
         flag=still,
     )  # fmt: skip
 
 
-def _orderings(
-    sequences: Sequence[AdaptationInput], results: Results, origin: Origin
-) -> tuple[Statistic, ...]:
+def _orderings(sequences: Sequence[AdaptationInput], results: Results) -> tuple[Statistic, ...]:
     """Return in how many sequences the difference is larger without a rate limit: what can be compared."""
     rows = []
-    for place in Place:
+    for place in ConeInput:
         larger = sum(
-            results[s.name, Dimming.UNCONSTRAINED, place].mean
-            > results[s.name, Dimming.CONSTRAINED, place].mean
+            results[s.name, DimmingCondition.UNCONSTRAINED, place].mean
+            > results[s.name, DimmingCondition.CONSTRAINED, place].mean
             for s in sequences
         )
         rows.append(
             Statistic(
                 "ordering", "all", f"sequences with a larger difference without a rate limit: {place.value}",
-                larger, "1", origin, n=len(sequences), method="n sequences",
+                larger, "1", Origin.COMPUTED, n=len(sequences), method="n sequences",
             )
         )  # fmt: skip
     named = [s.name for s in sequences if published_values(f"adaptation.{s.name}")]
-    theirs = [tuple(_published(name, column) for column in PUBLISHED.values()) for name in named]
+    theirs = [
+        tuple(published(f"adaptation.{name}.{column}").number for column in PUBLISHED.values())
+        for name in named
+    ]
     if theirs:
         rows.append(
             Statistic(
@@ -178,13 +182,8 @@ def _orderings(
     return tuple(rows)
 
 
-def _published(name: str, column: str) -> float:
-    """Return a number of the paper's table."""
-    return published(f"adaptation.{name}.{column}").number
-
-
 def _drawings(
-    sequences: Sequence[AdaptationInput], results: Results, steps: tuple[Change, Change], origin: Origin
+    sequences: Sequence[AdaptationInput], results: Results, steps: tuple[LuminanceChange, LuminanceChange]
 ) -> tuple[Drawing, Drawing]:
     """Return the figures."""
     return (
@@ -195,7 +194,7 @@ def _drawings(
             "the left, of blocks of pixels): constant dimming, the track within the rate limit, the track "
             "without. The further right, the more adaptation lags. Five bars to a factor of ten; the first "
             "holds all that is smaller, too. Triangles and numbers are means.",
-            histogram_points(sequences, results, origin),
+            histogram_points(sequences, results),
         ),
         Drawing(
             "adaptation_step",
@@ -212,25 +211,97 @@ def _drawings(
 def _lead(sequences: Sequence[AdaptationInput], results: Results) -> str:
     """Return what came out."""
 
-    def total(dimming: Dimming, place: Place) -> float:
-        return sum(results[s.name, dimming, place].integral for s in sequences)
+    def excess(dimming: DimmingCondition, place: ConeInput) -> str:
+        own, constant = (
+            sum(results[s.name, each, place].integral for s in sequences)
+            for each in (dimming, DimmingCondition.CONSTANT)
+        )
+        return f"{100 * (own / constant - 1):+.0f} %" if constant > 0 else "no ratio"
 
-    def excess(dimming: Dimming, place: Place) -> str:
-        constant = total(Dimming.CONSTANT, place)
-        return f"{100 * (total(dimming, place) / constant - 1):+.0f} %" if constant > 0 else "no ratio"
-
-    words = [
-        f"{excess(Dimming.CONSTRAINED, place)} within the rate limit and "
-        f"{excess(Dimming.UNCONSTRAINED, place)} without one, {name}"
-        for place, name in ((Place.PIXEL, "per pixel"), (Place.FRAME_MEAN, "on the frame mean"))
-    ]
     larger = sum(
-        results[s.name, Dimming.UNCONSTRAINED, Place.PIXEL].integral
-        > results[s.name, Dimming.CONSTRAINED, Place.PIXEL].integral
+        results[s.name, DimmingCondition.UNCONSTRAINED, ConeInput.PIXEL].integral
+        > results[s.name, DimmingCondition.CONSTRAINED, ConeInput.PIXEL].integral
         for s in sequences
     )
+    (lead,) = prose(
+        "reproduction/adaptation_lead",
+        larger=larger,
+        count=len(sequences),
+        excess=excess,
+        dimming=DimmingCondition,
+        input=ConeInput,
+    )
+    return lead
+
+
+def _section(
+    sequences: Sequence[AdaptationInput],
+    results: Results,
+    lead: str,
+    statistics: Sequence[Statistic],
+    drawings: tuple[Drawing, Drawing],
+) -> Section:
+    """Return the section of the report: what came out, and the paper's table beside it."""
+    durations = [duration for sequence in sequences for duration in sequence.maps.durations]
+    printed = [
+        value
+        for sequence in sequences
+        for column in PUBLISHED.values()
+        for value in published_values(f"adaptation.{sequence.name}.{column}")
+    ]
+    return section(
+        "reproduction/adaptation",
+        _tables(sequences, results),
+        [drawing.picture for drawing in drawings],
+        lead=lead,
+        beyond=[value.text for value in printed if value.number > LARGEST_RESPONSE],
+        why_beyond=BEYOND,
+        frames=len(durations),
+        held_ms=1000 * sum(durations) / len(durations),
+        coarser=[
+            s.value
+            for s in statistics
+            if s.what.startswith("mean difference in maps") and s.value is not None
+        ],
+    )
+
+
+def _tables(sequences: Sequence[AdaptationInput], results: Results) -> tuple[Table, ...]:
+    """Return the paper's table, its numbers beside ours, and one of what else differs."""
+    ways = tuple(dimming.value for dimming in DimmingCondition)
+    integrals, spreads = [], []
+    for sequence in sequences:
+        printed = {
+            value.name.rpartition(".")[2]: value.text
+            for value in published_values(f"adaptation.{sequence.name}")
+        }
+        name = sequence.name.replace("_", " ")
+        for place in ConeInput:
+            found = [results[sequence.name, dimming, place] for dimming in DimmingCondition]
+            theirs = (
+                (printed.get(column) for column in PUBLISHED.values())
+                if place is ConeInput.PIXEL
+                else (None, None)
+            )
+            integrals.append((name, place.value, *(1000 * each.integral for each in found), *theirs))
+            spreads.append(
+                (
+                    name,
+                    place.value,
+                    *(1000 * each.mean for each in found),
+                    *(1000 * each.root_mean_square for each in found),
+                )
+            )
     return (
-        f"The cones' response lags further behind without a rate limit than within it in {larger} of "
-        f"{len(sequences)} sequences, per pixel. Against constant dimming, summed over the sequences: "
-        f"{'; '.join(words)}."
+        Table(
+            "Difference of static and dynamic cone response, integrated over time [ms], and the paper's "
+            "numbers (constrained, unconstrained; without a unit).",
+            ("sequence", "cones", *ways, "published: constr.", "unconstr."),
+            tuple(integrals),
+        ),
+        Table(
+            "Average over time and root mean square of the same difference, x 1000 [1].",
+            ("sequence", "cones", *(f"average, {way}" for way in ways), *(f"RMS, {way}" for way in ways)),
+            tuple(spreads),
+        ),
     )

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.published import SEQUENCES, published
-from evenlight.analysis.report import Cell, Section, Table
-from evenlight.analysis.reproduction.online_rows import RATIO
+from evenlight.analysis.report import Cell, Table
+from evenlight.analysis.report_prose import section
+from evenlight.analysis.reproduction.online_findings import RATIO
 from evenlight.analysis.reproduction.reproduced_tables import DIFFERENCE, find, interval_in_words
 from evenlight.analysis.wording import in_words
-from evenlight.data_schema.statistic import Origin, Statistic
+from evenlight.data_schema.analysis_results import Origin, Statistic
 
 NAME = "at_a_glance"
 LAG = "integral of |static - dynamic response| over time: per pixel"  # what the paper integrates
-Line = tuple[str, str, Statistic, Statistic | None, float | None]  # claim, place, published, ours, no effect
+Line = tuple[str, Statistic, Statistic | None, float | None]  # place, published, ours, no effect
 
 
 def glance_findings(parts: Mapping[str, Findings]) -> Findings:
@@ -32,20 +33,17 @@ def glance_findings(parts: Mapping[str, Findings]) -> Findings:
         *_power(parts["power"]),
         *_online(parts["online"]),
     ]
-    rows = [row for _, _, said, own, _ in lines for row in (said, own) if row is not None]
+    rows = [row for _, theirs, own, _ in lines for row in (theirs, own) if row is not None]
     cells = tuple(_cells(line) for line in lines)
     table = Table(
         "Numbers that the paper prints, or that follow from two of them, and ours.",
         ("what", "where", "published", "ours", "95 % interval", "direction", "origin of ours"),
         cells,
     )
-    text = (
-        "Where simulated participants answered, agreement or disagreement says how the simulated observers "
-        "are built, and nothing else. Tables, figures and the inference behind each line follow below.",
-    )
     simulated = any(row.origin is Origin.SIMULATED for row in rows)
-    section = Section("Published and ours, at a glance", text, (table,), simulated=simulated)
-    return Findings(NAME, "", tuple(rows), (), (section,))
+    return Findings(
+        NAME, "", tuple(rows), (), (section("reproduction/glance", (table,), simulated=simulated),)
+    )
 
 
 def _printed(group: str, what: str, value: float, unit: str, places: str) -> Statistic:
@@ -65,19 +63,13 @@ def _quality(parts: Mapping[str, Findings]) -> Iterator[Line]:
         key = f"detail_quality.{name}"
         gain = published(f"{key}.ours_mean").number - published(f"{key}.baseline_mean").number
         what, place = "rating, ours less constant", published(f"{key}.ours_mean").place
-        said = _printed(name, what, gain, "rating points", f"{place}, difference of two means")
-        yield f"{in_words(name)}: {what}", place, said, _own(_row(own, name, DIFFERENCE), what), 0.0
+        theirs = _printed(name, what, gain, "rating points", f"{place}, difference of two means")
+        yield place, theirs, _own(_row(own, name, DIFFERENCE), what), 0.0
     for name in SEQUENCES:
         chosen = published(f"detail_quality.{name}.chosen_percent")
         what = "share that chose ours as the one that changed"
-        said = _printed(name, what, chosen.number / 100, "1", chosen.place)
-        yield (
-            f"{in_words(name)}: {what}",
-            chosen.place,
-            said,
-            _own(_row(own, name, "ours chosen"), what),
-            None,
-        )
+        theirs = _printed(name, what, chosen.number / 100, "1", chosen.place)
+        yield chosen.place, theirs, _own(_row(own, name, "ours chosen"), what), None
 
 
 def _row(rows: Sequence[Statistic], group: str, what: str) -> Statistic | None:
@@ -90,22 +82,22 @@ def _power(part: Findings) -> Iterator[Line]:
     for name in SEQUENCES:
         printed = {version: published(f"power.{name}.{version}") for version in ("ours", "full")}
         what, place = "power saved, share of full brightness", printed["ours"].place
-        said = _printed(name, what, 1 - printed["ours"].number / printed["full"].number, "1", place)
+        theirs = _printed(name, what, 1 - printed["ours"].number / printed["full"].number, "1", place)
         ours, full = (_row(part.statistics, name, f"average power, {v}") for v in ("ours", "full brightness"))
         saved = None
         if ours is not None and full is not None and ours.value is not None and full.value:
             saved = replace(ours, table=NAME, what=what, value=1 - ours.value / full.value, unit="1",
                             ci_low=None, ci_high=None, interval=None)  # fmt: skip
-        yield f"{in_words(name)}: {what}", place, said, saved, 0.0
+        yield place, theirs, saved, 0.0
 
 
 def _online(part: Findings) -> Iterator[Line]:
     """Yield how much steadier contrast loss is under the online controller."""
     ours, constant = published("online.sd_ours"), published("online.sd_baseline")
     what = "SD of contrast loss, controller over constant"
-    said = _printed("house", what, ours.number / constant.number, "1", ours.place)
+    theirs = _printed("house", what, ours.number / constant.number, "1", ours.place)
     row = _row(part.statistics, "house", RATIO)
-    yield f"Walk through the house: {what}", ours.place, said, _own(row, what), 1.0
+    yield ours.place, theirs, _own(row, what), 1.0
 
 
 def _adaptation(part: Findings) -> Iterator[Line]:
@@ -113,7 +105,7 @@ def _adaptation(part: Findings) -> Iterator[Line]:
     for name in SEQUENCES:
         printed = [published(f"adaptation.{name}.{track}") for track in ("unconstrained", "constrained")]
         what, place = "lag of the cones, without rate limit over within it", printed[0].place
-        said = _printed(name, what, printed[0].number / printed[1].number, "1", place)
+        theirs = _printed(name, what, printed[0].number / printed[1].number, "1", place)
         free, held = (
             _row(part.statistics, name, f"{LAG}, {track}")
             for track in ("without a rate limit", "within the rate limit")
@@ -121,24 +113,25 @@ def _adaptation(part: Findings) -> Iterator[Line]:
         own = None
         if free is not None and held is not None and free.value is not None and held.value:
             own = replace(free, table=NAME, what=what, value=free.value / held.value, unit="1")
-        yield f"{in_words(name)}: {what}", place, said, own, 1.0
+        yield place, theirs, own, 1.0
 
 
 def _cells(line: Line) -> tuple[Cell, ...]:
     """Return a line of the table."""
-    what, place, said, ours, none = line
+    place, theirs, ours, none = line
+    name = "Walk through the house" if theirs.group == "house" else in_words(theirs.group)
+    what = f"{name}: {theirs.what}"
     if ours is None:
-        return what, place, said.value, None, None, None, None
-    way = _direction(said, ours, none)
-    return what, place, said.value, ours.value, interval_in_words(ours), way, ours.origin.value
+        return what, place, theirs.value, None, None, None, None
+    way = _direction(theirs, ours, none)
+    return what, place, theirs.value, ours.value, interval_in_words(ours), way, ours.origin.value
 
 
-def _direction(said: Statistic, ours: Statistic, none: float | None) -> str | None:
+def _direction(theirs: Statistic, ours: Statistic, none: float | None) -> str | None:
     """Return whether ours lies on the same side of "no effect" as what is printed, and whether clearly so."""
-    if none is None or said.value is None or ours.value is None:
+    if none is None or theirs.value is None or ours.value is None:
         return None
-    same = "same" if (said.value - none) * (ours.value - none) > 0 else "opposite"
-    ends = (ours.ci_low, ours.ci_high)
-    if None not in ends and ours.ci_low is not None and ours.ci_high is not None:
+    same = "same" if (theirs.value - none) * (ours.value - none) > 0 else "opposite"
+    if ours.ci_low is not None and ours.ci_high is not None:
         return f"{same}, unclear" if ours.ci_low <= none <= ours.ci_high else same
     return same

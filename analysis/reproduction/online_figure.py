@@ -25,7 +25,7 @@ from evenlight.analysis.figure_style import (
     text_size,
 )
 from evenlight.analysis.reproduction.online_run import OnlineRun, SweepPoint
-from evenlight.analysis.reproduction.online_spread import SpreadRatio
+from evenlight.analysis.tracks.loss_spread import SpreadRatio
 
 
 def walk_figure(run: OnlineRun, spread: SpreadRatio) -> Figure:

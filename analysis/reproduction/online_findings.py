@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from evenlight.analysis.figure_style import png_bytes, short
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.analysis.published import published
 from evenlight.analysis.report import Section, Table
+from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.reproduction.online_figure import sweep_figure, walk_figure
-from evenlight.analysis.reproduction.online_rows import sweep_points, sweep_rows, walk_points, walk_rows
 from evenlight.analysis.reproduction.online_run import OnlineRun, TargetSweep
-from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
-from evenlight.data_schema.statistic import Origin
+from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
+from evenlight.method.modulation import largest_rate_ratio
+
+RATIO = "SD of the controller / SD of constant dimming"
+INTERVAL = (
+    "delta method on the logarithm, long-run variance from the four slowest cosines, t of 4 degrees of "
+    "freedom; n frames"
+)
 
 
-def online_findings(walk: OnlineRun, sweep: TargetSweep, origin: Origin = Origin.COMPUTED) -> Findings:
+def online_findings(walk: OnlineRun, sweep: TargetSweep) -> Findings:
     """Return how steady the controller keeps contrast loss on a walk, and brightness over the target.
 
     Parameters
@@ -22,8 +31,6 @@ def online_findings(walk: OnlineRun, sweep: TargetSweep, origin: Origin = Origin
         The walk through the house.
     sweep : TargetSweep
         A sequence with several targets; the basement in the paper.
-    origin : Origin
-        Where the loss curves come from.
     """
     spread = spread_ratio(walk.track.contrast_loss, walk.constant_loss, walk.track.durations)
     drawings = (
@@ -32,17 +39,17 @@ def online_findings(walk: OnlineRun, sweep: TargetSweep, origin: Origin = Origin
             png_bytes(walk_figure(walk, spread)),
             "Contrast loss over time under the online controller and under constant dimming of the same mean "
             "brightness, and the brightness factors of both.",
-            walk_points(walk, spread, origin),
+            walk_points(walk, spread),
         ),
         Drawing(
             "online_target",
             png_bytes(sweep_figure(sweep.name, sweep.points, walk.settings.lowest_factor, sweep.n_frames)),
             "Mean brightness factor, and mean contrast loss reached, over the target of the online "
             "controller.",
-            sweep_points(sweep, origin),
+            sweep_points(sweep),
         ),
     )
-    statistics = (*walk_rows(walk, spread, origin), *sweep_rows(sweep, origin))
+    statistics = (*walk_rows(walk, spread), *sweep_rows(sweep))
     return Findings(
         "online",
         _lead(walk, spread),
@@ -55,50 +62,135 @@ def online_findings(walk: OnlineRun, sweep: TargetSweep, origin: Origin = Origin
 
 def _lead(walk: OnlineRun, spread: SpreadRatio) -> str:
     """Return what came out."""
-    begin = f"On a walk of {walk.track.durations.sum():.0f} s the online controller"
-    if spread.ratio is None:
-        return f"{begin} has nothing to steady: {spread.flag}."
-    interval = ""
-    if spread.ci_low is not None and spread.ci_high is not None:
-        interval = f" (95 % interval {spread.ci_low:.2f} to {spread.ci_high:.2f})"
-    printed = published("online.sd_ours").number / published("online.sd_baseline").number
-    one = "" if interval else " One such walk does not say what the next would give."
-    return (
-        f"{begin} has {spread.ratio:.2f} times{interval} the standard deviation of contrast loss that "
-        "constant dimming of the same mean brightness has; the paper's two numbers have a ratio of "
-        f"{printed:.2f}.{one}"
+    (lead,) = prose(
+        "reproduction/online_lead",
+        seconds=walk.track.durations.sum(),
+        spread=spread,
+        printed_ratio=published("online.sd_ours").number / published("online.sd_baseline").number,
     )
+    return lead
 
 
 def _section(walk: OnlineRun, spread: SpreadRatio, drawings: tuple[Drawing, Drawing]) -> Section:
     """Return the section of the report."""
-    ours, theirs = published("online.sd_ours").text, published("online.sd_baseline").text
-    rows = (
-        ("online controller", spread.sd, ours),
-        ("constant dimming", spread.sd_constant, theirs),
-    )
-    held = float(walk.track.time_share @ walk.track.limited)
-    return Section(
-        "Online controller",
+    table = Table(
+        f"SD over time of contrast loss, {len(walk.times)} frames, target {short(walk.settings.target_loss)}",
+        ("dimming", "SD [1]", "published [1]"),
         (
-            "A controller that does not know the frames to come holds contrast loss near a target, within "
-            "the rate limit. Beside it stands constant dimming by its own mean factor, "
-            f"{walk.constant_factor:.2f}: the same mean brightness, and with a power that is linear in "
-            "brightness the same energy. Standard deviations are taken over time.",
-            "The losses of this model are smaller than the paper's, whose target is not printed, so that "
-            "the ratio is what compares. Neighbouring frames are all but alike: the interval takes the "
-            "walk for the few independent stretches that it is, and speaks of other walks as long through "
-            f"content of this kind. The rate limit or a bound held the controller back in {100 * held:.0f} "
-            "% of the time.",
+            ("online controller", spread.sd, published("online.sd_ours").text),
+            ("constant dimming", spread.sd_constant, published("online.sd_baseline").text),
         ),
-        (
-            Table(
-                f"SD over time of contrast loss, {len(walk.times)} frames, target "
-                f"{short(walk.settings.target_loss)}",
-                ("dimming", "SD [1]", "published [1]"),
-                rows,
-            ),
-        ),
-        tuple(drawing.picture for drawing in drawings),
-        (f"{spread.flag[0].upper()}{spread.flag[1:]}.",) if spread.flag else (),
     )
+    return section(
+        "reproduction/online",
+        (table,),
+        [drawing.picture for drawing in drawings],
+        constant_factor=walk.constant_factor,
+        held=float(walk.track.time_share @ walk.track.limited),
+        flag=spread.flag,
+    )
+
+
+def walk_rows(walk: OnlineRun, spread: SpreadRatio) -> list[Statistic]:
+    """Return the statistics of the walk, and the published ones."""
+    track, share, n = walk.track, walk.track.time_share, len(walk.times)
+    means = [float(share @ loss) for loss in (track.contrast_loss, walk.constant_loss)]
+    numbers = (
+        ("SD over time of contrast loss, online controller", spread.sd, "1"),
+        ("SD over time of contrast loss, constant dimming", spread.sd_constant, "1"),
+        ("mean contrast loss, online controller", means[0], "1"),
+        ("mean contrast loss, constant dimming", means[1], "1"),
+        ("target contrast loss", walk.settings.target_loss, "1"),
+        ("mean brightness factor of both", walk.constant_factor, "1"),
+        ("share of the time held back by the rate limit or a bound", float(share @ track.limited), "1"),
+        ("largest ratio of a rate to its limit", largest_rate_ratio(track.rate, track.rate_limit), "1"),
+        ("time in which the content's loss is correlated, constant dimming", spread.correlation_time, "s"),
+    )
+    return [
+        *(
+            Statistic("steadiness", walk.name, what, value, unit, Origin.COMPUTED, n=n, method=_gains(walk))
+            for what, value, unit in numbers
+        ),
+        Statistic(
+            "steadiness", walk.name, RATIO, spread.ratio, "1", Origin.COMPUTED, ci_low=spread.ci_low,
+            ci_high=spread.ci_high, interval=None if spread.ci_low is None else 0.95, n=n, method=INTERVAL,
+            flag=spread.flag,
+        ),
+        *_published_rows(walk.name),
+    ]  # fmt: skip
+
+
+def _gains(walk: OnlineRun) -> str:
+    """Return what the controller was set to, in words."""
+    settings = walk.settings
+    rate = "the video's frames" if settings.gain_rate is None else f"frames of 1/{settings.gain_rate:g} s"
+    gains = f"{settings.proportional:g}, {settings.integral:g}, {settings.derivative:g}"
+    return f"gains {gains} for {rate}; n frames"
+
+
+def _published_rows(name: str) -> list[Statistic]:
+    """Return the paper's two standard deviations, and their ratio."""
+    ours, theirs = published("online.sd_ours"), published("online.sd_baseline")
+    rows = [
+        Statistic("steadiness", name, f"SD over time of contrast loss, {what}", printed.number, "1",
+                  Origin.PUBLISHED, method=printed.place)
+        for what, printed in (("online controller", ours), ("constant dimming", theirs))
+    ]  # fmt: skip
+    ratio = Statistic(
+        "steadiness", name, RATIO, ours.number / theirs.number, "1", Origin.PUBLISHED,
+        method=f"{ours.text} / {theirs.text}", flag="from rounded numbers; no interval is printed",
+    )  # fmt: skip
+    return [*rows, ratio]
+
+
+def sweep_rows(sweep: TargetSweep) -> list[Statistic]:
+    """Return the statistics of the sweep."""
+    return [
+        Statistic("target", sweep.name, f"{what} at a target loss of {point.target_loss:g}", value, "1",
+                  Origin.COMPUTED, n=sweep.n_frames, method="mean over time; n frames")
+        for point in sweep.points
+        for what, value in (
+            ("mean brightness factor", point.mean_factor), ("mean contrast loss", point.mean_loss)
+        )
+    ]  # fmt: skip
+
+
+def walk_points(walk: OnlineRun, spread: SpreadRatio) -> tuple[PlottedPoint, ...]:
+    """Return what is drawn of the walk: lines over time, and means with their standard deviations."""
+    n, track = len(walk.times), walk.track
+    constant = np.full(n, walk.constant_factor)
+    lines = (
+        ("contrast loss", "online controller", track.contrast_loss),
+        ("contrast loss", "constant dimming", walk.constant_loss),
+        ("contrast loss", "target", np.full(n, walk.settings.target_loss)),
+        ("brightness factor", "online controller", track.factors),
+        ("brightness factor", "constant dimming", constant),
+    )
+    points = [
+        PlottedPoint(panel, series, "", float(x), float(y), "time", "s", panel, "1", Origin.COMPUTED, n=n)
+        for panel, series, values in lines
+        for x, y in zip(walk.times, values, strict=True)
+    ]
+    bars = (
+        ("online controller", track.contrast_loss, spread.sd),
+        ("constant dimming", walk.constant_loss, spread.sd_constant),
+    )
+    for series, loss, sd in bars:
+        mean = float(track.time_share @ loss)
+        points.append(
+            PlottedPoint("mean and SD over time", series, series, None, mean, "", "", "contrast loss", "1",
+                         Origin.COMPUTED, low=mean - sd, high=mean + sd, n=n)
+        )  # fmt: skip
+    return tuple(points)
+
+
+def sweep_points(sweep: TargetSweep) -> tuple[PlottedPoint, ...]:
+    """Return what is drawn of the sweep."""
+    return tuple(
+        PlottedPoint(panel, "online controller", "", point.target_loss, value, "target contrast loss", "1",
+                     panel, "1", Origin.COMPUTED, n=sweep.n_frames)
+        for point in sweep.points
+        for panel, value in (
+            ("mean brightness factor", point.mean_factor), ("mean contrast loss reached", point.mean_loss)
+        )
+    )  # fmt: skip

@@ -9,10 +9,10 @@ import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.control_curves import ControlledTrack, control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import loss_and_slope
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.online.control_curves import ControlledTrack, control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What of the reproduction nobody has to be asked for: lost contrast, examples, the four sequences."""
+"""What of the reproduction needs no participants: lost contrast, examples, the four sequences."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import numpy as np
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.analysis.report import Section, Table
+from evenlight.analysis.report_prose import section
 from evenlight.analysis.reproduction.sequence_figure import sequence_drawing, sequence_figure, track_points
 from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
 from evenlight.analysis.tracks.contrast_map_figure import ContrastMap, contrast_map, contrast_map_figure
 from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_story import TrackStory
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData
 from evenlight.analysis.wording import in_words
-from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
-from evenlight.method.luminance import emitted_luminance
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
+from evenlight.method.contrast.luminance import emitted_luminance
 
 SHOWN_FACTORS = (0.4, 0.8)  # average brightness of the paper's figure of thresholded contrast
 RESTS_ON_SIMULATED = "The rate limit rests on simulated participants."
@@ -54,8 +55,8 @@ def contrast_findings(sequence: SequenceTracks) -> Findings:
         f"Dimmed to {low.factor:g}, the frame loses {100 * low.loss:.0f} % of its visible contrast; to "
         f"{high.factor:g}, {100 * high.loss:.1f} %."
     )
-    section = Section("Visible contrast, and what dimming loses of it", (lead,), (), (drawing.picture,))
-    return Findings("thresholded_contrast", lead, tuple(rows), (drawing,), (section,))
+    about = Section("Visible contrast, and what dimming loses of it", (lead,), (), (drawing.picture,))
+    return Findings("thresholded_contrast", lead, tuple(rows), (drawing,), (about,))
 
 
 def _shares(at: ContrastMap) -> tuple[tuple[str, float], ...]:
@@ -87,7 +88,7 @@ def example_findings(examples: Sequence[SequenceTracks], simulated: bool) -> Fin
             "loss and rate of change over time, for the track (blue) and constant dimming at the same power "
             "(orange); below, frames at the marked times at full brightness and as they are shown."
         )
-        png = png_bytes(track_figure(_story(example)))
+        png = png_bytes(track_figure(_figure_data(example)))
         drawing = Drawing(example.name, png, caption, tuple(track_points(example)))
         drawings.append(drawing)
         sections.append(
@@ -99,9 +100,9 @@ def example_findings(examples: Sequence[SequenceTracks], simulated: bool) -> Fin
     return Findings("examples", lead, tuple(rows), tuple(drawings), tuple(sections))
 
 
-def _story(sequence: SequenceTracks) -> TrackStory:
-    """Return what the figure of a track tells."""
-    return TrackStory(
+def _figure_data(sequence: SequenceTracks) -> TrackFigureData:
+    """Return the content of the figure of a track."""
+    return TrackFigureData(
         track=sequence.track,
         baseline_factor=sequence.baseline_factor,
         baseline_loss=sequence.baseline_loss,
@@ -129,10 +130,6 @@ def sequence_findings(sequences: Sequence[SequenceTracks], simulated: bool) -> F
     png = png_bytes(sequence_figure(sequences, RESTS_ON_SIMULATED if simulated else ""))
     drawing = sequence_drawing(sequences, png)
     gains = [100 * (1 - s.summary.objective / s.summary.objective_baseline) for s in sequences]
-    lead = (
-        f"At equal power, contrast loss differs between frames by {min(gains):.0f} to {max(gains):.0f} % "
-        "less than with constant dimming."
-    )
     table = Table(
         "Mean absolute difference of contrast loss between two frames: of ours, of constant dimming, without "
         "rate limit; and below which no track within the limits gets.",
@@ -147,16 +144,9 @@ def sequence_findings(sequences: Sequence[SequenceTracks], simulated: bool) -> F
             for s, gain in zip(sequences, gains, strict=True)
         ),
     )  # fmt: skip
-    text = (
-        "The paper prints no number for this figure. Its caption names a mean factor of 0.6 for the library, "
-        "where table, text and measured power have 0.5; 0.5 is used.",
-    )
-    section = Section(
-        "Brightness and contrast loss of the four sequences", (lead, *text), (table,), (drawing.picture,),
-        simulated=simulated,
-    )  # fmt: skip
+    about = section("reproduction/sequences", (table,), (drawing.picture,), simulated=simulated, gains=gains)
     rows = [row for sequence in sequences for row in track_rows(sequence)]
-    return Findings("sequences", lead, tuple(rows), (drawing,), (section,))
+    return Findings("sequences", about.paragraphs[0], tuple(rows), (drawing,), (about,))
 
 
 def track_rows(sequence: SequenceTracks) -> list[Statistic]:

@@ -1,4 +1,4 @@
-"""The paper's results, made anew: the whole loop, up to what tables and figures are made of."""
+"""The paper's results, reproduced: the whole loop, up to what tables and figures are made of."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from evenlight.analysis.reproduction.sequence_tracks import Panel, SequenceTrack
 from evenlight.analysis.session_loading import tasks_in
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
+from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.seeds import require_seed
-from evenlight.method.loss_curves import analyze_frames
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.stimuli.sequences import built_in_sequence
 
@@ -30,7 +30,7 @@ PIPELINE = "pipeline"  # folder of what the pipeline makes on its way
 STIMULI, DATA, CALIBRATION = "stimuli", "data", "calibration"
 
 
-class Simulate(Protocol):
+class DatasetSimulator(Protocol):
     """Who writes the data sets of simulated participants."""
 
     def __call__(self, task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
@@ -107,7 +107,7 @@ class Reproduction:
 
 def run_pipeline(
     plan: ReproductionPlan,
-    simulate: Simulate,
+    simulate: DatasetSimulator,
     folder: Path,
     report: Callable[[str], None] = lambda step: None,
 ) -> Reproduction:
@@ -117,14 +117,14 @@ def run_pipeline(
     ----------
     plan : ReproductionPlan
         How much is done.
-    simulate : Simulate
+    simulate : DatasetSimulator
         Who answers where nothing was recorded.
     folder : Path
         Where data sets, calibration and tracks go.
     report : callable, optional
         Called with each step that is begun.
     """
-    recorded = _recorded_tasks(plan)
+    recorded = tasks_in(plan.data) if plan.data else ()
     report("calibration")
     tasks = _analysed(plan, simulate, folder, "ramp", recorded)
     limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
@@ -133,20 +133,16 @@ def run_pipeline(
     sequences = tuple(tracked(name, budget) for name, budget in BUDGETS.items())
     examples = tuple(tracked(name, budget) for name, budget in EXAMPLES.items())
     report(f"walk through the {WALK}")
-    walk = _walk_curves(plan, panel.display)
+    house = built_in_sequence(WALK, plan.size, frames_per_second=plan.walk_frames_per_second)
+    walk = analyze_frames(house.frames(), house.name, panel.display)
     for task in VIEWING_TASKS:
         report(task)
         _merge(tasks, _analysed(plan, simulate, folder, task, recorded))
     return Reproduction(plan, panel, tasks, sequences, examples, walk)
 
 
-def _recorded_tasks(plan: ReproductionPlan) -> tuple[str, ...]:
-    """Return the tasks of which there are recorded sessions."""
-    return tasks_in(plan.data) if plan.data else ()
-
-
 def _analysed(
-    plan: ReproductionPlan, simulate: Simulate, folder: Path, task: str, recorded: tuple[str, ...]
+    plan: ReproductionPlan, simulate: DatasetSimulator, folder: Path, task: str, recorded: tuple[str, ...]
 ) -> DatasetFindings:
     """Return the findings of a task: of recorded sessions if there are any, else of simulated ones."""
     options = AnalysisOptions(plan.seed, tasks=(task,), compared=load_rate_limit(PUBLISHED_LIMIT))
@@ -197,9 +193,3 @@ def _tracked(
     report(f"track of {name.replace('_', ' ')}")
     source = built_in_sequence(name, plan.size, frames_per_second=plan.frames_per_second)
     return track_sequence(source, budget, panel, stimuli / name)
-
-
-def _walk_curves(plan: ReproductionPlan, display: Display) -> LossCurves:
-    """Return the loss curves of the walk that the controller is tried on."""
-    source = built_in_sequence(WALK, plan.size, frames_per_second=plan.walk_frames_per_second)
-    return analyze_frames(source.frames(), source.name, display)

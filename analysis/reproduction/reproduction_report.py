@@ -1,18 +1,49 @@
-"""The report of a reproduction: every table and figure, with where each number comes from."""
+"""What a reproduction writes: a table of every number, every figure with its points, and the report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
-from evenlight.analysis.findings import Findings
-from evenlight.analysis.report import Report, Section, Table
+import numpy as np
+
+from evenlight.analysis.earlier_results import files_in
+from evenlight.analysis.findings import Findings, write_drawing, write_statistics
+from evenlight.analysis.report import Report, Section, Table, write_report
+from evenlight.analysis.report_prose import section
 from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
+from evenlight.analysis.reproduction.glance import glance_findings
+from evenlight.analysis.reproduction.online_findings import online_findings
+from evenlight.analysis.reproduction.online_run import TargetSweep, online_run, target_sweep
+from evenlight.analysis.reproduction.reproduced_tables import (
+    detail_quality_findings,
+    power_findings,
+    slope_findings,
+)
+from evenlight.analysis.reproduction.reproduced_tracks import (
+    contrast_findings,
+    example_findings,
+    sequence_findings,
+)
 from evenlight.analysis.reproduction.reproduction import PIPELINE, Reproduction
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.statistic import Origin
+from evenlight.data_schema.analysis_results import AnalysisSummary, Origin
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.rate_limit import scalar_rate_limit
 
-TITLE = "Temporal brightness management: the paper's tables and figures, made anew"
+TABLES, FIGURES = "tables", "figures"
+REPORT, SUMMARY = "report.html", "reproduction.json"
+SWEPT = "basement"  # the sequence of the paper's curve of target loss against brightness
+TARGETS = 20  # target losses of that curve, up to what the lowest factor loses on average
+WALK_FACTOR = 0.5  # its mean loss is the walk's target: the paper does not say which one it held
+SHOWN = "library"  # the sequence whose frame shows lost contrast
+TITLE = "Temporal brightness management: the paper's tables and figures, reproduced"
 SIMULATED = (
     "Simulated participants answer wherever no recorded data were given. They follow models of seeing and "
     "judging whose figures are choices (docs/decisions/simulated-viewers.md): that they prefer one "
@@ -22,16 +53,102 @@ MEANINGS = {
     Origin.PUBLISHED: "printed in the paper, or from the program that its authors published",
     Origin.SIMULATED: "from answers of simulated participants: show how the analysis works",
     Origin.RECORDED: "from answers of people, or from readings of instruments",
-    Origin.COMPUTED: "by the model, from rendered sequences: nobody was asked",
+    Origin.COMPUTED: "by the model, from rendered sequences, without participants",
 }
 # What rests on no answer but on the rate limit alone; the rest says itself where it comes from.
 COMPUTED = ("thresholded_contrast", "examples", "sequences", "adaptation", "power", "online")
 ON_LIMIT = ("examples", "sequences", "adaptation", "power", "online")
-WHY_NOT = (
-    "In the paper people rated ours higher. Whether simulated raters do follows from how they are "
-    "built and from what our own scenes lose in their worst moments, and from nothing else."
-)
-LED_BY = ("rating", "search", "comparison", "adaptation", "online")  # whose findings the first page tells
+LED_BY = ("rating", "search", "comparison", "adaptation", "online")  # whose findings the first page gives
+
+
+def write_reproduction(made: Reproduction, folder: Path) -> tuple[str, tuple[str, ...]]:
+    """Write tables, figures, summary and report; return what came out, and the files but for the pipeline's.
+
+    Parameters
+    ----------
+    made : Reproduction
+        What the pipeline made.
+    folder : Path
+        Gets `tables/`, `figures/`, `report.html` and `reproduction.json`.
+    """
+    parts = parts_of(made)
+    for part in parts:
+        write_part(folder, part)
+    origin = _origin(made)
+    report = reproduction_report(made, parts, origin)
+    write_report(folder / REPORT, report)
+    own = (name for name in files_in(folder) if not name.startswith(f"{PIPELINE}/"))
+    files = (*own, SUMMARY)
+    summary = AnalysisSummary(
+        simulated=any(made.tasks.simulated.values()),
+        leads={part.name: part.lead for part in parts},
+        refused=made.tasks.refused,
+        warnings=made.tasks.warnings,
+        provenance=origin,
+        files=files,
+    )
+    write_json_record(folder / SUMMARY, summary)
+    return report.lead, files
+
+
+def write_part(folder: Path, part: Findings) -> None:
+    """Write `tables/NAME_statistics.csv`, and of each drawing `figures/DRAWING.png` with its points."""
+    if part.statistics:
+        write_statistics(folder / TABLES, part)
+    for drawing in part.drawings:
+        write_drawing(folder / FIGURES, drawing)
+
+
+def _origin(made: Reproduction) -> Provenance:
+    """Return software, seed and inputs."""
+    inputs = {f"{task} data": digest for task, digest in made.tasks.inputs.items()}
+    inputs["display"] = sha256_of_record(made.panel.display)
+    inputs["power model"] = sha256_of_record(made.panel.power_model)
+    for sequence in (*made.sequences, *made.examples):
+        inputs[sequence.name] = sequence.curves.provenance.inputs.get("video", "")
+    return provenance_now(made.plan.seed, inputs)
+
+
+def parts_of(made: Reproduction) -> tuple[Findings, ...]:
+    """Return what the reproduction found, part by part.
+
+    Parameters
+    ----------
+    made : Reproduction
+        What the pipeline made.
+    """
+    found = made.tasks.findings
+    simulated = made.tasks.simulated["ramp"]
+    by_name = {sequence.name: sequence for sequence in made.sequences}
+    parts = (
+        slope_findings(found["ramp"], made.panel.rate_limit),
+        contrast_findings(by_name[SHOWN]),
+        example_findings(made.examples, simulated),
+        sequence_findings(made.sequences, simulated),
+        detail_quality_findings(found["rating"], found["comparison"]),
+        found["rating"],
+        found["comparison"],
+        found["search"],
+        adaptation_findings([sequence.tracks for sequence in made.sequences]),
+        power_findings(made.sequences, made.plan.data),
+        _online_findings(made, by_name[SWEPT].curves),
+    )
+    return glance_findings({part.name: part for part in parts}), *parts
+
+
+def _online_findings(made: Reproduction, swept: LossCurves) -> Findings:
+    """Return what the online controller does on the walk, and over target losses."""
+    limit = scalar_rate_limit(made.panel.rate_limit, made.panel.display.reflected_luminance)
+    controller = Controller(ControllerSettings(_mean_loss(made.walk, WALK_FACTOR)), limit)
+    largest = _mean_loss(swept, float(swept.factors[0]))
+    sweep = target_sweep(swept, controller, np.linspace(0.0, largest, TARGETS + 1)[1:].tolist())
+    return online_findings(online_run(made.walk, controller), TargetSweep(SWEPT, swept.n_frames, sweep))
+
+
+def _mean_loss(curves: LossCurves, factor: float) -> float:
+    """Return the contrast loss under constant dimming, mean over time."""
+    loss, _ = loss_and_slope(curves, np.full(curves.n_frames, factor))
+    return float(np.average(loss, weights=curves.durations))
 
 
 def reproduction_report(made: Reproduction, parts: Sequence[Findings], origin: Provenance) -> Report:
@@ -47,14 +164,15 @@ def reproduction_report(made: Reproduction, parts: Sequence[Findings], origin: P
         Software, seed and inputs.
     """
     first, *others = parts
+    named = {part.name: part for part in parts}
     return Report(
         TITLE,
-        _lead(parts),
+        f"{named['sequences'].lead} {named['power'].lead}",  # what participants say follows with its origin
         (
             *first.sections,
             _what_came_out(made, parts),
             _how_to_read(made),
-            *(section for part in others for section in _sections(made, part)),
+            *(own for part in others for own in _sections(made, part)),
             provenance_section({"reproduction": origin}),
             files_section(_files(parts)),
         ),
@@ -62,65 +180,45 @@ def reproduction_report(made: Reproduction, parts: Sequence[Findings], origin: P
     )
 
 
-def _lead(parts: Sequence[Findings]) -> str:
-    """Return what came out of the method itself; what participants say follows with its origin."""
-    named = {part.name: part for part in parts}
-    return f"{named['sequences'].lead} {named['power'].lead}"
-
-
 def _what_came_out(made: Reproduction, parts: Sequence[Findings]) -> Section:
     """Return the findings of each experiment, in words."""
-    named = {part.name: part for part in parts}
-    simulated = made.tasks.simulated
-    return Section(
-        "What came out",
-        (*(named[name].lead for name in LED_BY), *((WHY_NOT,) if simulated["rating"] else ())),
+    leads, simulated = {part.name: part.lead for part in parts}, made.tasks.simulated
+    return section(
+        "reproduction/what_came_out",
         simulated=any(simulated[name] for name in LED_BY if name in simulated),
+        leads=[leads[name] for name in LED_BY],
+        raters_are_simulated=simulated["rating"],
     )
 
 
 def _sections(made: Reproduction, part: Findings) -> Iterator[Section]:
     """Yield the sections of a part with their origin: the first with its heading, the others below it."""
     limit = made.panel.rate_limit
-    for place, section in enumerate(part.sections):
-        mark, notes = section.mark, section.notes
+    for place, own in enumerate(part.sections):
+        mark, notes = own.mark, own.notes
         if part.name in COMPUTED:
             mark = Origin.COMPUTED.value
             if place == 0 and part.name in ON_LIMIT and limit.simulated:
                 notes = (*notes, "The rate limit of these tracks rests on simulated participants.")
         yield replace(
-            section,
+            own,
             below=place > 0 and part.name != "examples",
             mark=mark,
             notes=notes,
-            simulated=section.simulated and part.name not in COMPUTED,
+            simulated=own.simulated and part.name not in COMPUTED,
         )
 
 
 def _how_to_read(made: Reproduction) -> Section:
     """Return what the origins mean, and what was done."""
-    plan, display = made.plan, made.panel.display
-    width, height = plan.size
-    counts = ", ".join(
-        f"{n} {'simulated' if made.tasks.simulated[task] else 'recorded'} participants for {task}"
-        for task, n in made.tasks.participants.items()
-    )
-    done = (
-        f"The sequences are rendered anew from two scenes of our own, in {width} x {height} pixels at "
-        f"{plan.frames_per_second:g} frames per second, and shown pixel for pixel on the display "
-        f"{display.name!r} ({display.peak_luminance:g} cd/m², {display.pixels_per_degree:g} pixels per "
-        f"degree). The authors' scenes are not public, so numbers that depend on content differ. {counts}."
-    )
     rows = tuple((kind.value, words) for kind, words in MEANINGS.items())
-    return Section(
-        "How to read this",
-        (
-            done,
-            "Every number has one of four origins; the heading of a section says which, or a column of its "
-            "table does. The tables below and those in tables/ hold the same numbers; behind each figure "
-            "lies a table of its points.",
-        ),
+    return section(
+        "reproduction/how_to_read",
         (Table("Where a number comes from.", ("origin", "means"), rows),),
+        plan=made.plan,
+        display=made.panel.display,
+        participants=made.tasks.participants,
+        is_simulated=made.tasks.simulated,
     )
 
 

@@ -27,13 +27,17 @@ from evenlight.analysis.figure_style import (
 from evenlight.analysis.findings import Drawing
 from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
 from evenlight.analysis.tracks.track_figure import factor_axis
-from evenlight.analysis.tracks.track_story import frame_edges
+from evenlight.analysis.tracks.track_figure_data import frame_edges
 from evenlight.analysis.wording import in_words
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.statistic import Origin, PlottedPoint
 
 PICTURES = 6
 UNCONSTRAINED = MUTED
+LINES = (
+    "Each sequence at its budget: the track within the rate limit, constant dimming at the same power, and a "
+    "track without rate limit."
+)
 
 
 def sequence_figure(sequences: Sequence[SequenceTracks], note: str = "", medium: Medium = PAGE) -> Figure:
@@ -53,13 +57,13 @@ def sequence_figure(sequences: Sequence[SequenceTracks], note: str = "", medium:
         left, gap = 4.6 * em, 5.2 * em
         width = (medium.width - left - gap - 1.2 * em) / 2
         lines, top = heading_lines(
-            "Brightness and contrast loss over time", _subtitle(note), medium.width - left - em, em
+            "Brightness and contrast loss over time", f"{LINES} {note}".strip(), medium.width - left - em, em
         )
         first = sequences[0].thumbnails[0][1]
         full = medium.width - left - 1.2 * em
         picture = (full - (PICTURES - 1) * 0.6 * em) / PICTURES
         tall = picture * first.shape[0] / first.shape[1]
-        panel, row = 8.6 * em, 0.0
+        panel = 8.6 * em
         row = 2.1 * em + tall + 2.4 * em + panel + 3.4 * em
         figure = new_figure(medium, top + len(sequences) * row + 1.2 * em)
         lines_at(figure, left, lines)
@@ -83,14 +87,6 @@ def sequence_figure(sequences: Sequence[SequenceTracks], note: str = "", medium:
                         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=0.85 * text_size()
                     )
     return figure
-
-
-def _subtitle(note: str) -> str:
-    """Return what the lines are, and what they rest on."""
-    return (
-        "Each sequence at its budget: the track within the rate limit, constant dimming at the same power, "
-        f"and a track without rate limit. {note}"
-    ).strip()
 
 
 def _row_title(sequence: SequenceTracks) -> str:

@@ -9,28 +9,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.reproduction.adaptation_differences import AdaptationInput
-from evenlight.analysis.reproduction.adaptation_tracks import adaptation_input
-from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
-from evenlight.analysis.tracks.frame_samples import FrameSamples
-from evenlight.analysis.tracks.optimization import Work, run_optimization
-from evenlight.analysis.tracks.thumbnails import Image, thumbnails_of
+from evenlight.analysis.reproduction.adaptation_lag import AdaptationInput, LuminanceMaps, adaptation_input
+from evenlight.analysis.tracks.frame_samples import FrameSamples, Image, thumbnails_of
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
     read_track,
 )
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves
-from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.choices import SolverName
-from evenlight.method.optimize import Request, pose
-from evenlight.method.solvers import make_solver
-from evenlight.stimuli.video_source import VideoSource
+from evenlight.method.optimizer.optimize import pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
+from evenlight.stimuli.video.video_source import VideoSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +59,6 @@ class SequenceTracks:
     ----------
     name : str
         Of the sequence.
-    folder : Path
-        Holds its track, summary and loss curves.
     budget : float
         Mean brightness factor.
     track : BrightnessTrack
@@ -81,7 +78,6 @@ class SequenceTracks:
     """
 
     name: str
-    folder: Path
     budget: float
     track: BrightnessTrack
     summary: OptimizationSummary
@@ -127,7 +123,9 @@ def track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Pat
         return samples.watch(maps.watch(frames))
 
     request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
-    summary = run_optimization(Work(source, panel.display, request, quiet=True, watch=watch), folder)
+    summary = run_optimization(
+        OptimizationJob(source, panel.display, request, quiet=True, watch=watch), folder
+    )
     curves = read_loss_curves(folder / "loss_curves.npz")
     problem = pose(curves, request)
     track = read_track(folder / "track.csv")
@@ -135,7 +133,6 @@ def track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Pat
     tracks = adaptation_input(problem, track.factors, maps, solver)
     return SequenceTracks(
         name=source.name,
-        folder=folder,
         budget=budget,
         track=track,
         summary=summary,

@@ -1,4 +1,4 @@
-"""The figure of the interaction: ratio of search times over ratio of brightness, location by location."""
+"""The figures of the interaction: time over brightness ratio, and rings found over time on either side."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from matplotlib.transforms import Bbox
 
 from evenlight.analysis.figure_style import (
     BASELINE,
+    FAINT,
     INK,
     MUTED,
     OURS,
@@ -27,9 +28,10 @@ from evenlight.analysis.figure_style import (
     text_size,
 )
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.search.search_over_locations import LocationLine
+from evenlight.analysis.search.search_locations import LocationLine
+from evenlight.analysis.search.search_shares import FoundOverTime
 from evenlight.analysis.search.search_trials import Location
-from evenlight.data_schema.statistic import Origin, PlottedPoint
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint
 
 TICKS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
 LINE_STEPS = 61
@@ -155,7 +157,9 @@ def _draw_line(axes: Axes, line: LocationLine, x: np.ndarray) -> None:
     """Draw the line through the locations, and its band, as far as there are locations."""
     middle, low, high = line.band(x)
     axes.plot(x, middle, color=OURS, zorder=3, label="line over locations")
-    axes.fill_between(x, low, high, color=OURS, alpha=0.14, linewidth=0, zorder=0.5, label="its 95 % band")
+    axes.fill_between(
+        x, low, high, color=OURS, alpha=0.14, linewidth=0, zorder=0.5, label="its 95 % confidence band"
+    )
 
 
 def _draw_locations(axes: Axes, shown: list[_Shown]) -> None:
@@ -210,3 +214,71 @@ def _bar(axes: Axes, item: _Shown) -> np.ndarray:
     half = np.array([0.3 * text_size() * axes.figure.dpi / 72, 0.0])
     ends = axes.transData.transform([(x, low), (x, high)])
     return np.array([ends[0] - half, ends[1] + half])
+
+
+def curves_figure(
+    curves: tuple[FoundOverTime, ...], heading: tuple[str, str], medium: Medium = PAGE
+) -> Figure:
+    """Draw the share of the rings found over time.
+
+    Parameters
+    ----------
+    curves : tuple of FoundOverTime
+        At least one.
+    heading : (str, str)
+        Title and subtitle.
+    medium : Medium
+        Where it is shown.
+    """
+    panels = list(dict.fromkeys(curve.panel for curve in curves))
+    with look(medium):
+        em = medium.em
+        left, gap = 4.6 * em, 2.2 * em
+        width = (medium.width - left - 1.5 * em - gap) / 2
+        lines, above = heading_lines(*heading, medium.width - 2 * em, em)
+        top, height = above + 2.2 * em, 0.62 * width
+        figure = new_figure(medium, top + height + 4.2 * em)
+        lines_at(figure, em, lines)
+        for number, panel in enumerate(panels):
+            axes = axes_at(figure, left + number * (width + gap), top, width, height)
+            _draw_panel(axes, [curve for curve in curves if curve.panel == panel])
+            if number == 0:
+                axes.set_ylabel("rings found [%]")
+                axes.legend(loc="lower right", bbox_to_anchor=(0.98, 0.04))
+            else:
+                axes.set_yticklabels([])
+    return figure
+
+
+def curves_points(curves: tuple[FoundOverTime, ...], origin: Origin) -> tuple[PlottedPoint, ...]:
+    """Return every number that the figure draws."""
+    return tuple(
+        PlottedPoint(
+            curve.panel, curve.version, "", float(time), 100 * float(share), "search time", "s",
+            "rings found", "%", origin, low=_percent(low), high=_percent(high), n=curve.n,
+        )
+        for curve in curves
+        for time, share, low, high in zip(curve.times, curve.share, curve.low, curve.high, strict=True)
+    )  # fmt: skip
+
+
+def _percent(share: float) -> float | None:
+    """Return a share in percent; None for none."""
+    return None if np.isnan(share) else 100 * float(share)
+
+
+def _draw_panel(axes: Axes, curves: list[FoundOverTime]) -> None:
+    """Draw both versions on one side."""
+    size = text_size()
+    for curve in curves:
+        colour = OURS if curve.version == "ours" else BASELINE
+        axes.plot(curve.times, 100 * curve.share, color=colour, zorder=3, label=f"{curve.version}, 95 % band")
+        axes.fill_between(
+            curve.times, 100 * curve.low, 100 * curve.high, color=colour, alpha=0.16, linewidth=0
+        )
+    axes.set(xlim=(0, curves[0].times[-1]), ylim=(0, 100), xlabel="search time [s]")
+    axes.set_yticks(range(0, 101, 20))
+    axes.grid(color=FAINT, linewidth=size / 18)
+    title = f"{curves[0].panel}: {curves[0].locations} locations, {curves[0].n} searches each"
+    axes.annotate(title, (0.0, 1.0), xycoords="axes fraction", xytext=(0, 0.6 * size),
+                  textcoords="offset points", color=MUTED)  # fmt: skip

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
-from evenlight.analysis.search.search_averages_section import averages_section
-from evenlight.analysis.search.search_brightness_figure import brightness_figure, brightness_points
-from evenlight.analysis.search.search_curves_figure import curves_figure, curves_points
+from evenlight.analysis.search.search_brightness_figure import (
+    brightness_figure,
+    brightness_points,
+    curves_figure,
+    curves_points,
+)
 from evenlight.analysis.search.search_results import SLOWING, SearchResults, search_results
-from evenlight.analysis.search.search_sections import brightness_section, pairs_section, times_section
+from evenlight.analysis.search.search_sections import (
+    averages_section,
+    brightness_section,
+    pairs_section,
+    times_section,
+)
 from evenlight.analysis.search.search_statistics import statistics_of
 from evenlight.analysis.search.search_times_figure import times_figure, times_points
 from evenlight.analysis.search.search_words import lead_of, who
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.search import SearchTrial
-from evenlight.data_schema.statistic import Origin
+from evenlight.data_schema.recordings.search import SearchTrial
 
 
 def search_findings(data: TaskData[SearchTrial], seed: int = 1, slowing: float = SLOWING) -> Findings:
@@ -55,20 +62,14 @@ def search_findings(data: TaskData[SearchTrial], seed: int = 1, slowing: float =
     )
 
 
-def _simulated(found: SearchResults) -> bool:
-    """Return whether the searches are simulated."""
-    return found.origin is Origin.SIMULATED
-
-
 def _times(found: SearchResults) -> Drawing:
     """Return the figure of the detection times."""
-    figure = times_figure(found.locations, float(found.table.limits.max()), _simulated(found))
+    figure = times_figure(found.locations, float(found.table.limits.max()), found.simulated)
     return Drawing(
         "search_times",
         png_bytes(figure),
-        "Search times at each location in both versions: medians with 95 % intervals, means of the rings "
-        "found, "
-        "undetected rings, and brightness factors.",
+        "Search times at each location in both versions: medians with 95 % confidence intervals, means of "
+        "the rings found, undetected rings, and brightness factors.",
         times_points(found.locations, found.origin),
     )
 
@@ -82,7 +83,7 @@ def _brightness(found: SearchResults) -> Drawing | None:
         return None
     drawn = sum(point.series == "location" for point in points)
     words = [
-        f"{'Simulated: ' if _simulated(found) else ''}{people} {who(found).split()[-1]}. Search time over "
+        f"{'Simulated: ' if found.simulated else ''}{people} {who(found).split()[-1]}. Search time over "
         "brightness, ours against the baseline, at each location; named are those whose own interval "
         "excludes 1."
     ]
@@ -93,9 +94,9 @@ def _brightness(found: SearchResults) -> Drawing | None:
     heading = ("Does more light save time?", " ".join(words))
     figure = brightness_figure(found.table.locations, effects, found.line, heading)
     caption = (
-        "Ratio of search times over ratio of brightness factors, ours to baseline, with 95 % intervals; the "
-        "line "
-        "over locations with its 95 % band, and the line of no difference."
+        "Ratio of search times over ratio of brightness factors, ours to baseline, with 95 % confidence "
+        "intervals; the line over locations with its pointwise 95 % confidence band, and the line of no "
+        "difference."
     )
     return Drawing("search_brightness", png_bytes(figure), caption, points)
 
@@ -107,7 +108,7 @@ def _curves(found: SearchResults) -> Drawing | None:
     people = len(found.table.participants)
     heading = (
         "How many rings are found, and when",
-        f"{'Simulated: ' if _simulated(found) else ''}{people} {who(found).split()[-1]}. Bands: 95 %, over "
+        f"{'Simulated: ' if found.simulated else ''}{people} {who(found).split()[-1]}. Bands: 95 %, over "
         "participants.",
     )
     return Drawing(

@@ -22,8 +22,7 @@ from evenlight.analysis.inference.lognormal_times import (
     TimesFit,
     fit_lognormal_times,
 )
-from evenlight.analysis.search.search_sides import Side
-from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_trials import SearchTable, Side
 from evenlight.data_schema.arrays import Array
 
 PEOPLE_FOR_SPOTS = 4  # over so many each place of a ring is seen in either version (viewing-orders.md)
@@ -78,7 +77,7 @@ class SearchModels:
         Searches that it rests on.
     dropped, capped, wrong : TimesFit
         As overall, if undetected rings are left out, counted as found at the time limit, or joined by
-        those whose gap was told wrongly; intervals by the standard error.
+        those whose gap was identified wrongly; intervals by the standard error.
     n_left_out : int
         Searches at places where nobody ever found a ring, or only one version was shown: they say nothing.
     """

@@ -24,7 +24,7 @@ ONE_PERSON = "one participant: the interval and p are for this person's searches
 
 
 @dataclass(frozen=True, slots=True)
-class Pairs:
+class SearchPairs:
     """Pairs of searches of one person at one location.
 
     Attributes
@@ -52,18 +52,13 @@ class Pairs:
     later: Array
     unpaired: int
 
-    def at(self, chosen: NDArray[np.bool_]) -> Pairs:
+    def at(self, chosen: NDArray[np.bool_]) -> SearchPairs:
         """Return some of the pairs."""
-        return Pairs(
-            self.participant[chosen],
-            self.location[chosen],
-            self.found_ours[chosen],
-            self.found_baseline[chosen],
-            self.first[chosen],
-            self.tied[chosen],
-            self.later[chosen],
+        return SearchPairs(
+            self.participant[chosen], self.location[chosen], self.found_ours[chosen],
+            self.found_baseline[chosen], self.first[chosen], self.tied[chosen], self.later[chosen],
             self.unpaired,
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +68,9 @@ class Detections:
     Attributes
     ----------
     n, only_ours, only_baseline : int
-        Pairs, and those in which it was found in one of the versions alone.
+        SearchPairs, and those in which it was found in one of the versions alone.
     difference, ci_low, ci_high : float
-        Share found in ours minus that in the baseline, with a 95 % interval.
+        Share found in ours minus that in the baseline, with a 95 % confidence interval.
     p_value : float
         Of the exact test, two-sided.
     """
@@ -100,7 +95,7 @@ class HazardRatio:
     p_value : float or None
         Two-sided, by the same Student's t as the interval.
     ours_first, baseline_first, tied, unknown : int
-        Pairs: by which was found first, both after the same time, neither known.
+        SearchPairs: by which was found first, both after the same time, neither known.
     participants : int
         Who have a pair that is told from.
     flag : str
@@ -120,7 +115,7 @@ class HazardRatio:
     flag: str
 
 
-def matched_pairs(table: SearchTable) -> Pairs:
+def matched_pairs(table: SearchTable) -> SearchPairs:
     """Return each session's two searches of a location side by side."""
     key = table.session * len(table.locations) + table.location
     order = np.lexsort((table.ours, key))
@@ -128,7 +123,7 @@ def matched_pairs(table: SearchTable) -> Pairs:
     base, ours = order[both], order[both + 1]
     ours_first = table.found[ours] & _before(table, ours, base)
     base_first = table.found[base] & _before(table, base, ours)
-    return Pairs(
+    return SearchPairs(
         participant=table.participant[ours],
         location=table.location[ours],
         found_ours=table.found[ours],
@@ -147,14 +142,14 @@ def _before(table: SearchTable, one: NDArray[np.int64], other: NDArray[np.int64]
     return np.asarray(sooner | last_moment, dtype=np.bool_)
 
 
-def detections(pairs: Pairs) -> Detections:
+def detections(pairs: SearchPairs) -> Detections:
     """Return the exact test of McNemar, and the difference of the shares found.
 
     Pairs must be of different people.
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : SearchPairs
         At least one.
     """
     n = pairs.first.size
@@ -199,7 +194,7 @@ def difference_interval(n: int, one: int, other: int, level: float = 0.95) -> tu
     return max(a - b - half, -1.0), min(a - b + half, 1.0)
 
 
-def hazard_ratio(pairs: Pairs) -> HazardRatio:
+def hazard_ratio(pairs: SearchPairs) -> HazardRatio:
     """Return the hazard ratio of the Cox model stratified by person and location, ours over baseline.
 
     The later visit is a covariate, where it can be told apart from the version. The standard error is the
@@ -230,7 +225,7 @@ def _separated(ours: int, baseline: int) -> str:
     return f"separated: {version} was found first in all {ours + baseline} pairs; the ratio has no bound"
 
 
-def _fitted(pairs: Pairs, people: int) -> tuple[float, float]:
+def _fitted(pairs: SearchPairs, people: int) -> tuple[float, float]:
     """Return the logarithm of the hazard ratio and its standard error."""
     from statsmodels.discrete.discrete_model import Logit  # a second to import
 
@@ -248,7 +243,7 @@ def _fitted(pairs: Pairs, people: int) -> tuple[float, float]:
     return float(fit.params[0]), max(errors)
 
 
-def _visits_tell(pairs: Pairs) -> bool:
+def _visits_tell(pairs: SearchPairs) -> bool:
     """Return whether each order of the versions has both outcomes: else its effect is not finite."""
     outcomes = [np.unique(pairs.first[pairs.later == order]).size for order in (-1, 1)]
     return min(outcomes) == 2

@@ -1,4 +1,4 @@
-"""All that the search shows, reckoned once for tables and figures."""
+"""All results of the search, computed once for tables and figures."""
 
 from __future__ import annotations
 
@@ -9,30 +9,36 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.holm import holm
-from evenlight.analysis.search.search_curves_figure import FoundOverTime, found_over_time
-from evenlight.analysis.search.search_locations import LocationResult, location_results
-from evenlight.analysis.search.search_models import BRIGHTNESS, SearchModels, effect_of, search_models
-from evenlight.analysis.search.search_over_locations import (
+from evenlight.analysis.search.search_locations import (
     LocationLine,
+    LocationResult,
     for_people_and_locations,
     line_over_locations,
+    location_results,
 )
+from evenlight.analysis.search.search_models import BRIGHTNESS, SearchModels, effect_of, search_models
 from evenlight.analysis.search.search_pairs import (
     HazardRatio,
-    Pairs,
+    SearchPairs,
     difference_error,
     hazard_ratio,
     matched_pairs,
 )
-from evenlight.analysis.search.search_shares import Orientation, Share, detection_share, orientation
-from evenlight.analysis.search.search_sides import Side
-from evenlight.analysis.search.search_trials import SearchTable, first_sessions, search_table
+from evenlight.analysis.search.search_shares import (
+    ClusteredShare,
+    FoundOverTime,
+    Orientation,
+    detection_share,
+    found_over_time,
+    orientation,
+)
+from evenlight.analysis.search.search_trials import SearchTable, Side, first_sessions, search_table
 from evenlight.analysis.session_loading import TaskData
-from evenlight.data_schema.search import SearchTrial
-from evenlight.data_schema.statistic import Origin
+from evenlight.data_schema.analysis_results import Origin
+from evenlight.data_schema.recordings.search import SearchTrial
 
 SLOWING = 0.25  # more than that where ours dims would be a loss (choice; docs/decisions/search-inference.md)
 EVERYWHERE = "all"
@@ -66,11 +72,11 @@ class DetectionChange:
     Attributes
     ----------
     n : int
-        Pairs.
+        SearchPairs.
     difference : float
         Of the shares found.
     ci_low, ci_high, p_value : float or None
-        95 % interval, and two-sided p, over people (Student's t); None where `flag` says why.
+        95 % confidence interval, and two-sided p, over people (Student's t); None where `flag` says why.
     more : int
         Rings found in ours, less those in the baseline.
     exact_p : float or None
@@ -115,10 +121,10 @@ class SearchResults:
         For all locations, and those of either side.
     detection : mapping of str to DetectionChange
         The same of detections.
-    shares : mapping of bool to Share
+    shares : mapping of bool to ClusteredShare
         Of rings found, for ours (True) and the baseline.
     orientation : mapping of bool to Orientation
-        Of gaps told rightly.
+        Of gaps identified correctly.
     curves : tuple of FoundOverTime
         Share found over time.
     unpaired : int
@@ -135,10 +141,15 @@ class SearchResults:
     both: FixedEffect | None
     first: Mapping[str, FirstFound]
     detection: Mapping[str, DetectionChange]
-    shares: Mapping[bool, Share]
+    shares: Mapping[bool, ClusteredShare]
     orientation: Mapping[bool, Orientation]
     curves: tuple[FoundOverTime, ...]
     unpaired: int
+
+    @property
+    def simulated(self) -> bool:
+        """Whether simulated participants searched."""
+        return self.origin is Origin.SIMULATED
 
 
 def search_results(
@@ -183,14 +194,14 @@ def _adjusted(effects: Mapping[int, FixedEffect]) -> dict[int, float | None]:
     return dict(zip(effects, holm([effect.p_value for effect in effects.values()]), strict=True))
 
 
-def _groups(table: SearchTable, pairs: Pairs) -> dict[str, Pairs]:
+def _groups(table: SearchTable, pairs: SearchPairs) -> dict[str, SearchPairs]:
     """Return the pairs of all locations, and of those of either side; groups without a pair are left out."""
     sides = table.sides[pairs.location]
     chosen = {EVERYWHERE: np.ones(sides.size, bool)} | {side.value: sides == side for side in Side}
     return {name: pairs.at(mask) for name, mask in chosen.items() if mask.any()}
 
 
-def first_found(pairs: Pairs) -> FirstFound:
+def first_found(pairs: SearchPairs) -> FirstFound:
     """Return which version was found first.
 
     The exact test sums for each person how much more often ours was first; if it does not matter which
@@ -200,7 +211,7 @@ def first_found(pairs: Pairs) -> FirstFound:
     return FirstFound(hazard_ratio(pairs), int(pairs.first.sum()), _exchanged(pairs, pairs.first))
 
 
-def detection_change(pairs: Pairs) -> DetectionChange:
+def detection_change(pairs: SearchPairs) -> DetectionChange:
     """Return how many more rings were found in ours.
 
     The standard error is the larger one of that over people and that of independent pairs: few people, or few
@@ -223,7 +234,7 @@ def detection_change(pairs: Pairs) -> DetectionChange:
     return DetectionChange(n, difference, low, high, p_value, int(more.sum()), exact_p, flag)
 
 
-def _exchanged(pairs: Pairs, scores: np.ndarray) -> float | None:
+def _exchanged(pairs: SearchPairs, scores: np.ndarray) -> float | None:
     """Return the exact p of the persons' sums of scores; None for one person."""
     people = np.unique(pairs.participant, return_inverse=True)[1]
     if people.max() == 0:

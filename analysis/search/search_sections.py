@@ -1,16 +1,18 @@
-"""The sections of a report on the search: how soon, gain and loss, and what was found at all."""
+"""The report on the search: how soon, gain and loss, what was found at all, and the paper's averages."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.report import Cell, Picture, Section, Table
-from evenlight.analysis.search.search_locations import Cell as LocationCell
-from evenlight.analysis.search.search_locations import LocationResult
+from evenlight.analysis.report_prose import section
+from evenlight.analysis.search.search_locations import LocationCell, LocationResult
 from evenlight.analysis.search.search_models import ORDER, VERSION, VISIT, effect_of
 from evenlight.analysis.search.search_results import DetectionChange, SearchResults
-from evenlight.analysis.search.search_sides import ABOUT_EQUAL
 from evenlight.analysis.search.search_statistics import (
     LIKE_BOTH,
     LIKE_LOCATIONS,
@@ -19,42 +21,33 @@ from evenlight.analysis.search.search_statistics import (
     ORDER_EFFECTS,
     people_slope,
 )
-from evenlight.analysis.search.search_words import flags_of, lead_of, range_text
+from evenlight.analysis.search.search_trials import ABOUT_EQUAL
+from evenlight.analysis.search.search_words import ALPHA, lead_of, range_text
 from evenlight.analysis.wording import p_text
-from evenlight.data_schema.statistic import Origin
 
-COLUMNS = ("ratio", "95 % interval", "p")
+COLUMNS = ("ratio", "95 % CI", "p")
+
+
+def _section(
+    found: SearchResults,
+    name: str,
+    tables: Sequence[Table],
+    pictures: Sequence[Picture] = (),
+    **values: Any,
+) -> Section:
+    """Return a section of the search's report from its template."""
+    return replace(section(f"search_{name}", tables, pictures, **values), simulated=found.simulated)
 
 
 def times_section(found: SearchResults, picture: Picture) -> Section:
     """Return how soon the rings were found at each location."""
-    text = (
-        lead_of(found),
-        "Each person looked once for a ring at each location in each version. An undetected ring is one that "
-        "takes longer than the time limit: its time is not left out, and not the limit either, but censored. "
-        "Medians are those of Kaplan and Meier; “not reached” where no more than half of the rings were "
-        "found. "
-        "The time ratio of a location is of its own few searches; a p value among so many locations is "
-        "adjusted for their number (Holm).",
-    )
-    notes = tuple(
-        f"{result.location.name}: {flag}." for result in found.locations for flag in _cell_flags(result)
-    )
-    if found.unpaired:
-        notes = (
-            *notes,
-            f"{found.unpaired} searches have no partner in the other version; pairs leave them out.",
-        )
-    return Section("Search times", text, (_location_table(found),), (picture,), notes, is_simulated(found))
-
-
-def is_simulated(found: SearchResults) -> bool:
-    """Return whether the searches are simulated."""
-    return found.origin is Origin.SIMULATED
+    flags = [(result.location.name, flag) for result in found.locations for flag in _cell_flags(result)]
+    values = {"lead": lead_of(found), "flags": flags, "unpaired": found.unpaired}
+    return _section(found, "times", (_location_table(found),), (picture,), **values)
 
 
 def _cell_flags(result: LocationResult) -> list[str]:
-    """Return what is to be said about versions in which nobody searched, or found, anything."""
+    """Return what to note about versions in which nobody searched, or found, anything."""
     flags = []
     for version, cell in (("ours", result.ours), ("the baseline", result.baseline)):
         if cell is None:
@@ -66,33 +59,29 @@ def _cell_flags(result: LocationResult) -> list[str]:
 
 def _location_table(found: SearchResults) -> Table:
     """Return undetected rings, medians and ratios of all locations."""
-    effects = found.models.by_location
     rows: list[tuple[Cell, ...]] = []
     for k, result in enumerate(found.locations):
-        effect = effects.get(k)
-        test = result.detections
-        rows.append(
-            (
-                location_name(result),
-                *(_lost(cell) for cell in (result.ours, result.baseline)),
-                p_text(test.p_value) if test else None,
-                p_text(result.p_holm),
-                *(_median(cell) for cell in (result.ours, result.baseline)),
-                *(effect_cells(effect)[:2] if effect else (None, None)),
-                p_text(found.ratio_p.get(k)),
-            )
+        effect, test, cells = (
+            found.models.by_location.get(k),
+            result.detections,
+            (result.ours, result.baseline),
         )
+        rows.append(
+            (_name(result), *map(_lost, cells), p_text(test.p_value) if test else None, p_text(result.p_holm),
+             *map(_median, cells), *(_effect_cells(effect)[:2] if effect else (None, None)),
+             p_text(found.ratio_p.get(k)))
+        )  # fmt: skip
     return Table(
         "Undetected rings (p: exact test of McNemar, by itself and adjusted for the number of locations "
-        "by Holm), median search times with 95 % interval, and time ratios of ours to the baseline (p: "
-        "adjusted too).",
+        "by Holm), median search times with 95 % confidence interval (CI), and time ratios of ours to the "
+        "baseline (p: adjusted too).",
         ("location", "undetected: ours", "baseline", "p", "p (Holm)", "median [s]: ours", "baseline", "ratio",
-         "95 % interval", "p (Holm)"),
+         "95 % CI", "p (Holm)"),
         tuple(rows),
     )  # fmt: skip
 
 
-def location_name(result: LocationResult) -> str:
+def _name(result: LocationResult) -> str:
     """Return what a location is called in a table."""
     return result.location.name.replace("_", " ").replace("/", ": ")
 
@@ -112,7 +101,7 @@ def _median(cell: LocationCell | None) -> str | None:
     return f"{value} ({ends})" if ends else value
 
 
-def effect_cells(effect: FixedEffect) -> tuple[Cell, ...]:
+def _effect_cells(effect: FixedEffect) -> tuple[Cell, ...]:
     """Return the cells of a ratio: itself, its interval, p."""
     value = None if effect.estimate is None else f"{math.exp(effect.estimate):.2f}"
     return value, range_text((effect.ci_low, effect.ci_high), logarithms=True), p_text(effect.p_value)
@@ -120,66 +109,43 @@ def effect_cells(effect: FixedEffect) -> tuple[Cell, ...]:
 
 def brightness_section(found: SearchResults, pictures: tuple[Picture, ...]) -> Section:
     """Return whether there is gain in the dark, and no loss in the bright."""
-    percent = f"{100 * found.slowing:.0f} %"
-    text = (
-        "The paper's claim is an interaction: faster where ours is brighter than constant dimming, no slower "
-        "where it is dimmer. The primary test is that of the slope over people: by how much ln(time) changes "
-        "per unit of ln(brightness ratio). A slope of -0.5 means that twice the brightness takes 1/√2 of the "
-        "time. All other tests of this and the next sections stand beside it and are not adjusted for their "
-        "number; those of single locations are (Holm).",
-        "The sides are of a model of their own. Where the factors differ by at most "
-        f"{100 * ABOUT_EQUAL:.0f} % (ratio "
-        f"{1 - ABOUT_EQUAL:.2f} to {1 + ABOUT_EQUAL:.2f}) brightness is about equal: such locations are in "
-        "neither side.",
-        "That no difference is found does not show that nothing is lost. For that, a loss that would matter "
-        "must be "
-        "excluded: "
-        f"where ours dims, a search that takes {percent} longer or more. The margin is a choice; the table "
-        "says how large a slowing the data do not exclude.",
-        "People and locations are both samples. The first slope is for people like these at these very "
-        "locations, the second for these people at locations like these, the third for both.",
-    )
-    tables = (_side_table(found), _slope_table(found))
-    return Section(
-        "Gain in the dark, no loss in the bright?",
-        text,
-        tables,
+    models = found.models
+    check = effect_of(models.brightness, VERSION)
+    flags = dict.fromkeys(flag.value for fit in (models.overall, models.brightness) for flag in fit.flags)
+    return _section(
+        found,
+        "brightness",
+        (_side_table(found), _slope_table(found)),
         pictures,
-        _brightness_notes(found),
-        is_simulated(found),
+        about_equal=ABOUT_EQUAL,
+        slowing=found.slowing,
+        n_left_out=models.n_left_out,
+        check=check,
+        check_ratio=math.exp(check.estimate or 0.0),
+        alpha=ALPHA,
+        flags=[flag for flag in flags if flag],
     )
 
 
 def _side_table(found: SearchResults) -> Table:
     """Return the time ratios of all locations, and of either side."""
-    rows: list[tuple[Cell, ...]] = []
     every = effect_of(found.models.overall, VERSION)
-    rows.append(("all", len(found.locations), *effect_cells(every), None, None, every.flag))
+    rows: list[tuple[Cell, ...]] = [
+        ("all", len(found.locations), *_effect_cells(every), None, None, every.flag)
+    ]
     for side in found.models.sides:
         largest = None if side.slowing_high is None else f"{math.exp(side.slowing_high):.2f}"
         rows.append(
-            (
-                side.side.value,
-                side.locations,
-                *effect_cells(side.effect),
-                largest,
-                p_text(side.slowing_p),
-                side.effect.flag,
-            )
-        )
+            (side.side.value, side.locations, *_effect_cells(side.effect), largest, p_text(side.slowing_p),
+             side.effect.flag)
+        )  # fmt: skip
     return Table(
-        "Time ratio, ours to baseline; below 1 ours is faster. About equal: factors within "
-        f"{100 * ABOUT_EQUAL:.0f} %. Largest not excluded: one-sided at 5 %.",
-        (
-            "ours there is",
-            "locations",
-            *COLUMNS,
-            "largest not excluded",
-            f"p of {1 + found.slowing:g} or more",
-            "remark",
-        ),
+        "Time ratio, ours to baseline, with 95 % confidence interval (CI); below 1 ours is faster. About "
+        f"equal: factors within {100 * ABOUT_EQUAL:.0f} %. Largest not excluded: one-sided at 5 %.",
+        ("ours there is", "locations", *COLUMNS, "largest not excluded",
+         f"p of {1 + found.slowing:g} or more", "remark"),
         tuple(rows),
-    )
+    )  # fmt: skip
 
 
 def _slope_table(found: SearchResults) -> Table:
@@ -196,51 +162,16 @@ def _slope_table(found: SearchResults) -> Table:
         )
     ]  # fmt: skip
     return Table(
-        "Change of ln(time) per unit of ln(brightness factor of ours / of the baseline); below 0: more "
-        "light, "
-        "less time.",
-        ("for", "slope", "95 % interval", "p", "remark"),
+        "Change of ln(time) per unit of ln(brightness factor of ours / of the baseline), with 95 % "
+        "confidence interval (CI); below 0: more light, less time.",
+        ("for", "slope", "95 % CI", "p", "remark"),
         tuple(rows),
     )
 
 
-def _brightness_notes(found: SearchResults) -> tuple[str, ...]:
-    """Return what to be warned of in the models."""
-    notes = []
-    if found.models.n_left_out:
-        notes.append(
-            f"{found.models.n_left_out} searches are of places where nobody found a ring, or of locations "
-            "seen in "
-            "one version alone: they say nothing about a ratio, and are in no model."
-        )
-    check = effect_of(found.models.brightness, VERSION)
-    if check.p_value is not None and check.p_value <= 0.05:
-        notes.append(
-            "At equal brightness the versions are the same picture, yet ours takes "
-            f"{math.exp(check.estimate or 0):.2f} "
-            f"times as long there (p = {p_text(check.p_value)}): by chance, or brightness does not act in "
-            "this form."
-        )
-    fits = (found.models.overall, found.models.brightness)
-    flags = dict.fromkeys(flag.value for fit in fits for flag in fit.flags)
-    return (*notes, *(f"{flag[0].upper()}{flag[1:]}." for flag in flags if flag))
-
-
 def pairs_section(found: SearchResults) -> Section:
-    """Return what needs no model of times: who was found first, who at all, told rightly; and practice."""
-    text = (
-        "Each person's two searches of a location are a pair. Which of the two rings was found first needs "
-        "no "
-        "model of the times: the hazard ratio is that of the Cox model stratified by person and location "
-        "(above 1: ours is found more readily). Pairs in which neither is known to be first say nothing "
-        "about it. "
-        "Its interval and p, and those of the shares found, are over people (Student's t), and no narrower "
-        "than those of independent pairs. The exact p exchanges the versions person by person: how often "
-        "ours was first, more often than the baseline, and how many more rings were found.",
-        "A gap told rightly shows that the ring was seen: guesses hit one in eight.",
-    )
-    tables = (_first_table(found), _told_table(found), _order_table(found))
-    return Section("Found first, found at all, told rightly", text, tables, (), (), is_simulated(found))
+    """Return what needs no model of times: which was found first, which at all, which correctly; practice."""
+    return _section(found, "pairs", (_first_table(found), _correct_table(found), _order_table(found)))
 
 
 def _first_table(found: SearchResults) -> Table:
@@ -249,17 +180,18 @@ def _first_table(found: SearchResults) -> Table:
     for group, first in found.first.items():
         hazard, change = first.hazard, found.detection[group]
         value = None if hazard.ln_ratio is None else f"{math.exp(hazard.ln_ratio):.2f}"
+        remarks = "; ".join(dict.fromkeys(flag for flag in (hazard.flag, change.flag) if flag))
         rows.append(
             (group, hazard.ours_first, hazard.baseline_first, hazard.tied + hazard.unknown, value,
              range_text((hazard.ci_low, hazard.ci_high), logarithms=True), p_text(hazard.p_value),
              p_text(first.p_value), f"{100 * change.difference:+.1f} %", _percent_range(change),
-             p_text(change.p_value), p_text(change.exact_p), flags_of((hazard.flag, change.flag)))
+             p_text(change.p_value), p_text(change.exact_p), remarks)
         )  # fmt: skip
     return Table(
         "Pairs by which ring was found first, hazard ratio (ours to baseline), and rings found, ours minus "
-        "baseline. Interval and p: Student's t over people.",
-        ("locations", "ours first", "baseline first", "not known", "hazard ratio", "95 % interval", "p",
-         "exact p", "rings found", "95 % interval", "p", "exact p", "remark"),
+        "baseline. 95 % confidence interval (CI) and p: Student's t over people.",
+        ("locations", "ours first", "baseline first", "not known", "hazard ratio", "95 % CI", "p", "exact p",
+         "rings found", "95 % CI", "p", "exact p", "remark"),
         tuple(rows),
     )  # fmt: skip
 
@@ -271,24 +203,22 @@ def _percent_range(change: DetectionChange) -> str | None:
     return f"{100 * change.ci_low:+.1f} to {100 * change.ci_high:+.1f} %"
 
 
-def _told_table(found: SearchResults) -> Table:
-    """Return shares found and told rightly."""
+def _correct_table(found: SearchResults) -> Table:
+    """Return the shares found, and identified correctly among them."""
     rows: list[tuple[Cell, ...]] = []
     for ours, version in ((True, "ours"), (False, "baseline")):
-        share, told = found.shares[ours], found.orientation[ours]
-        guessed = told.pressed_without_seeing
+        gaps = found.orientation[ours]
+        cells = [(f"{s.count} of {s.n}", range_text((s.ci_low, s.ci_high)))
+                 for s in (found.shares[ours], gaps.correct)]  # fmt: skip
+        guessed = gaps.pressed_without_seeing
         rows.append(
-            (version, f"{share.count} of {share.n}", range_text((share.ci_low, share.ci_high)),
-             f"{told.correct.count} of {told.correct.n}",
-             range_text((told.correct.ci_low, told.correct.ci_high)),
-             None if guessed is None else f"{100 * guessed:.1f} %",
-             "" if told.above_chance or guessed is None else "not shown to be above chance")
+            (version, *cells[0], *cells[1], None if guessed is None else f"{100 * guessed:.1f} %",
+             "" if gaps.above_chance or guessed is None else "not shown to be above chance")
         )  # fmt: skip
     return Table(
-        "Rings found, and gaps told rightly among them, with 95 % intervals of the shares (over people); "
-        "pressed "
-        "without seeing: if every ring seen was told rightly.",
-        ("version", "found", "95 % interval", "told rightly", "95 % interval", "pressed without seeing",
+        "Rings found, and gaps identified correctly among them, with 95 % confidence intervals (CI) of the "
+        "shares (over people); pressed without seeing: if every ring seen was identified correctly.",
+        ("version", "found", "95 % CI", "identified correctly", "95 % CI", "pressed without seeing",
          "remark"),
         tuple(rows),
     )  # fmt: skip
@@ -296,11 +226,60 @@ def _told_table(found: SearchResults) -> Table:
 
 def _order_table(found: SearchResults) -> Table:
     """Return what practice does."""
-    names = {effect.name for effect in found.models.overall.effects}
+    fit = found.models.overall
+    names = {effect.name for effect in fit.effects}
     rows = tuple(
-        (words.removeprefix("time ratio, "), *effect_cells(effect_of(found.models.overall, name)))
-        if name in names
-        else (words.removeprefix("time ratio, "), None, None, None)
-        for name, words in ((key, ORDER_EFFECTS[key]) for key in (VISIT, ORDER))
-    )
+        (ORDER_EFFECTS[name].removeprefix("time ratio, "),
+         *(_effect_cells(effect_of(fit, name)) if name in names else (None, None, None)))
+        for name in (VISIT, ORDER)
+    )  # fmt: skip
     return Table("Order of the trials: time ratios; below 1: faster with practice.", ("", *COLUMNS), rows)
+
+
+def averages_section(found: SearchResults) -> Section:
+    """Return the paper's average, beside what it leaves out."""
+    models = found.models
+    rows = tuple(
+        (what, fit.n, *_effect_cells(effect_of(fit, VERSION)), effect_of(fit, VERSION).flag)
+        for what, fit in (
+            ("undetected rings censored", models.overall),
+            ("left out, as in an average of those found", models.dropped),
+            ("counted as found at the limit", models.capped),
+            ("gaps identified wrongly count as undetected too", models.wrong),
+        )
+    )
+    ways = Table(
+        "The same time ratio, ours to baseline, by the treatment of undetected rings.",
+        ("", "searches", *COLUMNS, "remark"),
+        rows,
+    )
+    return _section(found, "averages", (ways, _average_table(found)))
+
+
+def _average_table(found: SearchResults) -> Table:
+    """Return the averages of all locations."""
+    rows = [
+        (_name(result), *(cell for own in (result.ours, result.baseline) for cell in _averages(own)))
+        for result in found.locations
+    ]
+    columns = tuple(f"{version}: {what}" for version in ("ours", "baseline")
+                    for what in ("found ± SEM", "at the limit", "model"))  # fmt: skip
+    return Table(
+        "Average search times [s]: of the rings found with standard error (SD with n - 1), as in the paper; "
+        "with the undetected at the time limit; by a log-normal distribution with them censored.",
+        ("location", *columns),
+        tuple(rows),
+    )
+
+
+def _averages(cell: LocationCell | None) -> tuple[str | None, ...]:
+    """Return the averages of one version at one location."""
+    if cell is None:
+        return None, None, None
+    a = cell.averages
+    error = "–" if a.sem_found is None else f"{a.sem_found:.1f}"
+    return (
+        None if a.mean_found is None else f"{a.mean_found:.1f} ± {error}",
+        f"{a.capped_mean:.1f}",
+        None if a.model_mean is None else f"{a.model_mean:.1f}",
+    )

@@ -1,4 +1,4 @@
-"""Shares of searches: rings found, and gaps told rightly, of many searches of the same people."""
+"""Shares of searches of the same people: rings found, over time as well, and gaps identified correctly."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.search.search_trials import SearchTable
-from evenlight.data_schema.search import ORIENTATIONS
+from evenlight.analysis.search.search_trials import SearchTable, Side
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.search import ORIENTATIONS
 
 CHANCE = 1 / len(ORIENTATIONS)
+STEPS = 45  # of time in the curves of the share found
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class ClusteredShare:
     """A share of searches, with the interval of the share among people like these.
 
     Attributes
@@ -25,7 +27,7 @@ class Share:
     value : float or None
         Their ratio; None of nothing.
     ci_low, ci_high : float or None
-        95 % interval; None of nothing, or of one participant's alone.
+        95 % confidence interval; None of nothing, or of one participant's alone.
     """
 
     count: int
@@ -37,25 +39,25 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Orientation:
-    """How often the gap of a ring that was found was told rightly.
+    """How often the gap of a ring that was found was identified correctly.
 
     Attributes
     ----------
-    correct : Share
+    correct : ClusteredShare
         Right answers among the rings found.
     pressed_without_seeing : float or None
-        Share of the rings "found" whose gap was then guessed among eight, if every ring seen was told
-        rightly: (1 - correct) / (7/8).
+        Share of the rings "found" whose gap was then guessed among eight, if every ring seen was
+        identified correctly: (1 - correct) / (7/8).
     above_chance : bool
         Whether the interval of the share lies above one in eight.
     """
 
-    correct: Share
+    correct: ClusteredShare
     pressed_without_seeing: float | None
     above_chance: bool
 
 
-def clustered_share(successes: NDArray[np.bool_], people: NDArray[np.int64]) -> Share:
+def clustered_share(successes: NDArray[np.bool_], people: NDArray[np.int64]) -> ClusteredShare:
     """Return a share with Wilson's interval at the effective number of trials.
 
     Trials of one person are alike: their number is divided by how much more the people's counts scatter than
@@ -71,16 +73,16 @@ def clustered_share(successes: NDArray[np.bool_], people: NDArray[np.int64]) -> 
     """
     n, count = successes.size, int(np.count_nonzero(successes))
     if n == 0:
-        return Share(0, 0, None, None, None)
+        return ClusteredShare(0, 0, None, None, None)
     share = count / n
     groups = np.unique(people, return_inverse=True)[1]
     if groups.max() == 0:
-        return Share(count, n, share, None, None)
+        return ClusteredShare(count, n, share, None, None)
     from statsmodels.stats.proportion import proportion_confint  # a second to import
 
     effective = effective_number(successes, groups)
     low, high = proportion_confint(share * effective, effective, 0.05, method="wilson")
-    return Share(count, n, share, max(float(low), 0.0), min(float(high), 1.0))
+    return ClusteredShare(count, n, share, max(float(low), 0.0), min(float(high), 1.0))
 
 
 def effective_number(successes: NDArray[np.bool_], groups: NDArray[np.int64]) -> float:
@@ -101,15 +103,69 @@ def effective_number(successes: NDArray[np.bool_], groups: NDArray[np.int64]) ->
     return min(share * (1 - share) / variance * float(fewer) ** 2, float(n))
 
 
-def detection_share(table: SearchTable, ours: bool) -> Share:
+def detection_share(table: SearchTable, ours: bool) -> ClusteredShare:
     """Return the share of rings found in a version, over all locations."""
     own = table.ours == ours
     return clustered_share(table.found[own], table.participant[own])
 
 
 def orientation(table: SearchTable, ours: bool) -> Orientation:
-    """Return how often the gaps of rings found in a version were told rightly."""
+    """Return how often the gaps of rings found in a version were identified correctly."""
     own = (table.ours == ours) & table.found
     correct = clustered_share(table.correct[own], table.participant[own])
     guessed = None if correct.value is None else min((1 - correct.value) / (1 - CHANCE), 1.0)
     return Orientation(correct, guessed, correct.ci_low is not None and correct.ci_low > CHANCE)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundOverTime:
+    """Share of the rings found until a time, of one version on one side.
+
+    Attributes
+    ----------
+    panel, version : str
+        Which side, and which version.
+    locations, n : int
+        How many locations, and searches.
+    times, share : array (k,)
+        Time [s], and the share found until then.
+    low, high : array (k,)
+        Pointwise 95 % confidence band over people; nan for one person.
+    """
+
+    panel: str
+    version: str
+    locations: int
+    n: int
+    times: Array
+    share: Array
+    low: Array
+    high: Array
+
+
+def found_over_time(table: SearchTable) -> tuple[FoundOverTime, ...]:
+    """Return the shares found over time, up to the shortest limit: until then every search is watched.
+
+    So there is nothing censored within, and one minus the Kaplan-Meier curve is the share itself, whose band
+    can respect that a person's searches are alike.
+    """
+    sides = table.sides[table.location]
+    curves = []
+    for panel, side in (("ours dims", Side.DIMMED), ("ours brightens", Side.BRIGHTENED)):
+        for version, ours in (("ours", True), ("baseline", False)):
+            own = table.some((sides == side) & (table.ours == ours))
+            if own.times.size:
+                curves.append(_curve(own, panel, version, float(table.limits.min())))
+    return tuple(curves)
+
+
+def _curve(own: SearchTable, panel: str, version: str, limit: float) -> FoundOverTime:
+    """Return one curve with its band."""
+    times = np.linspace(0.0, limit, STEPS + 1)
+    shares = [clustered_share(own.found & (own.times <= time), own.participant) for time in times]
+    value, low, high = (
+        np.array([np.nan if end is None else end for end in ends])
+        for ends in zip(*((s.value, s.ci_low, s.ci_high) for s in shares), strict=True)
+    )
+    locations = int(np.unique(own.location).size)
+    return FoundOverTime(panel, version, locations, own.times.size, times, value, low, high)

@@ -25,8 +25,8 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
-from evenlight.analysis.search.search_locations import Cell, LocationResult
-from evenlight.data_schema.statistic import Origin, PlottedPoint
+from evenlight.analysis.search.search_locations import LocationCell, LocationResult
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint
 
 ROW = 1.62  # height of a location [em]
 HEADING = 1.75  # of a sequence [em]
@@ -82,7 +82,7 @@ def times_points(locations: Sequence[LocationResult], origin: Origin) -> tuple[P
     return tuple(points)
 
 
-def _points_of(label: str, version: str, cell: Cell, origin: Origin) -> list[PlottedPoint]:
+def _points_of(label: str, version: str, cell: LocationCell, origin: Origin) -> list[PlottedPoint]:
     """Return the numbers of one version at one location."""
     a = cell.averages
     axes = ("location", "1", "search time", "s", origin)
@@ -193,7 +193,7 @@ def _draw_cells(axes: Axes, locations: Sequence[LocationResult], places: list[fl
                 _draw_cell(axes, cell, place + offset, colour, limit)
 
 
-def _draw_cell(axes: Axes, cell: Cell, place: float, colour: str, limit: float) -> None:
+def _draw_cell(axes: Axes, cell: LocationCell, place: float, colour: str, limit: float) -> None:
     """Draw the median of a version with its interval, and the mean of the rings found."""
     size = text_size()
     curve = cell.averages.curve

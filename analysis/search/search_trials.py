@@ -1,7 +1,8 @@
-"""The trials of a search as arrays: who looked where, at which brightness, and for how long."""
+"""The trials of a search as arrays: who looked where, at which brightness, how long, and on which side."""
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,17 +10,40 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.search.search_sides import side_of
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.search import SearchDesign, SearchTrial
-from evenlight.data_schema.viewing import Version
+from evenlight.data_schema.recordings.search import SearchTrial
+from evenlight.data_schema.recordings.viewing import Version
 
 Places = NDArray[np.int64]
-
 SHORTEST_TIME = 0.1  # [s] nobody sees and presses faster (choice); 0 s would have no logarithm
 SAME_FACTOR = 1e-6  # of ln(factor): closer factors are one factor that was rounded in a file
+ABOUT_EQUAL = 0.05  # factors that differ by at most so much are about equal (choice): neither gain nor loss
+
+
+class Side(enum.Enum):
+    """What the modulation does to the brightness of a location, against constant dimming."""
+
+    BRIGHTENED = "brightened"
+    ALIKE = "about equal"
+    DIMMED = "dimmed"
+
+
+def side_of(ln_ratio: float) -> Side:
+    """Return the side of a location.
+
+    Parameters
+    ----------
+    ln_ratio : float
+        ln(factor of ours / of the baseline).
+
+    >>> [side_of(math.log(ratio)).value for ratio in (1.06, 1.04, 0.96, 0.94)]
+    ['brightened', 'about equal', 'about equal', 'dimmed']
+    """
+    if ln_ratio > math.log1p(ABOUT_EQUAL):
+        return Side.BRIGHTENED
+    return Side.DIMMED if ln_ratio < math.log1p(-ABOUT_EQUAL) else Side.ALIKE
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +96,7 @@ class SearchTable:
     times : array (n,)
         Until found, or the time limit [s].
     found, correct : array (n,) of bool
-        Whether the key was pressed in time, and whether then the gap was told rightly.
+        Whether the key was pressed in time, and whether the gap was then identified correctly.
     limits : array (n,)
         The time limit [s].
     visit : array (n,)
@@ -116,7 +140,7 @@ class SearchTable:
         return SearchTable(self.locations, self.participants, **arrays)
 
     def without_wrong(self) -> SearchTable:
-        """Return the table in which a ring whose gap was told wrongly counts as undetected."""
+        """Return the table in which a ring whose gap was identified wrongly counts as undetected."""
         times = np.where(self.correct, self.times, self.limits)
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         return SearchTable(
@@ -220,13 +244,8 @@ def _first_of_each(data: TaskData[SearchTrial]) -> tuple[list[SearchTrial], list
 
 def _sequence_order(data: TaskData[SearchTrial], trials: Iterable[SearchTrial]) -> list[str]:
     """Return the sequences in the order of the design, then others by name."""
-    asked = [
-        name
-        for session in data.sessions
-        if isinstance(session.manifest.design, SearchDesign)
-        for name in session.manifest.design.sequences
-    ]
-    return list(dict.fromkeys([*asked, *sorted({trial.sequence for trial in trials})]))
+    searched = sorted({trial.sequence for trial in trials})
+    return list(dict.fromkeys([*data.designed_sequences, *searched]))
 
 
 def _locations(trials: Sequence[SearchTrial], sequences: list[str]) -> tuple[Location, ...]:

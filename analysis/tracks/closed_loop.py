@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from evenlight.analysis.calibration.calibration import Calibration, calibrate, write_calibration
-from evenlight.analysis.calibration.calibration_figures import write_figures
-from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.threshold_sections import population_section
-from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.calibration.calibration import Calibration, calibrate
+from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
+from evenlight.analysis.calibration.calibration_sections import (
+    calibration_section,
+    population_section,
+    rate_limit_section,
+)
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import Report, write_report
 from evenlight.analysis.report_sections import (
     contrast_map_section,
@@ -20,12 +23,13 @@ from evenlight.analysis.report_sections import (
     provenance_section,
     track_section,
 )
-from evenlight.analysis.tracks.optimization import Work, run_optimization
-from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.data_schema.provenance import Provenance, provenance_now
-from evenlight.method.optimize import Request
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
-from evenlight.stimuli.video_source import VideoSource
+from evenlight.stimuli.video.video_source import VideoSource
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
 
@@ -66,7 +70,7 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     # The optimizer reads the file that the fit wrote, as it would on another day.
     limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"))
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    summary = run_optimization(Work(source, data.display, request, quiet=quiet), folder / TRACK)
+    summary = run_optimization(OptimizationJob(source, data.display, request, quiet=quiet), folder / TRACK)
     write_report(folder / REPORT, _report(calibration, summary, origin, folder))
 
 

@@ -26,13 +26,13 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
-from evenlight.analysis.tracks.thumbnails import small_picture
+from evenlight.analysis.tracks.frame_samples import small_picture
 from evenlight.data_schema.arrays import Mask
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
-from evenlight.method.bands import counted_frequencies
-from evenlight.method.contrast_loss import loss_of, visible_map
-from evenlight.method.luminance import dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.contrast_loss import loss_of, visible_map
+from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.pyramid import counted_frequencies
 
 SHOWN_SHARE = 0.01  # of the pixels must be visible for a band to be worth showing
 

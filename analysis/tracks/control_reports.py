@@ -8,19 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.reproduction.online_spread import SpreadRatio
+from evenlight.analysis.tracks.loss_spread import SpreadRatio
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
-from evenlight.data_schema.control import ControlSummary, LoopReport, TuningReport
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.power_model import PowerModel
-from evenlight.method.control_curves import ControlledTrack
-from evenlight.method.controller import ControllerSettings
-from evenlight.method.governor import GovernorSettings, steered_horizon
-from evenlight.method.horizon_errors import HorizonErrors, horizon_errors
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.control import ControlSummary, LoopReport, TuningReport
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.online.control_curves import ControlledTrack
+from evenlight.method.online.controller import ControllerSettings
+from evenlight.method.online.governor import GovernorSettings, HorizonErrors, horizon_errors, steered_horizon
+from evenlight.method.online.stability_margins import Margins
+from evenlight.method.online.tuning import MarginRequirements, TuningResult, content_slopes, rms_error
 from evenlight.method.power import power
-from evenlight.method.stability_margins import Margins
-from evenlight.method.tuning import Demands, Tuned, content_slopes, rms_error
 
 MUCH_OUT_OF_REACH = 0.5  # of the time: beyond, a target says more of the bounds than of the video
 
@@ -103,7 +102,7 @@ class PowerUse:
 def tuning_report(
     curves: LossCurves,
     settings: tuple[ControllerSettings, ControllerSettings],
-    tuned: Tuned,
+    tuned: TuningResult,
     runs: tuple[ControlledTrack, ControlledTrack],
     outcome: Outcome,
 ) -> TuningReport:
@@ -111,7 +110,7 @@ def tuning_report(
 
     Settings and runs are those before and after it; the runs at a target that stays, as the search was.
     """
-    demands, duration = Demands(), float(np.median(curves.durations))
+    demands, duration = MarginRequirements(), float(np.median(curves.durations))
     target = settings[1].target_loss
     return TuningReport(
         video=curves.video,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
 from evenlight.analysis.tracks.control_reports import (
     Outcome,
     PowerUse,
@@ -16,40 +15,34 @@ from evenlight.analysis.tracks.control_reports import (
     time_share,
     tuning_report,
 )
-from evenlight.analysis.tracks.optimization import Work
+from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
+from evenlight.analysis.tracks.optimization_job import OptimizationJob, track_header
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    OptimizationSummary,
-    TrackHeader,
-)
-from evenlight.data_schema.control import ONLINE, ControlSummary, TargetRow, TuningReport
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_record
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.control import ONLINE, ControlSummary, TargetRow, TuningReport
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import ModulatedLuminance
-from evenlight.method.control_curves import ControlledTrack, Governed, control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.evaluate import Answer, Effort, summarize, track_of
-from evenlight.method.frame_costs import first_factor, frame_costs
-from evenlight.method.governor import GovernorSettings, governor_of, horizon_warning
-from evenlight.method.optimize import Problem
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.frame_costs import first_factor, frame_costs
+from evenlight.method.online.governor import GovernorSettings, governor_of, horizon_warning
+from evenlight.method.online.tuning import tune
+from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
+from evenlight.method.optimizer.optimize import Problem
 from evenlight.method.power import power_per_factor
-from evenlight.method.rate_limit import rate_limit_at
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.method.tuning import tune
+from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
+class ControlJob:
     """What is asked of the controller.
 
     Attributes
     ----------
-    work : Work
+    work : OptimizationJob
         The video, the display, the rate limit and the power model.
     settings : ControllerSettings
         Target, gains and bounds.
@@ -66,7 +59,7 @@ class Control:
         Targets to try, without a budget.
     """
 
-    work: Work
+    work: OptimizationJob
     settings: ControllerSettings
     start_factor: float | None = None
     budget: GovernorSettings | None = None
@@ -76,7 +69,7 @@ class Control:
 
 
 @dataclass(frozen=True, slots=True)
-class Controlled:
+class ControlResult:
     """What came of it.
 
     Attributes
@@ -102,7 +95,7 @@ class Controlled:
     tuning_runs : (ControlledTrack, ControlledTrack) or None
         With the gains before and after that, at the first target: the search leaves a budget aside.
     warnings : tuple of str
-        What is amiss with the horizon of the budget, or with the target.
+        What is wrong with the horizon of the budget, or with the target.
     """
 
     settings: ControllerSettings
@@ -125,13 +118,13 @@ class ControlledVideo:
     ----------
     curves : LossCurves
         Of the video.
-    asked : Control
+    asked : ControlJob
         What is asked.
     curves_s : float
         Time that the curves took [s].
     """
 
-    def __init__(self, curves: LossCurves, asked: Control, curves_s: float = 0.0) -> None:
+    def __init__(self, curves: LossCurves, asked: ControlJob, curves_s: float = 0.0) -> None:
         self.curves, self.asked, self._curves_s = curves, asked, curves_s
         request, reflected = asked.work.request, curves.display.reflected_luminance
         self._limit = scalar_rate_limit(request.rate_limit, reflected, request.limit_curve)
@@ -140,7 +133,7 @@ class ControlledVideo:
             np.full(curves.n_frames, curves.display.peak_luminance) if white else curves.mean_luminance
         )
 
-    def controlled(self) -> Controlled:
+    def controlled(self) -> ControlResult:
         """Return what the controller does, with tuned gains if that is asked."""
         self._require_power()
         began = time.perf_counter()
@@ -159,7 +152,7 @@ class ControlledVideo:
             both = given, settings
             runs = self._run(given, start, governs=False), self._run(settings, start, governs=False)
             tuning = tuning_report(self.curves, both, tuned, runs, outcome)
-        return Controlled(
+        return ControlResult(
             settings=settings,
             display=self.curves.display,
             run=run,
@@ -229,13 +222,13 @@ class ControlledVideo:
         )
 
     def _warnings(self, run: ControlledTrack, settings: ControllerSettings) -> tuple[str, ...]:
-        """Return what is amiss with the horizon of the budget, or with a target that is to stay."""
+        """Return what is wrong with the horizon of the budget, or with a target that is to stay."""
         budget = self.asked.budget
         if budget is None:
-            said = out_of_reach(run, settings)
+            warning = out_of_reach(run, settings)
         else:
-            said = horizon_warning(budget, float(np.median(self.curves.durations)))
-        return () if said is None else (said,)
+            warning = horizon_warning(budget, float(np.median(self.curves.durations)))
+        return () if warning is None else (warning,)
 
     def _require_power(self) -> None:
         """Raise `InputError` if a power budget is asked for and the video takes no power at any factor."""
@@ -251,7 +244,7 @@ class ControlledVideo:
         controller, governed = self._controller(settings), None
         if self.asked.budget is not None and governs:
             costs = frame_costs(self.curves, self.asked.budget, self._use.model)
-            governed = Governed(governor_of(controller, self.asked.budget), costs)
+            governed = VideoGovernor(governor_of(controller, self.asked.budget), costs)
         return control_curves(self.curves, controller, start, self.luminance, governed)
 
     def _evaluated(self, run: ControlledTrack, seconds: float) -> tuple[BrightnessTrack, OptimizationSummary]:
@@ -267,30 +260,7 @@ class ControlledVideo:
             luminance=np.asarray(self.luminance),
             rate_limit=lambda light: rate_limit_at(asked.rate_limit, light + reflected, asked.limit_curve),
         )
-        header = TrackHeader(
-            video=curves.video,
-            display_name=work.display.name,
-            display_fingerprint=work.display.fingerprint,
-            power_model=asked.power_model.name,
-            rate_limit=asked.rate_limit.name,
-            budget=asked.budget,
-            budget_unit=asked.budget_unit,
-            solver=ONLINE,
-            provenance=self._provenance(),
-            rate_limit_procedure=asked.rate_limit.procedure,
-        )
+        header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=ONLINE)
         track = track_of(problem, asked, np.asarray(run.factors), header)
-        answer = Answer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
-        return track, summarize(problem, asked, answer, track, Effort(seconds, self._curves_s, 0.0))
-
-    def _provenance(self) -> Provenance:
-        """Return where the results come from."""
-        work = self.asked.work
-        inputs = {
-            "video": self.curves.provenance.inputs.get("video", ""),
-            "display": sha256_of_record(work.display),
-            "contrast_model": sha256_of_record(work.model),
-            "power_model": sha256_of_record(work.request.power_model),
-            "rate_limit": sha256_of_record(work.request.rate_limit),
-        }
-        return provenance_now(inputs={name: digest for name, digest in inputs.items() if digest})
+        answer = SolverAnswer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
+        return track, summarize(problem, asked, answer, track, RunRecord(seconds, self._curves_s, 0.0))

@@ -11,20 +11,31 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import BASELINE, FAINT, LIMIT, OURS, legend_above
-from evenlight.analysis.tracks.step_lines import step_line
-from evenlight.analysis.tracks.track_story import TrackStory, frame_edges
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData, frame_edges
 from evenlight.data_schema.arrays import Array
 
 WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room for its lowest
+FEW_FRAMES = 40  # up to so many, each frame gets a dot
 
 
-def draw_rate(axes: Axes, story: TrackStory) -> None:
+def step_line(axes: Axes, edges: Array, values: Array, **style: Any) -> None:
+    """Draw values that hold from each edge to the next; where they are few, with a dot at their beginning."""
+    dots: dict[str, Any] = {"marker": "o", "markevery": slice(0, len(values))}
+    axes.plot(
+        edges,
+        np.append(values, values[-1]),
+        drawstyle="steps-post",
+        **{**(dots if len(values) <= FEW_FRAMES else {}), **style},
+    )
+
+
+def draw_rate(axes: Axes, data: TrackFigureData) -> None:
     """Draw how fast the modulation changes luminance, up or down, and the areas that it must not enter.
 
     Where allowances make the limit another one than the fitted, that is marked, and both are drawn.
     """
-    edges, marked = frame_edges(story.track.times), story.with_allowance()
-    drawn = drawn_rates(story)
+    edges, marked = frame_edges(data.track.times), data.with_allowance()
+    drawn = drawn_rates(data)
     top = _top_rate(drawn, is_marked=bool(marked.any()))
     thin = {"linewidth": 0.6 * rcParams["lines.linewidth"]}
     beyond: dict[str, Any] = {"facecolor": LIMIT, "alpha": 0.16, "linewidth": 0, "step": "post"}
@@ -74,13 +85,13 @@ class DrawnRates:
     unit: str
 
 
-def drawn_rates(story: TrackStory) -> DrawnRates:
+def drawn_rates(data: TrackFigureData) -> DrawnRates:
     """Return the rates up to the last step, each frame's limits, and the name of their axis.
 
     Limits that vary by more than a factor of `WIDE_RANGE` leave no room for the lowest: then rates are
     shares of the fitted limit [%], whatever is allowed. A limit of 0 has no share but that of no change, 0.
     """
-    track, fitted = story.track, story.limit_alone()
+    track, fitted = data.track, data.limit_alone()
     rate = track.rate[:-1] if len(track.rate) > 1 else track.rate  # after the last frame nothing changes
     positive = fitted[fitted > 0]
     if not positive.size or positive.max() / positive.min() <= WIDE_RANGE:
@@ -89,5 +100,5 @@ def drawn_rates(story: TrackStory) -> DrawnRates:
     beyond = np.where(rate == 0, 0.0, np.copysign(np.inf, rate))
     share = 100 * np.divide(rate, limit, out=beyond, where=limit > 0)
     allowed = 100 * np.divide(track.rate_limit, fitted, out=np.ones(len(fitted)), where=fitted > 0)
-    allowed = np.where(story.with_allowance(), allowed, whole)
+    allowed = np.where(data.with_allowance(), allowed, whole)
     return DrawnRates(share, allowed, whole, "rate / ΔL [%]")

@@ -31,12 +31,11 @@ from evenlight.analysis.figure_style import (
     text_at,
     text_lines,
 )
-from evenlight.analysis.tracks.rate_panel import draw_rate
-from evenlight.analysis.tracks.step_lines import step_line
-from evenlight.analysis.tracks.thumbnails import Image, dimmed_picture
-from evenlight.analysis.tracks.track_story import (
+from evenlight.analysis.tracks.frame_samples import Image, dimmed_picture
+from evenlight.analysis.tracks.rate_panel import draw_rate, step_line
+from evenlight.analysis.tracks.track_figure_data import (
     SAME,
-    TrackStory,
+    TrackFigureData,
     budget_in_words,
     frame_edges,
     outcome_in_words,
@@ -47,30 +46,30 @@ from evenlight.method.modulation import largest_rate_ratio
 MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
 
 
-def track_figure(story: TrackStory, medium: Medium = PAGE) -> Figure:
+def track_figure(data: TrackFigureData, medium: Medium = PAGE) -> Figure:
     """Draw a brightness track: factor, contrast loss and rate over time, and frames as they are shown.
 
     Parameters
     ----------
-    story : TrackStory
-        What to tell.
+    data : TrackFigureData
+        Its content.
     medium : Medium
         Where it is shown.
     """
     with look(medium):
         figure = new_figure(medium)
-        layout = _layout(story, medium)
+        layout = _layout(data, medium)
         lines_at(figure, layout.left, layout.lines)
         panels = [
             axes_at(figure, layout.left, top, layout.width, layout.panel_height) for top in layout.panel_tops
         ]
-        _draw_factors(panels[0], story)
-        _draw_loss(panels[1], story)
-        draw_rate(panels[2], story)
+        _draw_factors(panels[0], data)
+        _draw_loss(panels[1], data)
+        draw_rate(panels[2], data)
         for panel in panels:
-            _finish_panel(panel, story, layout, is_last=panel is panels[-1])
-        _draw_letters(panels[0], story, layout)
-        _draw_thumbnails(figure, story, layout)
+            _finish_panel(panel, data, layout, is_last=panel is panels[-1])
+        _draw_letters(panels[0], data, layout)
+        _draw_thumbnails(figure, data, layout)
     return figure
 
 
@@ -89,14 +88,14 @@ class _Layout:
     thumbnails: tuple[tuple[int, Image], ...]
 
 
-def _layout(story: TrackStory, medium: Medium) -> _Layout:
+def _layout(data: TrackFigureData, medium: Medium) -> _Layout:
     """Lay out a figure that fills the medium: what the rest leaves is the panels'."""
     em = medium.em
     left = 6.6 * em
     width = medium.width - left - 1.4 * em
-    thumbnails = _with_room(story.thumbnails, int(width / (7 * em)))
-    heading, above = _heading(story, width, em)
-    footer, below = _footer(story, width, em)
+    thumbnails = _with_room(data.thumbnails, int(width / (7 * em)))
+    heading, above = _heading(data, width, em)
+    footer, below = _footer(data, width, em)
     below += 0.5 * em
     picture = _picture_size(thumbnails, width, 0.1 * medium.height, em)
     pictures = 2 * picture[1] + 2.6 * em if thumbnails else 0.0
@@ -126,31 +125,31 @@ def _picture_size(
     return high * columns / rows, high
 
 
-def _heading(story: TrackStory, width: float, em: float) -> tuple[list[Line], float]:
+def _heading(data: TrackFigureData, width: float, em: float) -> tuple[list[Line], float]:
     """Return what video, display and budget it is about and what came out, and the height that it takes."""
-    header = story.track.header
-    title = f"{_clipped(header.video, 32)} on {_clipped(header.display_name, 24)}, {budget_in_words(story)}"
-    return heading_lines(title, outcome_in_words(story), width, em)
+    header = data.track.header
+    title = f"{_clipped(header.video, 32)} on {_clipped(header.display_name, 24)}, {budget_in_words(data)}"
+    return heading_lines(title, outcome_in_words(data), width, em)
 
 
-def _footer(story: TrackStory, width: float, em: float) -> tuple[list[Line], float]:
+def _footer(data: TrackFigureData, width: float, em: float) -> tuple[list[Line], float]:
     """Return how the track was made, and the height that it takes."""
-    track, header = story.track, story.track.header
+    track, header = data.track, data.track.header
     power = float(np.average(track.power, weights=np.diff(frame_edges(track.times))))
     frames = "1 frame" if len(track.times) == 1 else f"{len(track.times)} frames"
     words = (
         f"{frames}  ·  solver {header.solver}  ·  mean power {power:.3g} W (model {header.power_model})  ·  "
-        f"rate limit {header.rate_limit}{_allowances(story)}"
+        f"rate limit {header.rate_limit}{_allowances(data)}"
     )
     return text_lines(words, 0.8 * em, width, {"color": MUTED, "fontsize": 0.85 * 72 * em})
 
 
-def _allowances(story: TrackStory) -> str:
+def _allowances(data: TrackFigureData) -> str:
     """Return how fast brightness changes where sections allow another limit than the fitted one."""
-    marked = story.with_allowance()
+    marked = data.with_allowance()
     if not marked.any():
         return ""
-    ratio = largest_rate_ratio(story.track.rate[marked], story.limit_alone()[marked])
+    ratio = largest_rate_ratio(data.track.rate[marked], data.limit_alone()[marked])
     return (
         f", in marked sections up to {short(ratio)} times it"
         if ratio > 1 + SAME
@@ -168,23 +167,23 @@ def _clipped(words: str, room: int) -> str:
     return words if len(words) <= room else f"{words[:half]}…{words[-half:]}"
 
 
-def _draw_factors(axes: Axes, story: TrackStory) -> None:
+def _draw_factors(axes: Axes, data: TrackFigureData) -> None:
     """Draw the brightness factors, the constant baseline and the range that factors may take."""
-    edges = frame_edges(story.track.times)
-    bottom, top = factor_axis(np.append(story.track.factors, story.baseline_factor))
+    edges = frame_edges(data.track.times)
+    bottom, top = factor_axis(np.append(data.track.factors, data.baseline_factor))
     forbidden: dict[str, Any] = {"facecolor": "none", "edgecolor": FAINT, "hatch": "////", "linewidth": 0}
-    is_bounded = story.lowest_factor > bottom
+    is_bounded = data.lowest_factor > bottom
     if is_bounded:
-        axes.axhspan(bottom, story.lowest_factor, **forbidden)
+        axes.axhspan(bottom, data.lowest_factor, **forbidden)
     if top > 1:
         axes.axhline(1.0, color=FAINT, linewidth=0.4 * rcParams["lines.linewidth"], zorder=0)
-    axes.axhline(story.baseline_factor, color=BASELINE, linestyle="--", zorder=3)
-    step_line(axes, edges, story.track.factors, color=OURS, zorder=2)
+    axes.axhline(data.baseline_factor, color=BASELINE, linestyle="--", zorder=3)
+    step_line(axes, edges, data.track.factors, color=OURS, zorder=2)
     ticks = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(bottom, top)
     axes.set(ylim=(bottom, top), ylabel="factor b")
     axes.set_yticks([tick for tick in ticks if bottom <= tick <= min(top, 1)])
-    same = "same power" if story.same_power else "same mean"
-    constant = f"constant, {same}: {short(story.baseline_factor)}"
+    same = "same power" if data.same_power else "same mean"
+    constant = f"constant, {same}: {short(data.baseline_factor)}"
     handles = [
         Line2D([], [], color=OURS, label="ours"),
         Line2D([], [], color=BASELINE, linestyle="--", label=constant),
@@ -205,10 +204,10 @@ def factor_axis(factors: Array) -> tuple[float, float]:
     return max(low - 0.1 * (high - low), 0.0), high + 0.3 * (high - low)
 
 
-def _draw_loss(axes: Axes, story: TrackStory) -> None:
+def _draw_loss(axes: Axes, data: TrackFigureData) -> None:
     """Draw the contrast loss of the track and of constant dimming."""
-    edges = frame_edges(story.track.times)
-    loss, constant = story.track.contrast_loss, story.baseline_loss
+    edges = frame_edges(data.track.times)
+    loss, constant = data.track.contrast_loss, data.baseline_loss
     step_line(axes, edges, loss, color=OURS, label="ours", zorder=2)
     step_line(axes, edges, constant, color=BASELINE, linestyle="--", label="constant", zorder=3)
     top = max(float(constant.max()), float(loss.max()), 0.01)
@@ -216,9 +215,9 @@ def _draw_loss(axes: Axes, story: TrackStory) -> None:
     legend_above(axes)
 
 
-def _finish_panel(axes: Axes, story: TrackStory, layout: _Layout, is_last: bool) -> None:
+def _finish_panel(axes: Axes, data: TrackFigureData, layout: _Layout, is_last: bool) -> None:
     """Give a panel the common axis of time and the lines of the thumbnails."""
-    times = story.track.times
+    times = data.track.times
     axes.set_xlim(times[0], frame_edges(times)[-1])
     if len(times) == 1:
         axes.set(xlim=(times[0] - 0.25, times[0] + 1), xticks=[times[0]])
@@ -235,11 +234,11 @@ def _letter(place: int) -> str:
     return chr(ord("A") + place)
 
 
-def _draw_letters(axes: Axes, story: TrackStory, layout: _Layout) -> None:
+def _draw_letters(axes: Axes, data: TrackFigureData, layout: _Layout) -> None:
     """Write each thumbnail's letter at the top of its line."""
     for place, (index, _) in enumerate(layout.thumbnails):
         axes.text(
-            float(story.track.times[index]),
+            float(data.track.times[index]),
             1 - 0.55 * layout.em / layout.panel_height,
             _letter(place),
             transform=axes.get_xaxis_transform(),
@@ -252,14 +251,14 @@ def _draw_letters(axes: Axes, story: TrackStory, layout: _Layout) -> None:
         )
 
 
-def _draw_thumbnails(figure: Figure, story: TrackStory, layout: _Layout) -> None:
+def _draw_thumbnails(figure: Figure, data: TrackFigureData, layout: _Layout) -> None:
     """Show frames at full brightness over the same frames as they are shown, dimmed."""
     n, em = len(layout.thumbnails), layout.em
     wide, high = layout.picture_size
     rows = [layout.picture_top, layout.picture_top + high + 0.15 * em]
     for place, (index, picture) in enumerate(layout.thumbnails):
         middle = layout.left + (place + 0.5) * layout.width / n
-        factor = float(story.track.factors[index])
+        factor = float(data.track.factors[index])
         heading = f"{_letter(place)}:  b = {factor:.2f}"
         text_at(figure, middle, rows[0] - 0.3 * em, heading, ha="center", va="bottom", fontsize=0.9 * 72 * em)
         for top, shown in zip(rows, (picture, dimmed_picture(picture, factor)), strict=True):

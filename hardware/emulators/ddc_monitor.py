@@ -16,8 +16,8 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from evenlight.hardware.ddc_backlight import DdcBacklight
-from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.drivers.ddc_backlight import DdcBacklight
+from evenlight.hardware.simulated.panel import Simulation
 
 HOST, MONITOR = 0x51, 0x6E  # what begins a message to the monitor, and one from it
 REPLY_TO = 0x50  # the host's address in a reply's checksum
@@ -97,7 +97,7 @@ class EmulatedMonitor:
         return reply + bytes([_checksum(bytes([REPLY_TO]) + reply)])
 
     def _set(self, step: int) -> None:
-        """Take a step; of one that it has not, a monitor says nothing."""
+        """Take a step; a monitor ignores one that it does not have."""
         if not self._has_brightness or step > self._highest:
             return
         self.step = max(step, self._lowest)
@@ -126,7 +126,7 @@ def emulated_control(url: str) -> Any:
             select.select([self.fd], [], [], PATIENCE)
             data: bytes = super().read_bytes(num_bytes)
             if not data:
-                raise VCPIOError("nobody is there") from OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+                raise VCPIOError("no reply") from OSError(errno.ENODEV, os.strerror(errno.ENODEV))
             return data
 
     return EmulatedControl(0)

@@ -9,19 +9,21 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from evenlight.hardware.simulated_panel import Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.panel import Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 POLL = 0.0005  # [s] between two looks for a reader
 BUS_VOLTAGE = 5.0  # [V]
 CHIP = "ina226"
-SHUNT_FULL_SCALE = 81.92  # [mV] that an INA226 tells; the shunt is one that makes them of the highest power
+SHUNT_FULL_SCALE = (
+    81.92  # [mV] at the end of an INA226's range; the shunt is one that makes them of the highest power
+)
 
 
 class HwmonEmulator(AbstractContextManager["HwmonEmulator"]):
     """A folder as Linux has one for a power sensor; power, current and voltage are named pipes.
 
-    A named pipe reads like a file, and its number is made while somebody reads it: none is older than that.
+    A named pipe reads like a file, and its number is made while it is read: none is older than that.
 
     Parameters
     ----------
@@ -69,19 +71,19 @@ class HwmonEmulator(AbstractContextManager["HwmonEmulator"]):
         return min(power, physics.highest_power)
 
     def _serve(self) -> None:
-        """Give numbers to whoever reads, until the end."""
+        """Give numbers to all readers, until the end."""
         while not self._ended.wait(POLL):
             for path, number in self._files.items():
                 self._serve_file(path, number)
 
     def _serve_file(self, path: Path, number: Callable[[], float]) -> None:
-        """Give a number to whoever reads a file now."""
+        """Give a number to the reader of a file, if there is one."""
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
-        except OSError:  # nobody reads it, or it was taken away
+        except OSError:  # no reader, or it was taken away
             return
         try:
-            # The next reader gets a pipe of its own: this one could not tell where its number ends.
+            # The next reader gets a pipe of its own: this one could not see where its number ends.
             fresh = path.with_suffix(".next")
             os.mkfifo(fresh)
             fresh.replace(path)

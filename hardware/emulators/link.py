@@ -94,7 +94,7 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
         self._thread.start()
 
     def unplug(self) -> None:
-        """Break the connection, as somebody who pulls the cable; the thread ends."""
+        """Break the connection, as when the cable is pulled; the thread ends."""
         self._ended.set()
         self._thread.join(timeout=5)
 
@@ -142,7 +142,7 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
                 self._ended.set()
 
     def _send(self, data: bytes) -> None:
-        """Send all of some bytes, as fast as they are read; what nobody reads ends with the link."""
+        """Send all of some bytes, as fast as they are read; what is not read ends with the link."""
         while data and not self._ended.is_set():
             data = data[self._server.send(data) :]
 

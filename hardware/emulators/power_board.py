@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evenlight.hardware import board_protocol as protocol
-from evenlight.hardware.simulated_panel import Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
+from evenlight.hardware.drivers import board_protocol as protocol
+from evenlight.hardware.simulated.panel import Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics, SensorSample, SimulatedPowerSensor
 
 LARGEST_CURRENT_AT_ZERO = 0.01  # [A]
 BUS_VOLTAGE = 5.0  # [V]

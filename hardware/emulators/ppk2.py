@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from evenlight.hardware import ppk2_stream as stream
-from evenlight.hardware.simulated_panel import Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.drivers import ppk2_port as stream
+from evenlight.hardware.simulated.panel import Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,7 +38,7 @@ class Ppk2Emulator:
     commands : list of bytes
         What it was sent.
     n_lost : int
-        Words that it has not sent.
+        Words that were lost on the way.
     """
 
     def __init__(self, simulation: Simulation, physics: PowerMeterPhysics | None = None) -> None:
@@ -119,7 +119,7 @@ class Ppk2Emulator:
 
 
 def calibration() -> str:
-    """Return the calibration that the instrument tells, as text."""
+    """Return the calibration that the instrument reports, as text."""
     constants = {"GS": 0.0, "GI": 1.0, "O": OFFSET, "S": 0.0, "I": 0.0, "UG": 1.0}
     lines = ["Calibrated: 1"]
     lines += [f"R{index}: {value:.4f}" for index, value in enumerate(RESISTANCES)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from evenlight.hardware.simulated_panel import Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.panel import Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 SUPPLY = 5.0  # [V]
 IDENTITY = "Evenlight,Emulated power analyser,EMULATED,1.0"

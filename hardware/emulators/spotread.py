@@ -9,10 +9,10 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan
-from evenlight.hardware.emulators.meter import WHITE, EmulatedMeter, tristimulus
-from evenlight.hardware.meter_physics import SPOTREAD_PHYSICS, MeterPhysics
+from evenlight.hardware.emulators.luminance_meters import WHITE, EmulatedMeter, tristimulus
 from evenlight.hardware.protocols import Fault
-from evenlight.hardware.simulated_panel import Simulation
+from evenlight.hardware.simulated.luminance_meter import SPOTREAD_PHYSICS, MeterPhysics
+from evenlight.hardware.simulated.panel import Simulation
 
 PROGRAM = Path(__file__).with_name("spotread_program.py")
 NUMBER = "1"
@@ -39,18 +39,9 @@ WRONG = "Unknown, inappropriate or no instrument detected"
 
 
 class SpotreadDialogue(EmulatedMeter):
-    """What the program prints for its options: usage and list, or one reading.
+    """What the program prints for its options: usage and list, or one reading; as `EmulatedMeter`."""
 
-    Parameters
-    ----------
-    simulation : Simulation
-        The panel that it looks at, and its noise.
-    physics : MeterPhysics, optional
-        What is true of the instrument.
-    """
-
-    def __init__(self, simulation: Simulation, physics: MeterPhysics = SPOTREAD_PHYSICS) -> None:
-        super().__init__(simulation, physics)
+    own_physics = SPOTREAD_PHYSICS
 
     def _answer(self, command: str) -> bytes:
         """Return what is printed for a line of options."""
@@ -96,7 +87,7 @@ class EmulatedSpotread(AbstractContextManager["EmulatedSpotread"]):
     def __init__(
         self,
         simulation: Simulation,
-        physics: MeterPhysics = SPOTREAD_PHYSICS,
+        physics: MeterPhysics | None = None,
         plan: FaultPlan | None = None,
     ) -> None:
         self.dialogue = SpotreadDialogue(simulation, physics)

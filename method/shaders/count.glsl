@@ -1,7 +1,7 @@
-// Counts the critical brightness factors of the pixels of all bands, in one dispatch: as
-// method.one_pass.count_band, in the same order, with the same differences from the centre pixel. Each group
-// counts 28 x 28 pixels of one band at one reference factor; masking reaches two pixels further.
-// All logarithms are to base 2.
+// Counts the critical brightness factors of the pixels of all bands, in one dispatch: as `count_band` of
+// contrast/one_pass.py, in the same order, with the same differences from the centre pixel. Each group counts
+// 28 x 28 pixels of one band at one reference factor; masking (Eq. 3, defined in contrast/masking.py) reaches two
+// pixels further. All logarithms are to base 2.
 
 layout(local_size_x = 32, local_size_y = 8) in;
 

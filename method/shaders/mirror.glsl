@@ -1,4 +1,4 @@
-// Where an index beyond an axis lies in its mirror, the edge not repeated; as method.pyramid.mirrored.
+// Where an index beyond an axis lies in its mirror, the edge not repeated; as contrast/pyramid.py.
 int mirrored(int index, int length) {
     if (length == 1) return 0;
     int period = 2 * (length - 1), folded = abs(index) % period;

@@ -14,7 +14,6 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.stimuli.scenes.patch_columns import DARK, PatchColumns, Pieces
 from evenlight.stimuli.scenes.scene import (
     REC_709,
     Floats,
@@ -29,6 +28,9 @@ from evenlight.stimuli.scenes.scene import (
 )
 from evenlight.stimuli.scenes.shapes import (
     BOX_SIDES,
+    DARK,
+    PatchColumns,
+    Pieces,
     at_right_angles,
     cylinder_side,
     projected,

@@ -14,11 +14,9 @@ from PIL import Image, ImageDraw
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.light_quality import Quality
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Scene
-from evenlight.stimuli.scenes.scenes import SCENES, scene_named
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import SCENES, Quality, Scene, scene_named
 
 REC_709 = np.array([0.2126, 0.7152, 0.0722])
 BENCHMARKED = 20  # frames
@@ -107,7 +105,7 @@ def frame(renderer: SceneRenderer, camera: Camera) -> NDArray[np.uint8]:
 
 def mean_luminance(renderer: SceneRenderer) -> float:
     """Return the mean luminance of the last frame as a display shows it [cd/m^2]."""
-    from evenlight.stimuli.scenes.tone import PEAK
+    from evenlight.stimuli.scenes.drawing.shaders import PEAK
 
     shown = (renderer.pixel_values() / 65535) ** 2.2 * PEAK
     return float(shown.mean(axis=(0, 1)) @ REC_709)

@@ -1,18 +1,32 @@
-"""A finished scene: its surfaces, materials, lights and the ground one may walk on."""
+"""A finished scene: its surfaces, materials, lights and the ground one may walk on; and the scenes by name.
+
+A new scene gets a line in `SCENES`.
+"""
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from evenlight.data_schema.errors import InputError
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 REC_709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green and blue
 Texture = Callable[[np.random.Generator, int], NDArray[np.float32]]
+SEED = 1
+# Module within `stimuli.scenes` and function that build each, for a seed.
+SCENES = {
+    "house": ("house.house", "house"),
+    "school": ("school.school", "school"),
+}
 
 
 @dataclass(frozen=True)
@@ -204,3 +218,28 @@ def direction_of(azimuth: float, altitude: float) -> Floats:
 def stream(seed: int, name: str) -> np.random.Generator:
     """Return a generator of its own for a name, so that a new object leaves the others as they are."""
     return np.random.default_rng([seed, *name.encode()])
+
+
+@lru_cache(maxsize=2)
+def scene_named(name: str, seed: int = SEED) -> Scene:
+    """Return a scene.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in SCENES:
+        raise InputError(f"no scene {name!r}: there are {', '.join(SCENES)}")
+    module, function = SCENES[name]
+    build: Callable[[int], Scene] = getattr(
+        importlib.import_module(f"evenlight.stimuli.scenes.{module}"), function
+    )
+    return build(seed)
+
+
+class Quality(Enum):
+    """How carefully light is computed: rays over all samples, and per sample at the least and the most."""
+
+    COARSE = (1_000_000, 6, 32)
+    FINE = (12_000_000, 32, 256)

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.stimuli.scenes.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.definition import scenes_sha256
-from evenlight.stimuli.scenes.light_quality import Quality
-from evenlight.stimuli.scenes.scenes import SEED
+from evenlight.stimuli.scenes.scene import SEED, Quality
 from evenlight.stimuli.sequence_format import SequenceFormat
 
 FRAMES_PER_SECOND = 25.0
@@ -64,8 +63,8 @@ class SceneSequence:
 
     def sha256(self) -> str:
         """Return the SHA-256 of the sequence's definition."""
-        said = (scenes_sha256(), self.quality.name, SEED, self.path().text, self.format)
-        return sha256_of_bytes(f"scene {said!r}".encode())
+        definition = (scenes_sha256(), self.quality.name, SEED, self.path().text, self.format)
+        return sha256_of_bytes(f"scene {definition!r}".encode())
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order.
@@ -75,10 +74,10 @@ class SceneSequence:
         InputError
             If the machine has no OpenGL, or the path leaves the scene.
         """
-        from evenlight.stimuli.scenes.offscreen import offscreen_context
-        from evenlight.stimuli.scenes.renderer import SceneRenderer
-        from evenlight.stimuli.scenes.scenes import scene_named
-        from evenlight.stimuli.scenes.walking import check_path
+        from evenlight.stimuli.scenes.camera_path import check_path
+        from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+        from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+        from evenlight.stimuli.scenes.scene import scene_named
 
         path = self.path()
         with offscreen_context() as context:

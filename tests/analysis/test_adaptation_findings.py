@@ -6,30 +6,29 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.findings import Findings
-from evenlight.analysis.reproduction.adaptation_differences import (
+from evenlight.analysis.reproduction.adaptation_figures import bar_edges, bars
+from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
+from evenlight.analysis.reproduction.adaptation_lag import (
     AdaptationInput,
-    Differences,
-    Dimming,
-    Place,
+    ConeInput,
+    DimmingCondition,
+    LuminanceMaps,
+    ResponseDifferences,
+    adaptation_input,
     bin_edges,
     differences,
     differences_of,
 )
-from evenlight.analysis.reproduction.adaptation_figure import bar_edges, bars
-from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
-from evenlight.analysis.reproduction.adaptation_tracks import adaptation_input
-from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps
+from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.statistic import Origin
 from evenlight.method.adaptation import response_differences
+from evenlight.method.optimizer.splitting import SplittingSolver
 from evenlight.method.preset_files import load_display
-from evenlight.method.splitting import SplittingSolver
 
 
 def maps_of(luminance: np.ndarray, seconds: float = 0.1) -> LuminanceMaps:
     maps = LuminanceMaps(load_display("varjo-xr3"))
     maps.emitted = [frame.astype(np.float32) for frame in luminance]
-    maps.times = [k * seconds for k in range(len(luminance))]
     maps.durations = [seconds] * len(luminance)
     return maps
 
@@ -67,7 +66,7 @@ def test_the_histogram_holds_all_time_and_fits_the_mean() -> None:
 def test_the_bars_hold_all_time_and_lie_where_the_differences_are() -> None:
     shares = np.zeros(60)  # ten bins to a factor of ten, from 1e-6
     shares[[0, 9, 30, 31, 59]] = 0.1, 0.2, 0.3, 0.15, 0.25
-    shown = bars(Differences(0.0, 0.0, 0.0, 0.0, 0.0, shares, 1, 1))
+    shown = bars(ResponseDifferences(0.0, 0.0, 0.0, 0.0, 0.0, shares, 1, 1))
     edges = bar_edges()
     assert len(shown) == len(edges) - 1
     assert shown.sum() == pytest.approx(1.0)
@@ -78,15 +77,15 @@ def test_the_bars_hold_all_time_and_lie_where_the_differences_are() -> None:
 
 def test_constant_dimming_of_a_still_picture_makes_no_difference() -> None:
     # float32 factors: luminances of equal frames are equal
-    for place in Place:
-        assert differences_of(still(), Dimming.CONSTANT, place).largest < 1e-15
+    for place in ConeInput:
+        assert differences_of(still(), DimmingCondition.CONSTANT, place).largest < 1e-15
 
 
 def test_a_jumping_track_lags_more_than_a_slow_one() -> None:
-    for place in Place:
+    for place in ConeInput:
         slow, jumping = (
             differences_of(still(), dimming, place)
-            for dimming in (Dimming.CONSTRAINED, Dimming.UNCONSTRAINED)
+            for dimming in (DimmingCondition.CONSTRAINED, DimmingCondition.UNCONSTRAINED)
         )
         assert jumping.mean > 5 * slow.mean
         assert jumping.largest > 20 * slow.largest
@@ -97,16 +96,16 @@ def test_frame_mean_is_the_mean_luminance_not_the_mean_response() -> None:
     swap = np.array([[[10.0, 30.0]], [[30.0, 10.0]]] * 5)
     one = np.ones(10)
     sequence = AdaptationInput("made", 1.0, maps_of(swap), one, one, one)
-    assert differences_of(sequence, Dimming.CONSTANT, Place.FRAME_MEAN).largest < 1e-15
-    assert differences_of(sequence, Dimming.CONSTANT, Place.PIXEL).mean > 1e-3
+    assert differences_of(sequence, DimmingCondition.CONSTANT, ConeInput.FRAME_MEAN).largest < 1e-15
+    assert differences_of(sequence, DimmingCondition.CONSTANT, ConeInput.PIXEL).mean > 1e-3
 
 
 def test_coarser_maps_hide_detail_that_moves() -> None:
     stripes = np.array([np.roll(np.tile([10.0, 30.0], (4, 4)), k, axis=1) for k in range(10)])
     one = np.ones(10)
     sequence = AdaptationInput("made", 1.0, maps_of(stripes), one, one, one)
-    assert differences_of(sequence, Dimming.CONSTANT, Place.PIXEL, coarser=2).largest < 1e-15
-    assert differences_of(sequence, Dimming.CONSTANT, Place.PIXEL).mean > 1e-3
+    assert differences_of(sequence, DimmingCondition.CONSTANT, ConeInput.PIXEL, coarser=2).largest < 1e-15
+    assert differences_of(sequence, DimmingCondition.CONSTANT, ConeInput.PIXEL).mean > 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +113,7 @@ def found() -> Findings:
     """The library, and a sequence that the paper has not, in which nothing ever changes."""
     constant = np.full(40, 0.5)
     odd = replace(still(constrained=constant, unconstrained=constant), name="walk through $1 {x}")
-    return adaptation_findings([still(), odd], Origin.COMPUTED)
+    return adaptation_findings([still(), odd])
 
 
 def test_findings_say_the_order_and_set_the_published_beside_it(found: Findings) -> None:
@@ -128,7 +127,7 @@ def test_findings_say_the_order_and_set_the_published_beside_it(found: Findings)
     table = found.sections[0].tables[0]
     column = table.columns.index("published: constr.")
     assert "beyond what" not in found.sections[0].paragraphs[2]  # both numbers are below 1
-    assert [row[column] for row in table.rows if row[1] == Place.PIXEL.value] == ["0.4189", None]
+    assert [row[column] for row in table.rows if row[1] == ConeInput.PIXEL.value] == ["0.4189", None]
 
 
 def test_only_the_number_beyond_the_range_of_a_response_is_called_so() -> None:
@@ -146,7 +145,7 @@ def test_figures_show_what_their_points_say(found: Findings) -> None:
         if point.y is not None:
             key = point.panel, point.series
             shares[key] = shares.get(key, 0.0) + point.y
-    assert len(shares) == 2 * len(Place) * len(Dimming)
+    assert len(shares) == 2 * len(ConeInput) * len(DimmingCondition)
     assert list(shares.values()) == pytest.approx([1.0] * len(shares))
     means = {p.x for p in found.drawings[0].points if p.y is None and p.panel == "library, per pixel"}
     told = [r for r in found.statistics if r.group == "library" and r.what.startswith("mean of |static")]

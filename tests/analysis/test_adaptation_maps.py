@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.reproduction.luminance_maps import LuminanceMaps, block_means, seen_luminance
+from evenlight.analysis.reproduction.adaptation_lag import LuminanceMaps, block_means, seen_luminance
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
-from evenlight.method.luminance import emitted_luminance
+from evenlight.method.contrast.luminance import emitted_luminance
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0, reflected_luminance=1.5)
 
@@ -42,7 +42,7 @@ def test_frames_pass_through_and_a_source_may_fill_them_again() -> None:
             yield Frame(value / 100, 0.5, pixels)
 
     maps = LuminanceMaps(LAB, width=4)
-    assert [frame.time for frame in maps.watch(refilled())] == [0.0, 1.28, 2.55] == maps.times
+    assert [frame.time for frame in maps.watch(refilled())] == [0.0, 1.28, 2.55]
     assert maps.durations == [0.5] * 3
     np.testing.assert_allclose(maps.luminance.mean(axis=(1, 2))[[0, 2]], [0.1, 100.0], rtol=1e-6)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evenlight.analysis.audit.audit_choices import (
+from evenlight.analysis.audit.choices import (
     ChosenCount,
     chance_of_being_so_even,
     chosen_counts,
@@ -13,7 +13,7 @@ from evenlight.analysis.audit.audit_choices import (
     detectability,
     numbers_that_fit,
 )
-from evenlight.analysis.audit.audit_power_table import (
+from evenlight.analysis.audit.powers import (
     line_luminance,
     nominal_line,
     refitted_line,

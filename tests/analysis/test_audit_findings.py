@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.analysis.audit.audit_conventions import CONVENTIONS, conventions_that_allow
-from evenlight.analysis.audit.audit_distribution_section import CELLS
-from evenlight.analysis.audit.audit_findings import audit_findings
-from evenlight.analysis.audit.audit_open_points import CONTRADICTIONS, LEFT_OPEN
-from evenlight.analysis.audit.audit_ratings import printed_cell
+from evenlight.analysis.audit.audit_findings import audit_findings, contradictions, left_open
+from evenlight.analysis.audit.conventions import CONVENTIONS, conventions_that_allow
+from evenlight.analysis.audit.distribution_section import CELLS
+from evenlight.analysis.audit.pairings import MAIN_TEST, PairedTest, Verdict
+from evenlight.analysis.audit.table_ratings import holm_ranges, printed_cell, table_ratings
 from evenlight.analysis.figure_style import PAGE
 from evenlight.analysis.findings import Findings, write_findings
 from evenlight.analysis.published import SEQUENCES, published
 from evenlight.analysis.report import Report, report_html
-from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
+from evenlight.data_schema.storage.tables import read_rows
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -79,6 +79,23 @@ def test_after_holm_no_sequence_differs_whatever_the_pairing_and_the_library_in_
     assert min(s.p_adjusted for s in corrected if s.group == "library") > 0.05
 
 
+def test_the_verdicts_in_the_prose_are_those_of_the_ranges() -> None:
+    # The text of the section and of the lead is fixed: it must say of each test what its ranges say.
+    ratings = table_ratings()
+    raw = {test: [r.ranges[test].verdict for r in ratings] for test in PairedTest}
+    corrected = {test: [p.verdict for p in ranges] for test, ranges in holm_ranges(ratings).items()}
+    differs, none, depends = Verdict.DIFFERS, Verdict.NOT_SHOWN, Verdict.OPEN
+    assert [r.sequence for r in ratings] == ["library", "gym", "living_room", "basement"]
+    assert raw[MAIN_TEST] == [none, depends, depends, differs]
+    assert corrected[MAIN_TEST] == [none, depends, none, depends]
+    for test in (PairedTest.SIGNED_RANK_DROPPED, PairedTest.SIGN):
+        assert raw.pop(test) == [none, depends, depends, depends]
+    assert all(verdicts == raw[MAIN_TEST] for verdicts in raw.values())
+    for test in (PairedTest.T, PairedTest.SIGNED_RANK, PairedTest.SIGN):
+        assert corrected.pop(test) == [none, depends, depends, depends]
+    assert all(verdicts == corrected[MAIN_TEST] for verdicts in corrected.values())
+
+
 def test_what_seventeen_answers_show_is_what_the_page_tells(findings: Findings) -> None:
     text = " ".join((DOCS / "audit.md").read_text().split())
     what = "smallest margin within which the share is shown to be one half"
@@ -107,7 +124,7 @@ def test_the_page_tells_the_ranges_that_are_found(findings: Findings) -> None:
                     assert float(told) == pytest.approx(
                         p, abs=0.5 * 10 ** -len(told.split(".")[1]) if "." in told else 0.0
                     )
-    total = len(CONTRADICTIONS) + len(LEFT_OPEN)
+    total = len(contradictions().rows) + len(left_open().rows)
     assert f"lists {total} of them" in text
 
 
@@ -155,11 +172,9 @@ def test_the_samples_bend_upwards_as_currents_rise_faster_at_the_top(findings: F
 
 
 def test_every_page_that_an_open_point_names_is_there() -> None:
-    for point in (*CONTRADICTIONS, *LEFT_OPEN):
-        assert point.places
-        assert point.printed
-        assert point.here
-        assert (DOCS / "decisions" / point.page).is_file(), point.page
+    for point in (*contradictions().rows, *left_open().rows):
+        assert all(point)
+        assert (DOCS / "decisions" / str(point[3])).is_file(), point
 
 
 def test_the_pages_pictures_are_small() -> None:

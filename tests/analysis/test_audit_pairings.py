@@ -8,17 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from evenlight.analysis.audit.audit_conventions import SCORES
-from evenlight.analysis.audit.audit_paired_tests import (
+from evenlight.analysis.audit.conventions import SCORES
+from evenlight.analysis.audit.pairings import (
+    DIFFERENCES,
     PairedTest,
-    PRange,
+    PValueRange,
     Verdict,
     differences_of,
     holm,
     p_ranges,
     paired_p_values,
+    reachable_differences,
 )
-from evenlight.analysis.audit.audit_pairings import DIFFERENCES, reachable_differences
 
 ratings_of_six = st.lists(st.integers(1, 5), min_size=6, max_size=6)
 
@@ -105,8 +106,8 @@ def test_a_t_test_of_equal_differences_has_no_p_and_does_not_count() -> None:
     alike, others = [0, 0, 0, 0, 0, 3, 0, 0, 0], [0, 0, 0, 0, 1, 1, 1, 0, 0]
     found = p_ranges(np.array([alike, others]))
     t = stats.ttest_1samp([0, 1, 2], 0).pvalue
-    assert found[PairedTest.T] == PRange(pytest.approx(t), pytest.approx(t))
-    assert found[PairedTest.SIGN_FLIP] == PRange(0.25, 0.5)  # 2 / 2³ of three, 2 / 2² of two
+    assert found[PairedTest.T] == PValueRange(pytest.approx(t), pytest.approx(t))
+    assert found[PairedTest.SIGN_FLIP] == PValueRange(0.25, 0.5)  # 2 / 2³ of three, 2 / 2² of two
 
 
 def test_ranges_are_the_extremes_over_all_permutations() -> None:
@@ -133,7 +134,7 @@ def test_differences_are_counted_out_in_order() -> None:
     ],
 )
 def test_a_verdict_holds_for_every_pairing(low: float, high: float, verdict: Verdict) -> None:
-    assert PRange(low, high).verdict is verdict
+    assert PValueRange(low, high).verdict is verdict
 
 
 def holm_by_closed_testing(p_values) -> list[float]:
@@ -144,7 +145,7 @@ def holm_by_closed_testing(p_values) -> list[float]:
 
 
 def test_holm_ranges_are_the_extremes_over_every_choice_within_the_ranges() -> None:
-    ranges = [PRange(0.002, 0.3), PRange(0.01, 0.02), PRange(0.04, 0.9)]
+    ranges = [PValueRange(0.002, 0.3), PValueRange(0.01, 0.02), PValueRange(0.04, 0.9)]
     choices = product(*(np.geomspace(r.low, r.high, 7) for r in ranges))
     adjusted = np.array([holm_by_closed_testing(p) for p in choices])
     for k, found in enumerate(holm(ranges)):

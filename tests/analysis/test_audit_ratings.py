@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenlight.analysis.audit.audit_conventions import SCORES, Printed
-from evenlight.analysis.audit.audit_paired_tests import MAIN_TEST, PairedTest, PRange, Verdict
-from evenlight.analysis.audit.audit_pairings import DIFFERENCES
-from evenlight.analysis.audit.audit_participants import participant_totals
-from evenlight.analysis.audit.audit_ratings import (
+from evenlight.analysis.audit.conventions import SCORES, PrintedMean
+from evenlight.analysis.audit.pairings import DIFFERENCES, MAIN_TEST, PairedTest, PValueRange, Verdict
+from evenlight.analysis.audit.table_ratings import (
     SequenceRatings,
     correlations,
+    participant_totals,
     ratings_behind,
     table_ratings,
 )
@@ -86,20 +85,20 @@ def test_unpaired_tests_lie_between_the_ends_of_the_paired_t_test(table) -> None
 
 
 def test_numbers_that_no_ratings_have_are_refused_with_what_was_printed() -> None:
-    possible, impossible = Printed("4.00", "0.00", 5), Printed("4.50", "0.10", 5)
+    possible, impossible = PrintedMean("4.00", "0.00", 5), PrintedMean("4.50", "0.10", 5)
     with pytest.raises(ValueError, match=r"attic, ours: no 5 ratings .* mean 4\.50 .* error 0\.10"):
         ratings_behind("attic", possible, impossible)
 
 
 def test_everybody_alike_is_refused_as_no_t_test_has_a_value() -> None:
     with pytest.raises(ValueError, match="all differences are alike"):
-        ratings_behind("attic", Printed("3.00", "0.00", 4), Printed("4.00", "0.00", 4))
+        ratings_behind("attic", PrintedMean("3.00", "0.00", 4), PrintedMean("4.00", "0.00", 4))
 
 
 def small(sequence: str, baseline: list[list[int]], ours: list[list[int]]) -> SequenceRatings:
     """Return ratings of a few people, with several possibilities for each version."""
     sides = [np.array([[v.count(s) for s in SCORES] for v in side]) for side in (baseline, ours)]
-    nothing = PRange(1.0, 1.0)
+    nothing = PValueRange(1.0, 1.0)
     return SequenceRatings(sequence, *sides, np.zeros((0, 9), np.int64), {}, (nothing, nothing))
 
 

@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.calibration import calibrate, summary_of, trials_of_one_task
+from evenlight.analysis.calibration.calibration import calibrate, trials_of_one_task
+from evenlight.analysis.calibration.calibration_files import summary_of
 from evenlight.analysis.calibration.level_estimates import difference_in_words, estimate_levels
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.thresholds import fit_thresholds_of
-from evenlight.analysis.loading import RampData
+from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.ramp_loading import RampData
 from evenlight.analysis.session_loading import Session
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial, Response
 from evenlight.data_schema.rate_limit import RateLimitForm
-from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.data_schema.threshold import ThresholdFlag
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
@@ -83,7 +84,7 @@ def data(trials: list[RampTrial]) -> RampData:
             who, "01", "ramp", True, SessionStatus.COMPLETE, 0, DISPLAY, RampDesign(), Provenance()
         )
         sessions.append(Session(Path(), manifest, tuple(own)))
-    return RampData(tuple(sessions), DISPLAY, True, "0" * 64, ())
+    return RampData("ramp", tuple(sessions), True, "0" * 64, (), display=DISPLAY)
 
 
 def people(n: int, rng: np.random.Generator, **options: Any) -> list[RampTrial]:

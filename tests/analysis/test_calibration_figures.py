@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from evenlight.analysis.calibration.psychometric_figure import psychometric_figure
-from evenlight.analysis.calibration.psychometric_panels import by_level, pooled_answers
-from evenlight.analysis.calibration.rate_limit_figure import level_means, rate_limit_figure
-from evenlight.analysis.calibration.thresholds import ThresholdFit, fit_thresholds_of
+from evenlight.analysis.calibration.psychometric.psychometric_figure import (
+    by_level,
+    pooled_answers,
+    psychometric_figure,
+)
+from evenlight.analysis.calibration.psychometric.thresholds import ThresholdFit, fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means, rate_limit_figure
 from evenlight.analysis.figure_style import (
     COLUMN,
     LIMIT,
@@ -22,7 +25,7 @@ from evenlight.analysis.figure_style import (
     Medium,
     png_bytes,
 )
-from evenlight.data_schema.ramp import Procedure, RampTrial, Response
+from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import yes_probability
@@ -164,7 +167,7 @@ def test_simulated_participants_are_called_so_and_others_are_not(
 
 @pytest.mark.parametrize(
     ("procedure", "words"),
-    [(Procedure.YES_NO, "noticed in 75 %"), (Procedure.TWO_INTERVAL, "told right in 75 %")],
+    [(Procedure.YES_NO, "noticed in 75 %"), (Procedure.TWO_INTERVAL, "identified correctly in 75 %")],
 )
 def test_the_title_says_what_happens_at_the_limit(
     procedure: Procedure, words: str, texts_on: Callable[[Figure], list[str]]

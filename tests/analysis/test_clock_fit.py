@@ -13,14 +13,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
-from evenlight.analysis.measurement.arrival_clock import fit_arrivals
-from evenlight.analysis.measurement.clock_fit import changes_of, fit_clock
-from evenlight.analysis.measurement.clock_line import ClockLine, line_of
-from evenlight.analysis.measurement.clock_windows import ClockWindows
-from evenlight.analysis.measurement.ping_clock import fit_pings
-from evenlight.analysis.measurement.sample_gaps import Samples
+from evenlight.analysis.measurement.played_power.clock_fit import (
+    changes_of,
+    fit_arrivals,
+    fit_clock,
+    fit_pings,
+)
+from evenlight.analysis.measurement.played_power.clock_line import ClockLine, ClockWindows, line_of
+from evenlight.analysis.measurement.played_power.power_recording import Samples
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.frame_energy import ClockFit, ClockFlag, ClockMethod
+from evenlight.data_schema.recordings.played_power import ClockFit, ClockFlag, ClockMethod
 
 CLIP = Conditions(frames=120, sample_rate=400.0)
 DEAF = dataclasses.replace(CLIP, has_pings=False, has_flashes=False)

@@ -14,16 +14,22 @@ from statsmodels.stats.contingency_tables import cochrans_q
 from statsmodels.stats.multitest import multipletests
 
 from evenlight.analysis.comparison.comparison_chance import consistency_of, sequence_differences
-from evenlight.analysis.comparison.comparison_counts import Choices, count_choices
 from evenlight.analysis.comparison.comparison_figure import power_figure, shares_figure
-from evenlight.analysis.comparison.comparison_findings import comparison_findings
+from evenlight.analysis.comparison.comparison_findings import (
+    comparison_findings,
+    lead_of,
+    pooled_section,
+    shares_section,
+)
 from evenlight.analysis.comparison.comparison_limits import answer_limits
-from evenlight.analysis.comparison.comparison_model import choice_model
-from evenlight.analysis.comparison.comparison_results import Comparison, compare
-from evenlight.analysis.comparison.comparison_sections import pooled_section, shares_section
-from evenlight.analysis.comparison.comparison_shares import estimate_share, standard_error
+from evenlight.analysis.comparison.comparison_results import ComparisonResults, choice_model, compare
+from evenlight.analysis.comparison.comparison_shares import (
+    Choices,
+    count_choices,
+    estimate_share,
+    standard_error,
+)
 from evenlight.analysis.comparison.comparison_statistics import statistics_of
-from evenlight.analysis.comparison.comparison_words import lead_of
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_power import difference_power, smallest_margin_ever
@@ -33,7 +39,7 @@ from evenlight.data_schema.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def found() -> Comparison:
+def found() -> ComparisonResults:
     return compare(data_of(answers_of(lambda who, s: (who + s) % 3 == 0)), 1, 0.15)
 
 
@@ -155,7 +161,7 @@ def test_consistency_is_the_chance_over_all_outcomes() -> None:
     assert found.ratio == pytest.approx(9 / 7)
 
 
-def test_sequences_are_told_apart_as_by_cochrans_q() -> None:
+def test_sequences_are_identifiable_as_by_cochrans_q() -> None:
     rng = np.random.default_rng(5)
     table = rng.random((17, 4)) < np.array([0.3, 0.5, 0.6, 0.7])
     trials = data_of(answers_of(lambda who, s: bool(table[who, s]))).trials
@@ -218,7 +224,7 @@ def test_the_mixed_model_is_seldom_fooled_by_guessing() -> None:
 
 
 @pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-def test_the_figure_draws_every_share_and_its_interval(found: Comparison, medium: Medium) -> None:
+def test_the_figure_draws_every_share_and_its_interval(found: ComparisonResults, medium: Medium) -> None:
     figure = shares_figure(found, medium)
     drawn = {round(float(x), 9) for line in figure.axes[0].lines for x in np.atleast_1d(line.get_xdata())}
     for own in (*(s.estimate for s in found.sequences), found.pooled):
@@ -244,7 +250,7 @@ def test_every_number_of_the_figures_is_in_their_tables(published_like: Findings
     assert all(p.n for p in (*shares.points, *power.points))
 
 
-def test_recorded_answers_are_not_called_simulated(found: Comparison) -> None:
+def test_recorded_answers_are_not_called_simulated(found: ComparisonResults) -> None:
     found = dataclasses.replace(found, data=dataclasses.replace(found.data, simulated=False))
     assert {s.origin.value for s in statistics_of(found)} == {"recorded"}
     assert "simulated" not in lead_of(found, [answer_limits(17, 0.15)])

@@ -7,12 +7,15 @@ import pytest
 from comparison_answers import answers_of, data_of, row, rows_of
 from scipy import stats
 
-from evenlight.analysis.comparison.comparison_findings import answers_per_sequence, comparison_findings
+from evenlight.analysis.comparison.comparison_findings import (
+    answers_per_sequence,
+    comparison_findings,
+    lead_of,
+    pooled_section,
+)
 from evenlight.analysis.comparison.comparison_limits import answer_limits, limit_rows
 from evenlight.analysis.comparison.comparison_results import compare
-from evenlight.analysis.comparison.comparison_sections import pooled_section
 from evenlight.analysis.comparison.comparison_statistics import statistics_of
-from evenlight.analysis.comparison.comparison_words import lead_of
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.errors import InputError
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.conditions import Condition
-from evenlight.analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_fit import fit_thresholds
+from evenlight.analysis.calibration.rate_limit.conditions import Condition
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.ramp import Direction, Procedure
 from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.recordings.ramp import Direction, Procedure
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -149,5 +149,5 @@ def test_both_tasks_at_once_are_refused() -> None:
 
 def test_conditions_that_share_no_luminance_cannot_be_told_from_the_curve() -> None:
     rows = thresholds({FIVE: 1.0}, levels=LEVELS[:2]) + thresholds({TEN: 0.5}, levels=LEVELS[2:])
-    with pytest.raises(InputError, match="cannot be told from the curve's shape"):
+    with pytest.raises(InputError, match="cannot be separated from the curve's shape"):
         fit_thresholds(rows, DISPLAY, RateLimitOptions(degree=4))

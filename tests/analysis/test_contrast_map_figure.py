@@ -23,8 +23,8 @@ from evenlight.analysis.tracks.contrast_map_figure import (
     contrast_map_figure,
     map_picture,
 )
-from evenlight.method.contrast_loss import contrast_loss
-from evenlight.method.luminance import emitted_luminance
+from evenlight.method.contrast.contrast_loss import contrast_loss
+from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.preset_files import load_display
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])

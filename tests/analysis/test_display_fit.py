@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings
 
-from evenlight.analysis.measurement.display_fit import GammaFit, fit_gamma, tolerated
-from evenlight.analysis.measurement.gamma_curve import Curve, PixelLevel
-from evenlight.analysis.measurement.luminance_levels import middle_of, pixel_levels
-from evenlight.analysis.measurement.meter_noise import Repeats
+from evenlight.analysis.measurement.sweeps.display_fit import (
+    GammaCurve,
+    GammaFit,
+    PixelLevel,
+    fit_gamma,
+    tolerated,
+)
+from evenlight.analysis.measurement.sweeps.luminance_sweep import middle_of, pixel_levels
+from evenlight.analysis.measurement.sweeps.repeated_readings import Repeats
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.sweep import LuminanceSweepDesign
-from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign
+from evenlight.hardware.simulated.panel import PanelPhysics
 
 DESIGN = LuminanceSweepDesign(factors=(), warm_up=0.0)
-CURVE = Curve(gamma=2.2, peak=200.0, black=0.3)
+CURVE = GammaCurve(gamma=2.2, peak=200.0, black=0.3)
 VALUES = np.arange(17) / 16
 
 
@@ -145,7 +150,7 @@ def test_a_reading_under_range_is_neither_zero_nor_nothing() -> None:
 
 
 def test_a_black_that_is_held_at_zero_is_no_fitted_parameter() -> None:
-    means = Curve(2.2, 200.0, 0.0).luminance(VALUES) - 0.01
+    means = GammaCurve(2.2, 200.0, 0.0).luminance(VALUES) - 0.01
     held, free = (fit_gamma(levels((means + black).tolist()), 0.0, 1.0) for black in (0.0, 0.3))
     for fit, fitted in ((held, 2), (free, 3)):
         misfit = float((((fit.means - fit.curve.luminance(fit.pixel_values)) / fit.errors) ** 2).sum())
@@ -211,7 +216,7 @@ def test_a_black_too_dark_for_the_meter_makes_no_lack_of_fit() -> None:
 def many_fits(n: int, black: float, values: np.ndarray, meter: Meter) -> tuple[np.ndarray, np.ndarray]:
     """The probability of the lack of fit in each of n sweeps, and whether black came out below 0."""
     rng = np.random.default_rng(21)
-    true = Curve(2.2, 200.0, black).luminance(values)
+    true = GammaCurve(2.2, 200.0, black).luminance(values)
     p, held = np.empty(n), np.empty(n, dtype=bool)
     for k in range(n):
         read = [[meter.read(float(L), rng) for _ in range(3)] for L in true]
@@ -230,7 +235,7 @@ def gathered(value: float, read: Sequence[float | None], rng: np.random.Generato
 
 
 def test_a_black_below_the_reflected_light_is_zero_and_said_so() -> None:
-    means = Curve(2.2, 200.0, 0.0).luminance(VALUES) - 0.1  # 0.1 too much was taken off
+    means = GammaCurve(2.2, 200.0, 0.0).luminance(VALUES) - 0.1  # 0.1 too much was taken off
     fit = fit_gamma(levels(means.tolist()), 0.1, 1.0)
     assert fit.curve.black == 0.0
     assert fit.black_unconstrained == pytest.approx(-0.1, abs=0.01)

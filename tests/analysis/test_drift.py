@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenlight.analysis.calibration.posterior_grid import RampCounts
-from evenlight.analysis.calibration.psychometric_fit import fit_psychometric
-from evenlight.analysis.measurement.drift import TimedAnswers, drift_of
+from evenlight.analysis.calibration.psychometric.psychometric_fit import fit_psychometric
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.analysis.calibration.psychometric.thresholds import TimedAnswers, drift_of
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])

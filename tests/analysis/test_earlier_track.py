@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.analysis.tracks.earlier_track import clip_folder, start_factors, track_files
-from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
+from evenlight.analysis.tracks.optimization_job import clip_folder, start_factors, track_files
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    TrackHeader,
+    write_track,
+)
 
 
 def write(folder: Path, factor: float) -> Path:

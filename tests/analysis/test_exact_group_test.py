@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from evenlight.analysis.inference.exact_group_test import group_test
-from evenlight.analysis.inference.subset_sums import subset_counts
+from evenlight.analysis.inference.exact_tests import group_test, subset_counts
 
 scores = st.lists(st.integers(-4, 4), min_size=1, max_size=5)
 

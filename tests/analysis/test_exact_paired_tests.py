@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from evenlight.analysis.inference.exact_paired_tests import (
+from evenlight.analysis.inference.exact_tests import (
     Zeros,
     sign_flip_p_values,
     sign_flip_test,

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.published_rate_limit import published_fit
+from evenlight.analysis.calibration.rate_limit.published_rate_limit import published_fit
 from evenlight.analysis.fit_commands import fit
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.ramp import RampDesign
 from evenlight.data_schema.rate_limit import RateLimitForm
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.threshold import Threshold
-from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
-from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 

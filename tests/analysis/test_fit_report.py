@@ -7,23 +7,27 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.analysis.calibration.calibration import Calibration, calibrate, write_calibration
-from evenlight.analysis.calibration.calibration_figures import write_figures
-from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.calibration import Calibration, calibrate
+from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
+from evenlight.analysis.calibration.calibration_sections import (
+    calibration_section,
+    population_section,
+    rate_limit_section,
+    thresholds_section,
+)
+from evenlight.analysis.calibration.choices.limit_choices import limit_choices
+from evenlight.analysis.calibration.choices.limit_choices_report import choices_section
 from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
-from evenlight.analysis.calibration.limit_choices import limit_choices
-from evenlight.analysis.calibration.limit_choices_section import choices_section
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.threshold_sections import population_section, thresholds_section
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
-from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import SIMULATED_NOTE
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Direction, Procedure, RampDesign
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.data_schema.text_files import read_json_record
-from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
-from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampDesign
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 PNG = png_bytes(new_figure(PAGE, height=0.1))
@@ -76,7 +80,7 @@ def test_every_threshold_has_a_row_with_its_interval_and_goodness_of_fit(yes_no:
     first = dict(zip(table.columns, table.rows[0], strict=True))
     threshold = yes_no.thresholds[0].threshold
     assert first["threshold [cd/m²/s]"] == threshold.threshold
-    assert first["95 % interval"] == f"{threshold.ci_low:.3g} to {threshold.ci_high:.3g}"
+    assert first["95 % credible interval"] == f"{threshold.ci_low:.3g} to {threshold.ci_high:.3g}"
     assert first["p"] == f"{threshold.deviance_p:.2f}"
 
 
@@ -103,11 +107,11 @@ def test_the_three_estimates_of_each_level_stand_side_by_side(yes_no: Calibratio
     assert any("pooled fit lies" in paragraph for paragraph in section.paragraphs)
 
 
-def test_two_intervals_are_told_of_as_such(both_ways: Calibration) -> None:
+def test_two_intervals_are_described_as_such(both_ways: Calibration) -> None:
     section = calibration_section(both_ways, PNG)
     assert "in which of two intervals" in section.paragraphs[0]
     assert "catch" not in section.paragraphs[0]
-    assert "right answers" in section.pictures[0].caption
+    assert "correct answers" in section.pictures[0].caption
     assert "bias" in section.tables[1].columns
     assert "false alarms" not in section.tables[1].columns
 
@@ -130,7 +134,8 @@ def test_a_limit_says_which_task_and_which_ramps_it_is_for(
 def test_a_limit_of_two_intervals_is_told_right_and_not_noticed(
     yes_no: Calibration, both_ways: Calibration
 ) -> None:
-    for calibration, word, other in ((yes_no, "noticed", "told right"), (both_ways, "told right", "noticed")):
+    seen, right = "noticed", "identified correctly"
+    for calibration, word, other in ((yes_no, seen, right), (both_ways, right, seen)):
         caption = rate_limit_section(calibration, PNG).pictures[0].caption
         assert f"is {word} in 75 % of the trials" in caption
         assert other not in caption

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.clock_line import ClockLine
-from evenlight.analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
-from evenlight.analysis.measurement.power_recording import Flips
-from evenlight.analysis.measurement.sample_gaps import Samples
-from evenlight.data_schema.frame_energy import FrameEnergy, FrameFlag
+from evenlight.analysis.measurement.played_power.clock_line import ClockLine
+from evenlight.analysis.measurement.played_power.pass_power import FrameSpans, frame_energies, frame_spans
+from evenlight.analysis.measurement.played_power.power_recording import Flips, Samples
+from evenlight.data_schema.recordings.played_power import FrameEnergy, FrameFlag
 
 SAME = ClockLine(0.0, 0.0)
 

@@ -5,14 +5,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from evenlight.analysis.calibration.goodness_of_fit import (
+from evenlight.analysis.calibration.psychometric.goodness_of_fit import (
+    AnswerSets,
     GoodnessOfFit,
     bin_starts,
     goodness_of_fit,
     joint_p_value,
+    most_probable,
 )
-from evenlight.analysis.calibration.most_probable import Answers, most_probable
-from evenlight.analysis.calibration.posterior_grid import MAX_LAPSE, PsychometricPrior, RampCounts
+from evenlight.analysis.calibration.psychometric.psychometric_fit import MAX_LAPSE, PsychometricPrior
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.method.psychometric import PsychometricFunction, log_likelihood, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
@@ -133,7 +135,7 @@ def test_the_deviance_is_that_of_the_textbook() -> None:
 
 
 def fitted(counts: RampCounts, prior: PsychometricPrior) -> NDArray[np.float64]:
-    answers = Answers(
+    answers = AnswerSets(
         np.log(counts.rates),
         counts.n_trials.astype(float),
         counts.n_yes[None, :].astype(float),

@@ -14,37 +14,38 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.choice_on_clip import compare_on_clip, in_words, open_clip
-from evenlight.analysis.calibration.limit_choices import (
+from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, in_words, open_clip
+from evenlight.analysis.calibration.choices.limit_choices import (
     FITTED,
     LOG_LOG_QUADRATIC,
     POWER_LAW,
     SAFE,
     LimitChoices,
     limit_choices,
+    safe_limit,
 )
-from evenlight.analysis.calibration.limit_choices_figure import limit_choices_figure
-from evenlight.analysis.calibration.limit_choices_files import (
+from evenlight.analysis.calibration.choices.limit_choices_figure import limit_choices_figure
+from evenlight.analysis.calibration.choices.limit_choices_report import (
     LOG_LOG_LIMIT,
     SAFE_LIMIT,
     better_log_log,
     write_limit_choices,
 )
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_fit import fit_points, fit_thresholds
-from evenlight.analysis.calibration.safe_limit import safe_limit
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points, fit_thresholds
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import LimitCurve, SolverName
-from evenlight.method.optimize import Request, optimize, pose
+from evenlight.method.optimizer.optimize import optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at, require_same_display
-from evenlight.method.solvers import make_solver
 
 LUMINANCE = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 42.0, 63.0, 84.0, 104.0])
 SLACK = 0.005  # of the objective: what the solver leaves between two problems that are nearly the same

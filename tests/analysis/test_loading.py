@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from evenlight.analysis.loading import load_ramp_data
-from evenlight.data_schema.dataset_layout import session_folder
+from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
-from evenlight.data_schema.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.dataset_layout import session_folder
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampDesign, RampTrial, Response
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 
 DISPLAY = Display("bench", 100.0, 0.0, 2.0, 60.0)
 DESIGN = RampDesign()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.meter_noise import (
+from evenlight.analysis.measurement.sweeps.repeated_readings import (
     Repeats,
     last_digits,
     noise_of,

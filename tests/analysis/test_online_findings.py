@@ -10,13 +10,13 @@ from scipy import stats
 
 from evenlight.analysis.reproduction.online_findings import online_findings
 from evenlight.analysis.reproduction.online_run import SweepPoint, TargetSweep, online_run, target_sweep
-from evenlight.analysis.reproduction.online_spread import spread_ratio
+from evenlight.analysis.tracks.loss_spread import spread_ratio
+from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.data_schema.statistic import Origin
-from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import scalar_rate_limit
 
 CONTROLLER = Controller(ControllerSettings(0.1), scalar_rate_limit(load_rate_limit("surace2025")))
 

@@ -18,7 +18,7 @@ from paired_truths import (
 )
 from scipy import optimize, stats
 
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_p_values
+from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.analysis.inference.paired_effects import (
     Effect,
     group_difference,

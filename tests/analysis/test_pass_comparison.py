@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.pass_comparison import Estimate, PassComparison
-from evenlight.analysis.measurement.pass_power import equal_power
-from evenlight.data_schema.played_power import PassPower
+from evenlight.analysis.measurement.played_power.pass_power import PassComparison, PowerEstimate, equal_power
+from evenlight.data_schema.recordings.played_power import PassPower
 
 T_975 = {1: 12.706, 2: 4.303, 5: 2.571}  # Student's t, of any table
 T_95_1 = 6.314
@@ -83,7 +82,7 @@ def test_the_interval_of_the_saving_holds_the_truth_in_95_percent() -> None:
 def test_one_pass_of_each_has_differences_and_no_interval() -> None:
     comparison = PassComparison(passes(("ours", 0.9), ("baseline", 0.8), ("full", 1.8)))
     found = comparison.difference("ours", "baseline")
-    assert found == Estimate(pytest.approx(0.1), None, 0)
+    assert found == PowerEstimate(pytest.approx(0.1), None, 0)
     assert found is not None
     assert found.interval() == (None, None)
     assert comparison.drift is None
@@ -119,11 +118,11 @@ def test_passes_that_do_not_count_are_left_out() -> None:
 def test_powers_are_equal_if_two_one_sided_tests_exclude_the_margin(
     difference: float, error: float, equal: bool
 ) -> None:
-    p = Estimate(difference, error, 1).probability_beyond(0.018)
+    p = PowerEstimate(difference, error, 1).probability_beyond(0.018)
     assert p is not None
     assert (p < 0.05) is equal
 
 
 def test_no_noise_at_all_is_no_division_by_zero() -> None:
-    assert Estimate(0.01, 0.0, 2).probability_beyond(0.018) == 0
-    assert Estimate(0.02, 0.0, 2).probability_beyond(0.018) == 1
+    assert PowerEstimate(0.01, 0.0, 2).probability_beyond(0.018) == 0
+    assert PowerEstimate(0.02, 0.0, 2).probability_beyond(0.018) == 1

@@ -13,18 +13,33 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.analysis.calibration.planning import NOT_COMPARABLE, Plan, PlanRequest, in_words, plan_ramps
-from evenlight.analysis.calibration.planning_draws import Experiments, participants_needed, resampling_spread
-from evenlight.analysis.calibration.planning_figure import planning_figure
-from evenlight.analysis.calibration.planning_pool import first_trials, with_trials_per_level
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
-from evenlight.analysis.plan_command import plan_command, whole_numbers, write_plan
+from evenlight.analysis.plan_command import plan_command, whole_numbers
+from evenlight.analysis.plans.plan_files import write_plan
+from evenlight.analysis.plans.ramp_plan import NOT_COMPARABLE, PlanRequest, RampPlan, in_words, plan_ramps
+from evenlight.analysis.plans.ramp_plan_figure import planning_figure
+from evenlight.analysis.plans.ramp_plan_pool import (
+    Experiments,
+    first_trials,
+    participants_needed,
+    resampling_spread,
+    with_trials_per_level,
+)
+from evenlight.data_schema.analysis_results import RampPlanRow
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.plan import RampPlanRow
-from evenlight.data_schema.ramp import Direction, Placement, Procedure, RampDesign, RampTrial, Response
-from evenlight.data_schema.session_length import BREAK_TIME, INSTRUCTION_TIME, session_minutes
-from evenlight.method.luminance import displayed_luminance
+from evenlight.data_schema.recordings.ramp import (
+    BREAK_TIME,
+    INSTRUCTION_TIME,
+    Direction,
+    Placement,
+    Procedure,
+    RampDesign,
+    RampTrial,
+    Response,
+    session_minutes,
+)
+from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.method.preset_files import load_display
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
@@ -78,17 +93,17 @@ def request(**changes: object) -> PlanRequest:
 
 
 @pytest.fixture(scope="module")
-def plan() -> Plan:
+def plan() -> RampPlan:
     return plan_ramps(request(), simulated)
 
 
-def row_of(plan: Plan, trials: int, participants: int) -> RampPlanRow:
+def row_of(plan: RampPlan, trials: int, participants: int) -> RampPlanRow:
     return next(
         row for row in plan.rows if (row.trials_per_level, row.participants) == (trials, participants)
     )
 
 
-def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: Plan) -> None:
+def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: RampPlan) -> None:
     # Four times the participants: half the error. An RMS over 40 draws is known to 1/sqrt(80) = 11 %, so
     # their ratio to 16 %; three standard errors about 2 are 1.2 to 3.2.
     for trials in (15, 60):
@@ -96,13 +111,13 @@ def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: Plan)
         assert 1.2 < ratio < 3.2
 
 
-def test_the_band_of_few_participants_is_wider_than_the_root_says(plan: Plan) -> None:
+def test_the_band_of_few_participants_is_wider_than_the_root_says(plan: RampPlan) -> None:
     """Student's t: 3.18 with four participants, 2.13 with sixteen."""
     ratio = np.log1p(row_of(plan, 60, 4).half_width) / np.log1p(row_of(plan, 60, 16).half_width)
     assert ratio == pytest.approx(2 * 3.182 / 2.131, rel=0.25)
 
 
-def test_the_error_is_what_participants_and_levels_scatter_by(plan: Plan) -> None:
+def test_the_error_is_what_participants_and_levels_scatter_by(plan: RampPlan) -> None:
     """With many trials only people are left: σ² = 0.25² + (their own levels, of which five coefficients of
     a quartic through five levels keep all) 0.1² + the trials' 0.1² or so, by 16 participants."""
     row = row_of(plan, 60, 16)
@@ -110,13 +125,13 @@ def test_the_error_is_what_participants_and_levels_scatter_by(plan: Plan) -> Non
     assert np.log1p(row.error) == pytest.approx(expected, rel=0.35)  # the pool's SD is known to 15 %
 
 
-def test_a_threshold_is_known_better_by_the_root_of_the_number_of_trials(plan: Plan) -> None:
+def test_a_threshold_is_known_better_by_the_root_of_the_number_of_trials(plan: RampPlan) -> None:
     # Four times the trials: half the error, a little less since the prior helps where trials are few.
     ratio = row_of(plan, 15, 4).threshold_error_ln / row_of(plan, 60, 4).threshold_error_ln
     assert 1.3 < ratio < 2.3
 
 
-def test_the_bands_hold_the_truth_as_often_as_they_say(plan: Plan) -> None:
+def test_the_bands_hold_the_truth_as_often_as_they_say(plan: RampPlan) -> None:
     # 80 draws per row, whose levels go together: 95 % is known to 2.4 %, and the pool's own scatter adds.
     assert all(row.coverage >= 0.85 for row in plan.rows)
 
@@ -204,7 +219,7 @@ def test_designs_without_a_curve_to_plan_for_are_refused_before_anybody_is_simul
         plan_ramps(dataclasses.replace(request(), designs={"bad": design}), nobody)
 
 
-def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: Plan) -> None:
+def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: RampPlan) -> None:
     """ln of the standard error scatters by 1/sqrt(2 · 23) = 15 % between pools of 24 people, of whom it is
     the standard deviation; less as far as their trials make it, and known from 40 draws to 11 % of itself."""
     for row in plan.rows:
@@ -226,7 +241,7 @@ def test_a_pool_of_equals_leaves_no_doubt_and_one_of_unequals_does() -> None:
     assert spread == pytest.approx(math.sqrt(8 / 7) / 2)
 
 
-def test_people_needed_are_told_with_their_interval(plan: Plan) -> None:
+def test_people_needed_are_told_with_their_interval(plan: RampPlan) -> None:
     row = dataclasses.replace(
         plan.rows[0], participants_needed=33, participants_needed_low=26, participants_needed_high=40
     )
@@ -256,7 +271,7 @@ def test_a_task_that_there_is_not_is_refused(tmp_path: Path) -> None:
         plan_command(simulated, lambda name: DESIGN)("reading", out=tmp_path / "out")
 
 
-def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tmp_path: Path) -> None:
+def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: RampPlan, tmp_path: Path) -> None:
     write_plan(tmp_path, plan)
     with (tmp_path / "plan.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -268,27 +283,27 @@ def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tm
     assert (tmp_path / "plan.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: Plan) -> None:
-    loose = Plan(
+def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: RampPlan) -> None:
+    loose = RampPlan(
         dataclasses.replace(plan.request, precision=2.0),
         tuple(dataclasses.replace(row, meets=True) for row in plan.rows),
     )
     cheapest = min(plan.rows, key=lambda row: row.total_hours)
     (words,) = in_words(loose)
     assert words.startswith(f"{cheapest.participants} participants x {cheapest.trials_per_level} trials")
-    none = Plan(plan.request, tuple(dataclasses.replace(row, meets=False) for row in plan.rows))
+    none = RampPlan(plan.request, tuple(dataclasses.replace(row, meets=False) for row in plan.rows))
     assert "no number tried gives ΔL(L) to 10 %" in in_words(none)[0]
 
 
-def test_two_tasks_are_not_set_off_against_each_other(plan: Plan) -> None:
+def test_two_tasks_are_not_set_off_against_each_other(plan: RampPlan) -> None:
     two = tuple(dataclasses.replace(row, procedure=Procedure.TWO_INTERVAL.value) for row in plan.rows)
-    words = in_words(Plan(plan.request, plan.rows + two))
+    words = in_words(RampPlan(plan.request, plan.rows + two))
     assert len(words) == 3
     assert words[-1] == NOT_COMPARABLE
 
 
 @pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: Plan, medium: Medium) -> None:
+def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: RampPlan, medium: Medium) -> None:
     figure = planning_figure(plan, dataclasses.replace(medium, dots_per_inch=40.0))
     panels = figure.axes[: len(plan.request.participants)]
     drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.pooled_fit import logistic_threshold
-from evenlight.analysis.calibration.posterior_grid import RampCounts
+from evenlight.analysis.calibration.level_estimates import logistic_threshold
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.geomspace(0.5, 16.0, 11)

@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.calibration.posterior_grid import (
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     FINE_NODES,
     Axis,
     PosteriorGrid,
     PsychometricPrior,
-    RampCounts,
     posterior_grid,
 )
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.method.psychometric import PsychometricFunction, log_likelihood
 
 PRIOR = PsychometricPrior()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.power_fit import fit_line, points_of, slope_through
+from evenlight.analysis.measurement.sweeps.power_fit import fit_line, points_of, slope_through
 from evenlight.data_schema.errors import InputError
 
 FACTORS = np.repeat(np.arange(1, 11) / 10, 3)

@@ -12,14 +12,21 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play, write_folder
 
-from evenlight.analysis.measurement.power_figure import _binned
-from evenlight.analysis.measurement.power_recording import _columns, load_recording
-from evenlight.analysis.measurement.power_table import MeasuredPower, measure_power, write_power_results
+from evenlight.analysis.measurement.played_power.power_figure import _binned
+from evenlight.analysis.measurement.played_power.power_recording import _columns, load_recording
+from evenlight.analysis.measurement.played_power.power_report import write_power_results
+from evenlight.analysis.measurement.played_power.power_table import MeasuredPower, measure_power
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.frame_energy import ClockMethod, FrameEnergy, FrameFlag
-from evenlight.data_schema.played_power import PlayedPower, VersionPower
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.recordings.played_power import (
+    ClockMethod,
+    FrameEnergy,
+    FrameFlag,
+    PlayedPower,
+    VersionPower,
+)
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.method.preset_files import load_power_model
 
 SHORT = Conditions(frames=60, sample_rate=500.0, content="ramps", passes=("ours", "baseline", "full") * 2)
@@ -103,7 +110,9 @@ def test_the_report_needs_no_other_file_and_shows_the_table(results: tuple[Path,
 
 def test_what_is_saved_is_said_with_its_interval(results: tuple[Path, list[str]]) -> None:
     _, lines = results
-    assert re.search(r"ours saves \d\.\d+ W against full brightness, \d+\.\d+ % \(95 % interval", lines[1])
+    assert re.search(
+        r"ours saves \d\.\d+ W against full brightness, \d+\.\d+ % \(95 % confidence interval", lines[1]
+    )
     assert lines[2].startswith("ours less baseline: ")
 
 

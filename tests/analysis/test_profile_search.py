@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.inference.adaptive_quadrature import Likelihood
-from evenlight.analysis.inference.likelihood_search import Held, Maximum, Profile, ProfileEnd
+from evenlight.analysis.inference.likelihood_search import HeldParameter, Maximum, Profile, ProfileEnd
 from evenlight.data_schema.arrays import Array
 
 CRITICAL = 4.0
@@ -16,7 +16,7 @@ def bell(parameters: Array) -> Likelihood:
 
 
 def profile(top: Array) -> Profile:
-    return Profile(bell, Maximum(top, bell(top), True), Held(0))
+    return Profile(bell, Maximum(top, bell(top), True), HeldParameter(0))
 
 
 def test_the_end_of_a_parabola_lies_where_it_must() -> None:

@@ -12,8 +12,12 @@ import psignifit
 import pytest
 from scipy import stats
 
-from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-from evenlight.analysis.calibration.psychometric_fit import Estimate, fit_psychometric
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    ParameterEstimate,
+    PsychometricPrior,
+    fit_psychometric,
+)
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import WIDTH_LOGITS
 
@@ -44,7 +48,9 @@ def psignifit_posterior(counts: RampCounts) -> tuple[dict[str, Array], Array]:
     return result.parameter_values, result.debug["posteriors"][0, 0]
 
 
-def assert_within_half_a_step(ours: Estimate, values: Array, masses: Array, half_step: float) -> None:
+def assert_within_half_a_step(
+    ours: ParameterEstimate, values: Array, masses: Array, half_step: float
+) -> None:
     mean = float(np.sum(masses * values))
     assert ours.mean == pytest.approx(mean, abs=half_step)
     assert ours.sd == pytest.approx(np.sqrt(np.sum(masses * (values - mean) ** 2)), abs=half_step)

@@ -5,24 +5,32 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from numpy.typing import NDArray
+from scipy import integrate, special, stats
 
-from evenlight.analysis.calibration.level_estimates import pooled_counts
-from evenlight.analysis.calibration.pooled_fit import logistic_threshold
-from evenlight.analysis.calibration.posterior_grid import PsychometricPrior, RampCounts
-from evenlight.analysis.calibration.random_threshold import (
+from evenlight.analysis.calibration.level_estimates import logistic_threshold, pooled_counts
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.analysis.calibration.psychometric.random_threshold import (
     RandomThresholdFit,
     _Model,
     _stacked,
     even_rule,
     fit_random_threshold,
-    hermite_rule,
 )
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 MEDIAN, SD, PEOPLE = 3.1, 0.3, 12
 EXPERIMENTS = 60
+
+
+def hermite_rule(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the Gauss-Hermite rule of n nodes for a standard normal z, weights as logarithms."""
+    nodes, weights = special.roots_hermitenorm(n)
+    with np.errstate(divide="ignore"):  # the outermost weights of a large rule are below any float
+        ln_weights = np.log(weights)
+    return np.asarray(nodes), np.asarray(ln_weights - special.logsumexp(ln_weights))
 
 
 def experiment(rng: np.random.Generator, n: int = 8, two: bool = False, sd: float = SD) -> list[RampCounts]:

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm

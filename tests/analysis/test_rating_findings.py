@@ -14,8 +14,9 @@ from evenlight.analysis.rating.rating_findings import rating_findings
 from evenlight.analysis.rating.rating_model import few_sample_p, permuted_interaction, rating_model
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings, version_ratings
 from evenlight.analysis.rating.rating_results import pair_result
-from evenlight.data_schema.statistic import Origin, Statistic
-from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
+from evenlight.analysis.session_loading import task_data_of
+from evenlight.data_schema.analysis_results import Origin, Statistic
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
 OURS, BASELINE = Version.OURS, Version.BASELINE
 
@@ -195,7 +196,7 @@ def test_people_who_always_give_their_own_rating_have_no_odds_ratio_but_the_reas
 def test_alike_differences_leave_no_smallest_difference_and_one_sequence_no_row_of_all() -> None:
     findings = rating_findings(rating_data(rated({"gym": [4] * 8}, {"gym": [3] * 8}), ("gym",)), 1)
     row = statistic(findings, "gym", "smallest mean difference")
-    assert (row.value, row.flag) == (None, "all 8 differences are alike: no spread to reckon with")
+    assert (row.value, row.flag) == (None, "all 8 differences are alike: no spread to compute with")
     assert {s.group for s in findings.statistics if s.table == "differences"} == {"gym"}
 
 
@@ -283,3 +284,10 @@ def test_one_sequence_has_no_interaction() -> None:
     permuted = permuted_interaction([paired_ratings(trials, "gym")], np.random.default_rng(1))
     assert (permuted.p_value, permuted.flag) == (None, "one sequence: nothing that could differ")
     assert rating_model(trials, ("gym",)).interaction.p_value is None
+
+
+def test_trials_in_memory_give_the_same_numbers_as_sessions() -> None:
+    trials = drawn_ratings(Raters(), 6, np.random.default_rng(3))
+    in_sessions = rating_findings(rating_data(trials, tuple(sorted(PAPER_SEQUENCES))), 1)
+    in_memory = rating_findings(task_data_of("rating", trials, simulated=True), 1)
+    assert in_memory.statistics == in_sessions.statistics

@@ -10,7 +10,7 @@ from scipy import stats
 
 from evenlight.analysis.rating.rating_order import order_effects, ordered_pairs
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
-from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingTrial, Version
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
 BOTH = ("gym", "library")
 

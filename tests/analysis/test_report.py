@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_figures import write_figures
+from evenlight.analysis.calibration.calibration_files import write_figures
 from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
-from evenlight.analysis.loading import load_ramp_data
+from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import (
     SIMULATED_NOTE,
     Picture,
@@ -33,11 +33,11 @@ from evenlight.analysis.report_sections import (
     track_section,
 )
 from evenlight.analysis.tracks.closed_loop import origins_of
-from evenlight.data_schema.brightness_track import BudgetUnit, OptimizationSummary
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
-from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 HASH = "ab" * 32

@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.analysis.measurement.sample_gaps import Samples, count_samples, energy_knots, samples_once
+from evenlight.analysis.measurement.played_power.power_recording import (
+    Samples,
+    count_samples,
+    energy_knots,
+    samples_once,
+)
 from evenlight.data_schema.errors import InputError
 
 

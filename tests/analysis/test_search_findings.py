@@ -14,18 +14,22 @@ from made_searches import SearchTruth, made_table, task_data, trials_of
 
 from evenlight.analysis.findings import Findings, write_findings
 from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
-from evenlight.analysis.search.search_averages_section import averages_section
 from evenlight.analysis.search.search_findings import search_findings
 from evenlight.analysis.search.search_results import SearchResults, search_results
-from evenlight.analysis.search.search_sections import brightness_section, pairs_section, times_section
+from evenlight.analysis.search.search_sections import (
+    averages_section,
+    brightness_section,
+    pairs_section,
+    times_section,
+)
 from evenlight.analysis.search.search_statistics import statistics_of
 from evenlight.analysis.search.search_trials import search_table
 from evenlight.analysis.search.search_words import lead_of, slope_words
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.search import SearchTrial
-from evenlight.data_schema.statistic import Origin, PlottedPoint, Statistic
-from evenlight.data_schema.text_files import read_rows
-from evenlight.data_schema.viewing import Version
+from evenlight.data_schema.recordings.search import SearchTrial
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.storage.tables import read_rows
 
 Trials = tuple[SearchTrial, ...]
 RATIO = "time ratio, ours / baseline"
@@ -246,7 +250,7 @@ def test_the_words_lead_with_brightness_and_its_direction(findings: Findings) ->
     # 1.1 ** -0.5 = 0.953
     assert slope_words(saves).startswith(
         "More light saves time at these locations: with 10 % more light a search takes 0.95 of the time "
-        "(95 % interval 0.94 to 0.97; p < 0.001"
+        "(95 % confidence interval 0.94 to 0.97; p < 0.001"
     )
     costs = dataclasses.replace(saves, estimate=0.5, ci_low=0.3, ci_high=0.7)
     assert slope_words(costs).startswith("More light costs time")

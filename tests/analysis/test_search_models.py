@@ -11,6 +11,13 @@ from scipy import stats
 from statsmodels.regression.linear_model import WLS
 
 from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
+from evenlight.analysis.search.search_locations import (
+    ALL_ALIKE,
+    TOO_FEW,
+    LocationLine,
+    for_people_and_locations,
+    line_over_locations,
+)
 from evenlight.analysis.search.search_models import (
     BRIGHTNESS,
     SearchModels,
@@ -22,15 +29,7 @@ from evenlight.analysis.search.search_models import (
     version_effect,
     with_flags,
 )
-from evenlight.analysis.search.search_over_locations import (
-    ALL_ALIKE,
-    TOO_FEW,
-    LocationLine,
-    for_people_and_locations,
-    line_over_locations,
-)
-from evenlight.analysis.search.search_sides import Side
-from evenlight.analysis.search.search_trials import SearchTable
+from evenlight.analysis.search.search_trials import SearchTable, Side
 
 MARGIN = math.log(1.25)
 

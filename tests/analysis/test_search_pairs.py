@@ -12,7 +12,7 @@ from statsmodels.stats.contingency_tables import mcnemar
 
 from evenlight.analysis.search.search_pairs import (
     ONE_PERSON,
-    Pairs,
+    SearchPairs,
     detections,
     difference_interval,
     hazard_ratio,
@@ -30,10 +30,10 @@ def table(seed: int = 1, **truth: float) -> SearchTable:
     return made_table(SearchTruth(**settings), np.random.default_rng(seed))
 
 
-def pairs_of(first: list[int], people: list[int], later: list[int]) -> Pairs:
+def pairs_of(first: list[int], people: list[int], later: list[int]) -> SearchPairs:
     """Pairs in which both rings were found, but for those where it is not known which came first."""
     known = np.array(first) != 0
-    return Pairs(
+    return SearchPairs(
         np.array(people),
         np.zeros(len(first), np.int64),
         known,
@@ -45,7 +45,7 @@ def pairs_of(first: list[int], people: list[int], later: list[int]) -> Pairs:
     )
 
 
-def two_trials(ours: tuple[float, bool], baseline: tuple[float, bool]) -> Pairs:
+def two_trials(ours: tuple[float, bool], baseline: tuple[float, bool]) -> SearchPairs:
     """One person's pair at one location, from time and success of either search."""
     every = table()
     pair = every.some((every.participant == 0) & (every.location == 0))

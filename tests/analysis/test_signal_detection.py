@@ -5,14 +5,14 @@ import math
 import pytest
 from scipy import special
 
-from evenlight.analysis.calibration.signal_detection import (
+from evenlight.analysis.calibration.psychometric.signal_detection import (
     TWO_INTERVAL_D_PRIME,
     criterion_of,
     interval_bias_of,
     interval_biases,
     rate_of_d_prime,
 )
-from evenlight.data_schema.ramp import Procedure, RampTrial, Response
+from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 

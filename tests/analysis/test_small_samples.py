@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenlight.analysis.inference.small_samples import (
+from evenlight.analysis.inference.mixed_designs import (
     Reference,
     Sample,
     between_directions,

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.meter_noise import Noise, Repeats
-from evenlight.analysis.measurement.steadiness import (
+from evenlight.analysis.measurement.sweeps.repeated_readings import (
+    Noise,
+    Repeats,
     change_at_the_end,
     drifted,
     late_change,

@@ -9,11 +9,20 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, luminance_readings, power_readings, write_sweep
 
-from evenlight.analysis.measurement.sweep_loading import load_luminance_sweep, load_power_sweep, newest_sweeps
-from evenlight.data_schema.dataset_layout import READINGS
+from evenlight.analysis.measurement.sweeps.sweep_loading import (
+    load_luminance_sweep,
+    load_power_sweep,
+    newest_sweeps,
+)
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.session import SessionStatus
-from evenlight.data_schema.sweep import LuminanceReading, LuminanceSweepDesign, PowerSweepDesign, SweepPhase
+from evenlight.data_schema.recordings.dataset_layout import READINGS
+from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.recordings.sweep import (
+    LuminanceReading,
+    LuminanceSweepDesign,
+    PowerSweepDesign,
+    SweepPhase,
+)
 
 DESIGN = LuminanceSweepDesign(
     pixel_values=(0.0, 0.25, 0.5, 0.75, 1.0), factors=(0.5, 1.0), warm_up=60.0, warm_up_interval=20.0

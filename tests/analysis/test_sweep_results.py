@@ -12,19 +12,26 @@ import pytest
 from made_sweeps import STARTED, WARM, Meter, luminance_readings, power_readings, write_sweep
 
 from evenlight.analysis.fit_commands import fit
-from evenlight.analysis.measurement.sweep_results import fit_sweep
+from evenlight.analysis.measurement.sweeps.sweep_results import fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.provenance import sha256_of_file
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.data_schema.session import SessionStatus
-from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerReading, PowerSweepDesign
-from evenlight.data_schema.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel, SweepFlag
-from evenlight.data_schema.text_files import read_json_record, read_rows, read_toml_record
-from evenlight.experiments.simulate_ramp import RampSimulation, simulate_dataset
-from evenlight.experiments.simulated_observers import ObserverPopulation
-from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign, PowerReading, PowerSweepDesign
+from evenlight.data_schema.recordings.sweep_fit import (
+    DisplayFit,
+    LuminanceLevel,
+    PowerFit,
+    PowerLevel,
+    SweepFlag,
+)
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.hardware.simulated.panel import PanelPhysics
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")

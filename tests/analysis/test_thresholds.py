@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.analysis.calibration.posterior_grid import RampCounts
-from evenlight.analysis.calibration.ramp_counts import catch_counts, ramp_counts
-from evenlight.analysis.calibration.signal_detection import criterion_of, false_alarm_warnings
-from evenlight.analysis.calibration.thresholds import fit_thresholds_of, flag_of
-from evenlight.data_schema.ramp import RampTrial, Response
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts, catch_counts, ramp_counts
+from evenlight.analysis.calibration.psychometric.signal_detection import criterion_of, false_alarm_warnings
+from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of, flag_of
+from evenlight.data_schema.recordings.ramp import RampTrial, Response
 from evenlight.data_schema.threshold import ThresholdFlag
 
 
@@ -132,17 +131,27 @@ def warned(trials: list[RampTrial]) -> str:
     return " ".join(false_alarm_warnings(criteria, fits))
 
 
-def test_catch_trials_are_told_for_the_participant_and_for_the_level() -> None:
+def test_catch_trials_are_stated_for_the_participant_and_for_the_level() -> None:
     bright, dark = (fit.threshold for fit in fit_thresholds_of(caught("01", (1, 10), (4, 10)), judge=False))
     assert (bright.false_alarm_rate, bright.n_catch) == (0.25, 20)
     assert (bright.level_false_alarm_rate, bright.level_n_catch) == (0.1, 10)
     assert (dark.level_false_alarm_rate, dark.level_n_catch) == (0.4, 10)
 
 
-def test_false_alarms_that_hang_on_the_luminance_are_told() -> None:
+def test_false_alarms_that_depend_on_the_luminance_are_reported() -> None:
     """2 of 40 against 20 of 40: by chance once in 100 000 times. 5 against 6 are no difference."""
     assert "false alarms differ between the luminances" in warned(caught("01", (2, 40), (20, 40)))
     assert "differ" not in warned(caught("01", (5, 40), (6, 40)))
+
+
+def test_false_alarms_are_compared_with_the_correct_rejections() -> None:
+    """5 of 50 against 18 of 50, as a table of "yes" and "no": [[5, 45], [18, 32]].
+
+    χ² with Yates' correction is N (|ad - bc| - N/2)² / (product of row and column sums), which is
+    100 (|160 - 810| - 50)² / (50 · 50 · 23 · 77) = 8.131 with one degree of freedom: z = 2.8515, p = 0.00435.
+    A table of "yes" and other counts has another p: [[5, 55], [18, 68]] would have 0.07, and no warning.
+    """
+    assert "differ between the luminances (p = 0.0044)" in warned(caught("01", (5, 50), (18, 50)))
 
 
 def test_who_says_yes_to_a_third_of_the_catch_trials_is_named() -> None:

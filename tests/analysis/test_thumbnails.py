@@ -12,7 +12,7 @@ from evenlight.analysis.figure_style import (
     PAGE,
     SLIDE,
 )
-from evenlight.analysis.tracks.thumbnails import small_picture, thumbnails_of
+from evenlight.analysis.tracks.frame_samples import small_picture, thumbnails_of
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)

@@ -28,24 +28,24 @@ from evenlight.analysis.figure_style import (
     png_bytes,
     write_png,
 )
+from evenlight.analysis.tracks.frame_samples import dimmed_picture
+from evenlight.analysis.tracks.optimization import Weighing
 from evenlight.analysis.tracks.rate_panel import drawn_rates
-from evenlight.analysis.tracks.thumbnails import dimmed_picture
 from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_story import (
-    TrackStory,
-    Weighing,
+from evenlight.analysis.tracks.track_figure_data import (
+    TrackFigureData,
     budget_in_words,
     compared_in_words,
     outcome_in_words,
 )
-from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 
 MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
 
 
-def story(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> TrackStory:
+def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> TrackFigureData:
     """A track with every column of its own shape, so that none can be taken for another."""
     steps = np.arange(n)
     given = {
@@ -65,7 +65,7 @@ def story(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -
     chosen = sorted({int(k) for k in np.linspace(0, n - 1, pictures)}) if pictures else []
     thumbnails = tuple((k, picture) for k in chosen)
     constant = 0.3 + 0.05 * np.sin(steps / 2)
-    return TrackStory(BrightnessTrack(**given, header=header), 0.5, constant, 0.01, 0.02, thumbnails)
+    return TrackFigureData(BrightnessTrack(**given, header=header), 0.5, constant, 0.01, 0.02, thumbnails)
 
 
 def lines_of(figure: Figure, place: int, colour: str) -> list[Line2D]:
@@ -74,20 +74,20 @@ def lines_of(figure: Figure, place: int, colour: str) -> list[Line2D]:
 
 
 def test_the_lines_of_a_track_are_its_data() -> None:
-    told = story()
-    figure = track_figure(told)
+    given = data()
+    figure = track_figure(given)
     expected = [
-        (0, OURS, told.track.factors),
-        (1, OURS, told.track.contrast_loss),
-        (1, BASELINE, told.baseline_loss),
+        (0, OURS, given.track.factors),
+        (1, OURS, given.track.contrast_loss),
+        (1, BASELINE, given.baseline_loss),
     ]
     for place, colour, values in expected:
         (line,) = lines_of(figure, place, colour)
         assert line.get_drawstyle() == "steps-post"
-        np.testing.assert_array_equal(line.get_xdata()[:-1], told.track.times)
+        np.testing.assert_array_equal(line.get_xdata()[:-1], given.track.times)
         np.testing.assert_array_equal(line.get_ydata()[:-1], values)
     (baseline,) = lines_of(figure, 0, BASELINE)
-    assert set(baseline.get_ydata()) == {told.baseline_factor}
+    assert set(baseline.get_ydata()) == {given.baseline_factor}
 
 
 @pytest.mark.parametrize(
@@ -97,8 +97,8 @@ def test_the_lines_of_a_track_are_its_data() -> None:
 def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
     low: float, high: float, bounded: bool, full: bool
 ) -> None:
-    told = dataclasses.replace(story(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
-    panel = track_figure(told).axes[0]
+    given = dataclasses.replace(data(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
+    panel = track_figure(given).axes[0]
     bottom, top = panel.get_ylim()
     assert 0 <= bottom < low < high < top
     assert 0.15 <= top - bottom <= max(2 * (high - low), 0.16)
@@ -112,14 +112,14 @@ def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
 
 
 def test_a_clip_that_loses_nothing_is_not_said_to_lose_a_share() -> None:
-    even = dataclasses.replace(story(contrast_loss=np.zeros(30)), objective=0.0, objective_baseline=0.0)
+    even = dataclasses.replace(data(contrast_loss=np.zeros(30)), objective=0.0, objective_baseline=0.0)
     assert "the same share" in outcome_in_words(even)
     black = dataclasses.replace(even, baseline_loss=np.zeros(30))
     assert outcome_in_words(black).startswith("No visible contrast is lost in any frame")
 
 
 def test_a_track_less_even_than_constant_dimming_is_said_to_be() -> None:
-    worse = dataclasses.replace(story(), objective=0.0232, objective_baseline=0.00225)
+    worse = dataclasses.replace(data(), objective=0.0232, objective_baseline=0.00225)
     assert "10.3 times as much as constant dimming (0.00225)" in outcome_in_words(worse)
     only_ours = dataclasses.replace(worse, objective_baseline=0.0)
     assert "by 0.0232 on average, in contrast to constant dimming (0)" in outcome_in_words(only_ours)
@@ -150,21 +150,21 @@ def test_words_of_a_comparison_are_true(ours: float, constant: float) -> None:
     ],
 )
 def test_a_title_has_what_was_reached_not_what_was_asked(changes: dict[str, Any], words: str) -> None:
-    assert budget_in_words(dataclasses.replace(story(), **changes)) == words
+    assert budget_in_words(dataclasses.replace(data(), **changes)) == words
 
 
 def test_constant_dimming_has_the_same_power_only_where_it_has() -> None:
     for same, words in ((True, "constant, same power: 0.5"), (False, "constant, same mean: 0.5")):
-        legend = track_figure(dataclasses.replace(story(), same_power=same)).axes[0].get_legend()
+        legend = track_figure(dataclasses.replace(data(), same_power=same)).axes[0].get_legend()
         assert legend is not None
         assert words in [text.get_text() for text in legend.get_texts()]
 
 
 def test_weights_are_told_where_frames_count_differently() -> None:
-    assert "weight" not in outcome_in_words(story())
-    weighted = dataclasses.replace(story(), weighing=Weighing.WEIGHTED)
+    assert "weight" not in outcome_in_words(data())
+    weighted = dataclasses.replace(data(), weighing=Weighing.WEIGHTED)
     assert "by 0.01 on weighted average" in outcome_in_words(weighted)
-    left_out = dataclasses.replace(story(), weighing=Weighing.LEFT_OUT)
+    left_out = dataclasses.replace(data(), weighing=Weighing.LEFT_OUT)
     assert outcome_in_words(left_out).startswith("Does not count (weight 0). Contrast loss")
 
 
@@ -174,8 +174,8 @@ def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(sp
     allowed, rate = fitted.copy(), 0.5 * fitted
     allowed[[10, 11, 12, 20]] *= [10, 10, 10, 0]
     rate[[11, 20, 29]] = 8.7 * fitted[11], 0.0, 0.0
-    told = dataclasses.replace(story(rate=rate, rate_limit=allowed), fitted_limit=fitted)
-    figure = track_figure(told)
+    given = dataclasses.replace(data(rate=rate, rate_limit=allowed), fitted_limit=fitted)
+    figure = track_figure(given)
     panel = figure.axes[2]
     spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
     np.testing.assert_allclose(spans, np.array([(10, 13), (20, 21)]) / 25)
@@ -185,30 +185,30 @@ def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(sp
     assert panel.get_ylim()[1] > line.get_ydata().max()
     words = " ".join(" ".join(text.get_text() for text in figure.texts).split())
     assert "in marked sections up to 8.7 times it" in words
-    plain = track_figure(story(rate=rate, rate_limit=allowed)).axes[2]
+    plain = track_figure(data(rate=rate, rate_limit=allowed)).axes[2]
     assert not plain.patches
 
 
 def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
-    told = story()
-    (line,) = lines_of(track_figure(told), 2, OURS)
-    np.testing.assert_array_equal(line.get_xdata(), told.track.times)
-    np.testing.assert_array_equal(line.get_ydata()[:-1], told.track.rate[:-1])
+    given = data()
+    (line,) = lines_of(track_figure(given), 2, OURS)
+    np.testing.assert_array_equal(line.get_xdata(), given.track.times)
+    np.testing.assert_array_equal(line.get_ydata()[:-1], given.track.rate[:-1])
 
 
 def test_rates_are_drawn_between_the_limits_of_both_directions() -> None:
-    told = story()
-    figure = track_figure(told)
+    given = data()
+    figure = track_figure(given)
     assert figure.axes[2].get_ylabel() == "rate [cd/m²/s]"
     for sign, line in zip((1, -1), lines_of(figure, 2, LIMIT), strict=True):
         assert line.get_drawstyle() == "steps-post"
-        np.testing.assert_array_equal(line.get_xdata()[:-1], told.track.times)
-        np.testing.assert_array_equal(line.get_ydata()[:-1], sign * told.track.rate_limit)
+        np.testing.assert_array_equal(line.get_xdata()[:-1], given.track.times)
+        np.testing.assert_array_equal(line.get_ydata()[:-1], sign * given.track.rate_limit)
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e4], ids=["narrow", "wide"])
 def test_every_limit_and_every_rate_has_room_in_the_figure(spread: float) -> None:
-    panel = track_figure(story(rate_limit=np.geomspace(1.0, spread, 30))).axes[2]
+    panel = track_figure(data(rate_limit=np.geomspace(1.0, spread, 30))).axes[2]
     bottom, top = panel.get_ylim()
     for line in panel.lines:
         assert bottom < np.min(line.get_ydata())
@@ -216,49 +216,49 @@ def test_every_limit_and_every_rate_has_room_in_the_figure(spread: float) -> Non
 
 
 def test_limits_that_vary_widely_make_rates_shares_of_them() -> None:
-    told = story(4, rate=np.array([0.01, -3.0, 0.0, 0.0]), rate_limit=np.array([0.02, 4.0, 0.0, 0.0]))
-    panel = track_figure(told).axes[2]
-    (line,) = lines_of(track_figure(told), 2, OURS)
+    given = data(4, rate=np.array([0.01, -3.0, 0.0, 0.0]), rate_limit=np.array([0.02, 4.0, 0.0, 0.0]))
+    panel = track_figure(given).axes[2]
+    (line,) = lines_of(track_figure(given), 2, OURS)
     np.testing.assert_allclose(line.get_ydata()[:-1], [50.0, -75.0, 0.0])  # of 0.02, 4 and nothing
     assert panel.get_ylabel() == "rate / ΔL [%]"
-    upper, lower = lines_of(track_figure(told), 2, LIMIT)
+    upper, lower = lines_of(track_figure(given), 2, LIMIT)
     assert set(upper.get_ydata()) == {100.0}
     assert set(lower.get_ydata()) == {-100.0}
 
 
 def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
-    told = story(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
-    np.testing.assert_array_equal(drawn_rates(told).rate, [50.0, -np.inf])
+    given = data(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
+    np.testing.assert_array_equal(drawn_rates(given).rate, [50.0, -np.inf])
 
 
 def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
-    told = story(pictures=3)
-    pictures = [np.asarray(axes.images[0].get_array()) for axes in track_figure(told).axes if axes.images]
+    given = data(pictures=3)
+    pictures = [np.asarray(axes.images[0].get_array()) for axes in track_figure(given).axes if axes.images]
     assert len(pictures) == 6
     pairs = zip(pictures[::2], pictures[1::2], strict=True)
-    for (index, original), (full, dimmed) in zip(told.thumbnails, pairs, strict=True):
+    for (index, original), (full, dimmed) in zip(given.thumbnails, pairs, strict=True):
         np.testing.assert_array_equal(full, original)
-        np.testing.assert_array_equal(dimmed, dimmed_picture(original, told.track.factors[index]))
+        np.testing.assert_array_equal(dimmed, dimmed_picture(original, given.track.factors[index]))
 
 
-DEGENERATE: dict[str, Callable[[], TrackStory]] = {
-    "one frame": lambda: story(1, pictures=1),
-    "two frames": lambda: story(2, pictures=2),
-    "no thumbnails": lambda: story(pictures=0),
-    "many thumbnails": lambda: story(100, pictures=40),
-    "very long": lambda: story(10_000, pictures=6),
-    "constant": lambda: story(factors=np.full(30, 0.5), contrast_loss=np.full(30, 0.1), rate=np.zeros(30)),
-    "all black": lambda: story(
+DEGENERATE: dict[str, Callable[[], TrackFigureData]] = {
+    "one frame": lambda: data(1, pictures=1),
+    "two frames": lambda: data(2, pictures=2),
+    "no thumbnails": lambda: data(pictures=0),
+    "many thumbnails": lambda: data(100, pictures=40),
+    "very long": lambda: data(10_000, pictures=6),
+    "constant": lambda: data(factors=np.full(30, 0.5), contrast_loss=np.full(30, 0.1), rate=np.zeros(30)),
+    "all black": lambda: data(
         contrast_loss=np.zeros(30),
         mean_luminance=np.zeros(30),
         rate=np.zeros(30),
         rate_limit=np.zeros(30),
         power=np.zeros(30),
     ),
-    "some black": lambda: story(rate_limit=np.where(np.arange(30) < 9, 0.0, 2.0)),
-    "uneven": lambda: story(times=np.cumsum(np.geomspace(1e-3, 10.0, 30))),
-    "late": lambda: story(times=1e6 + np.arange(30) / 25),
-    "strange name": lambda: story(video="$a_1$ ünï 東京 \\ {x}^2\n" + "long " * 40 + "\udcff.mp4"),
+    "some black": lambda: data(rate_limit=np.where(np.arange(30) < 9, 0.0, 2.0)),
+    "uneven": lambda: data(times=np.cumsum(np.geomspace(1e-3, 10.0, 30))),
+    "late": lambda: data(times=1e6 + np.arange(30) / 25),
+    "strange name": lambda: data(video="$a_1$ ünï 東京 \\ {x}^2\n" + "long " * 40 + "\udcff.mp4"),
 }
 
 
@@ -271,30 +271,30 @@ def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
 def test_a_track_is_legible_in_every_medium(
     medium: Medium, require_legible: Callable[[Figure, Medium], None]
 ) -> None:
-    told = story(video="a_rather_long_name_of_a_video.mp4", pictures=8)
-    limit = np.where(np.arange(30) == 9, 0.1, 1.0) * told.track.rate_limit
+    given = data(video="a_rather_long_name_of_a_video.mp4", pictures=8)
+    limit = np.where(np.arange(30) == 9, 0.1, 1.0) * given.track.rate_limit
     wordy = dataclasses.replace(
-        told, achieved=0.37, clips=2, same_power=False, weighing=Weighing.LEFT_OUT, fitted_limit=limit
+        given, achieved=0.37, clips=2, same_power=False, weighing=Weighing.LEFT_OUT, fitted_limit=limit
     )
     require_legible(track_figure(wordy, medium), medium)
 
 
 def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    first, second = (png_bytes(track_figure(story(), SMALL)) for _ in range(2))
+    first, second = (png_bytes(track_figure(data(), SMALL)) for _ in range(2))
     assert first == second
     assert dict(mpl.rcParams) == before  # drawing leaves no setting behind
-    write_png(tmp_path / "track.png", track_figure(story(), SMALL))
+    write_png(tmp_path / "track.png", track_figure(data(), SMALL))
     assert (tmp_path / "track.png").read_bytes() == first
 
 
 def test_a_figure_has_the_size_of_its_medium() -> None:
     for medium in (PAGE, SLIDE, COLUMN):
-        pixels = imread(io.BytesIO(png_bytes(track_figure(story(), medium))))
+        pixels = imread(io.BytesIO(png_bytes(track_figure(data(), medium))))
         height, width = (side * medium.dots_per_inch for side in (medium.height, medium.width))
         np.testing.assert_allclose(pixels.shape[:2], (height, width), atol=1)
 
 
 def test_a_baseline_of_another_length_is_refused() -> None:
     with pytest.raises(ValueError, match="each of the 30 frames, got 2"):
-        dataclasses.replace(story(), baseline_loss=np.zeros(2))
+        dataclasses.replace(data(), baseline_loss=np.zeros(2))

@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from evenlight.analysis.comparison.comparison_counts import Choices
-from evenlight.analysis.comparison.comparison_shares import estimate_share
+from evenlight.analysis.comparison.comparison_shares import Choices, estimate_share
 from evenlight.analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
 from evenlight.analysis.inference.binomial_power import difference_power
 from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.plans.plan_files import write_viewing_plan
 from evenlight.analysis.plans.viewing_plan import (
+    ParticipantsNeeded,
     ViewingPlan,
     ViewingRequest,
+    exactly_needed,
     in_words,
+    needed_by_line,
     needed_in_words,
     plan_viewing,
 )
@@ -28,13 +31,11 @@ from evenlight.analysis.plans.viewing_plan_comparison import (
     person_in_the_middle,
 )
 from evenlight.analysis.plans.viewing_plan_figure import viewing_plan_figure
-from evenlight.analysis.plans.viewing_plan_needs import Needed, exactly_needed, needed_by_line
 from evenlight.analysis.plans.viewing_plan_rating import RatingTruth, published_difference, published_spread
 from evenlight.analysis.plans.viewing_plan_search import SearchTruth, version_effect
 from evenlight.analysis.search.search_models import slowing
-from evenlight.analysis.viewing_plan_command import write_viewing_plan
-from evenlight.data_schema.plan import ViewingPlanRow
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.analysis_results import ViewingPlanRow
+from evenlight.data_schema.storage.tables import read_rows
 
 RATING = RatingTruth(0.5, 0.8, 0.25, 4)
 
@@ -159,7 +160,7 @@ def test_power_that_does_not_rise_needs_no_number() -> None:
 
 
 def test_a_line_far_from_the_wanted_power_gives_no_number() -> None:
-    assert needed_by_line([4, 5], [0.0, 0.001], 1000, 0.8) == Needed(None, None, None)
+    assert needed_by_line([4, 5], [0.0, 0.001], 1000, 0.8) == ParticipantsNeeded(None, None, None)
     assert needed_by_line([20, 30], [0.98, 0.995], 1000, 0.8).participants == 20
     assert needed_by_line([10, 20], [0.3, 0.55], 1000, 0.8).participants is not None
 

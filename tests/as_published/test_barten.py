@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.contrast_model import SensitivityModel
-from evenlight.method.csf import contrast_sensitivity, optical_blur, pupil_diameter, retinal_illuminance
+from evenlight.method.contrast.csf import (
+    contrast_sensitivity,
+    optical_blur,
+    pupil_diameter,
+    retinal_illuminance,
+)
 
 
 def test_pupil_at_100_cd_m2_and_60_degrees():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.power_fit import LineFit, fit_line, points_of
+from evenlight.analysis.measurement.sweeps.power_fit import LineFit, fit_line, points_of
 from evenlight.method.preset_files import load_power_model
 
 # Luminance of the panel [cd/m²] and current from its 5 V supply [A], as the authors published them.

@@ -3,18 +3,18 @@
 import numpy as np
 from numpy.polynomial import legendre
 
-from evenlight.analysis.calibration.published_rate_limit import (
-    PUBLISHED_COEFFICIENTS,
+from evenlight.analysis.calibration.rate_limit.published_rate_limit import (
     PUBLISHED_LUMINANCE,
     published_fit,
     published_rate_limit,
     published_rates,
 )
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_fit import fit_points
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points
+from evenlight.analysis.published import published_values
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.text_files import read_json_record
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.method.preset_files import PRESETS, load_display
 from evenlight.method.rate_limit import LimitCurve, rate_limit_at
 
@@ -46,7 +46,9 @@ def test_the_legendre_coefficients_are_the_published_monomials() -> None:
     low, high = limit.luminance_range
     in_position = np.polynomial.Polynomial(legendre.leg2poly(limit.coefficients), domain=[low, high])
     monomials = in_position.convert(domain=[-1, 1]).coef[::-1]
-    np.testing.assert_allclose(monomials, PUBLISHED_COEFFICIENTS, rtol=1e-8)
+    # The authors' polynomial: ln(ΔL) = Σ c_k L^k, highest power first, L in cd/m^2.
+    authors = [v.number for v in published_values("authors_rate_limit")]
+    np.testing.assert_allclose(monomials, authors, rtol=1e-8)
 
 
 def test_the_published_thresholds_are_near_three_percent_per_second() -> None:

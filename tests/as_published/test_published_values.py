@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from evenlight.analysis.published import SEQUENCES, SURACE_2025, published, published_values
-from evenlight.data_schema.published_value import PublishedValue
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.analysis_results import PublishedValue
+from evenlight.data_schema.storage.tables import read_rows
 from evenlight.method.preset_files import load_display, load_power_model
 
 PLACE = re.compile(r"(Table [1-3]|Equation [1-7]|Figure [0-9]+|Section [1-8](\.[1-5])?|the authors' program)")

@@ -9,14 +9,15 @@ import pytest
 from benchmarks import fit_subject
 from benchmarks.chart import SCREEN, chart_figure
 from benchmarks.fit_subject import TO_TRUTH, TWO_INTERVAL, YES_NO, simulated
-from benchmarks.measured import Approach, Chart, Measured, Pains, claim, growth, not_measured, point
+from benchmarks.measured import Approach, Chart, Measured, RunSettings, claim, growth, not_measured, point
 from benchmarks.page import page
 from benchmarks.peak_memory import peak_memory
 from benchmarks.results import measure_all
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.analysis.figure_style import look
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary, Role
-from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
 
 COMPANIONS = Path(__file__).parents[1] / "companions"
 
@@ -203,7 +204,7 @@ def fit_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit_subject, "REFERENCE_NODES", (80, 52, 25, 17))  # a fifth of the work
         patch.setattr(fit_subject, "peak_memory", lambda task: 5.0)  # two processes, tested above
-        (measured,) = measure_all({"fit": fit_subject.measure}, Pains(quick=True), folder)
+        (measured,) = measure_all({"fit": fit_subject.measure}, RunSettings(quick=True), folder)
     assert measured.notes[0].startswith("All answers are of simulated participants")
     return folder
 

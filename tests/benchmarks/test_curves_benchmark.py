@@ -8,14 +8,14 @@ import pytest
 
 from benchmarks import curves_subject, frame_points, memory_claims, video_definition, video_points
 from benchmarks.curves_memory import DISPLAY, analyze_minutes, curves_size
-from benchmarks.measured import Approach, Pains, point
+from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.stopwatch import Times
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import PixelToLuminance
-from evenlight.data_schema.loss_curves import ARRAY_SHAPES
-from evenlight.method.loss_curves import analyze_frames, loss_curves_by_definition
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.thrift import Thrift
+from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast.loss_curves import analyze_frames, loss_curves_by_definition
+from evenlight.method.contrast.luminance import emitted_luminance
 
 
 def a_point(task: str, name: str, role: Role, time: float, error: float) -> BenchmarkPoint:
@@ -43,7 +43,7 @@ def test_one_frame_in_ten_is_right_where_it_is_sampled_and_linear_in_between() -
 
 def test_the_default_is_compared_at_knots_and_between_where_the_tolerance_costs_most() -> None:
     frames = list(video_points.film(32, 18, 9, 1))
-    found = analyze_frames(frames, "film", DISPLAY, thrift=Thrift(1e-3))
+    found = analyze_frames(frames, "film", DISPLAY, effort=AnalysisEffort(1e-3))
     changed = found.loss.copy()
     changed[2] += 0.25  # more than any loss of this frame differs from the definition
     errors = video_definition.default_errors(frames, replace(found, loss=changed), found.loss, 1)
@@ -91,7 +91,7 @@ def test_long_ways_to_a_curve_have_few_turns_of_their_own_beside_the_usual_one()
         return frame_points._Variant(lambda: np.zeros(len(asked.append(name) or [])), long=long)
 
     names = {frame_points.OURS: False, "half": False, frame_points.DOUBLE: True}
-    times = frame_points._times({name: way(name, long) for name, long in names.items()}, Pains())
+    times = frame_points._times({name: way(name, long) for name, long in names.items()}, RunSettings())
     assert [len(times[name].wall) for name in names] == [9, 9, 3]
     assert asked == [frame_points.OURS, frame_points.DOUBLE] * (3 + 1) + [frame_points.OURS, "half"] * (9 + 1)
 
@@ -150,7 +150,7 @@ def test_memory_is_compared_apart_from_the_curves_in_every_way(
         return frames + 2 * curves_size(float(minutes))
 
     monkeypatch.setattr(memory_claims, "peak_memory", used)
-    verdicts = memory_claims.memory_claims(Pains())
+    verdicts = memory_claims.memory_claims(RunSettings())
     assert [verdict.met for verdict in verdicts] == [met] * 3
     assert [verdict.measured for verdict in verdicts] == pytest.approx([more] * 3)
     assert asked[:2] == [(1.0, 1e-3, 1, PixelToLuminance.LINEAR_FIRST), (10.0, *asked[0][1:])]
@@ -161,12 +161,12 @@ def test_memory_is_compared_apart_from_the_curves_in_every_way(
 
 def test_memory_that_the_system_does_not_tell_is_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory_claims, "peak_memory", lambda *_: None)
-    assert [verdict.met for verdict in memory_claims.memory_claims(Pains())] == [None] * 3
+    assert [verdict.met for verdict in memory_claims.memory_claims(RunSettings())] == [None] * 3
 
 
 def test_a_quick_run_says_which_memory_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory_claims, "peak_memory", lambda *_: 100.0)
-    verdicts = memory_claims.memory_claims(Pains(quick=True))
+    verdicts = memory_claims.memory_claims(RunSettings(quick=True))
     assert [verdict.met is None for verdict in verdicts] == [False, False, True]
 
 

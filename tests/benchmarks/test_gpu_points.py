@@ -9,9 +9,9 @@ from compute_shaders import own_context
 from benchmarks import gpu_clock, gpu_points
 from benchmarks.gpu_clock import copy_bandwidth, gpu_seconds
 from benchmarks.gpu_points import TARGETS, curve_points, online_points
-from benchmarks.measured import Pains
+from benchmarks.measured import RunSettings
 
-QUICK = Pains(quick=True)
+QUICK = RunSettings(quick=True)
 SIZE = (96, 64)
 
 

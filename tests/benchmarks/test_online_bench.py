@@ -8,20 +8,19 @@ import pytest
 from benchmarks.online_content import bound_content, extreme_content, step_content
 from benchmarks.online_walk import (
     TARGET,
-    Walk,
+    WalkFrames,
     _bound_overshoot,
     _direct,
     _extreme_ratio,
     _step_overshoot,
     sd_ratio,
 )
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import factor_at_loss
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import factor_at_loss
 from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.method.rate_limit import rate_limit_at
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 
 DISPLAY, PAPER = load_display("varjo-xr3"), load_rate_limit("surace2025")
 CONTROLLER = Controller(ControllerSettings(TARGET), scalar_rate_limit(PAPER))
@@ -58,7 +57,7 @@ def test_the_ratio_of_rates_is_to_the_limit_that_is_meant() -> None:
     double = Controller(CONTROLLER.settings, lambda light: 2 * CONTROLLER.rate_limit(light))
     curves = extreme_content(DISPLAY, np.random.default_rng(2))
     assert _extreme_ratio(curves, CONTROLLER, np.random.default_rng(3)) <= 1
-    factors = _direct(Walk(curves, double, PAPER, load_power_model("surace2025")))
+    factors = _direct(WalkFrames(curves, double, PAPER, load_power_model("surace2025")))
     rate = modulation_rate(factors, curves.mean_luminance, curves.durations)
     limit = allowed_rate(factors, curves.mean_luminance, lambda light: rate_limit_at(PAPER, light))
     assert largest_rate_ratio(rate, limit) == pytest.approx(2, rel=1e-6)
@@ -69,7 +68,7 @@ def test_going_straight_is_at_the_target_or_at_the_limit(make_curves) -> None:
     curves: LossCurves = make_curves(
         0.2 + 0.1 * np.sin(times / 3), luminance=30 + 10 * np.cos(times), frames_per_second=5.0
     )
-    walk = Walk(curves, CONTROLLER, PAPER, load_power_model("surace2025"))
+    walk = WalkFrames(curves, CONTROLLER, PAPER, load_power_model("surace2025"))
     factors = _direct(walk)
     rate = np.abs(modulation_rate(factors, curves.mean_luminance, curves.durations))[:-1]
     limit = allowed_rate(factors, curves.mean_luminance, lambda light: rate_limit_at(PAPER, light))[:-1]

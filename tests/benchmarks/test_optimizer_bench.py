@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from benchmarks.measured import Approach, Measured, Pains, point
+from benchmarks.measured import Approach, Measured, RunSettings, point
 from benchmarks.optimizer_lengths import (
     CERTIFIED,
     LENGTH_TASK,
@@ -21,8 +21,8 @@ from benchmarks.page import page
 from benchmarks.stopwatch import Times
 from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.errors import InputError
-from evenlight.method.optimize import Problem, Solution, optimize
-from evenlight.method.splitting import SplittingSolver
+from evenlight.method.optimizer.optimize import Problem, Solution, optimize
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 
 def test_peers_are_timed_in_turn_after_one_that_does_not_count_and_refusals_are_left_out() -> None:
@@ -67,14 +67,14 @@ def test_a_family_has_the_sizes_it_names_and_its_last_curves_rise() -> None:
 
 def test_a_family_on_which_slsqp_finds_better_is_missed_and_says_by_how_much(monkeypatch) -> None:
     monkeypatch.setattr("benchmarks.optimizer_peers.best_of", lambda *_: 0.0)
-    missed = _family_claim(Pains(quick=True), Family((2, 3), 2, 1))
+    missed = _family_claim(RunSettings(quick=True), Family((2, 3), 2, 1))
     assert not missed.met
     assert missed.measured > 0.01
     assert "worse on" in missed.note
 
 
 def test_of_four_problems_one_has_weights_one_allowances_one_an_oled_budget_and_the_last_nothing() -> None:
-    weighted, allowed, oled, plain = _told_apart(odd_problems(np.random.default_rng(4), (12, 12), 4))
+    weighted, allowed, oled, plain = _identifiable(odd_problems(np.random.default_rng(4), (12, 12), 4))
     assert set(np.round(weighted.importance / weighted.importance.max(), 9)) == {0.0, 0.2, 1.0}
     steps = np.unique(allowed.allowances / allowed.allowances[5])  # the middle third goes by the limit itself
     np.testing.assert_allclose(steps, [0.0, 1.0, 3.0])
@@ -83,7 +83,7 @@ def test_of_four_problems_one_has_weights_one_allowances_one_an_oled_budget_and_
     assert plain.importance is None
 
 
-def _told_apart(problems: list[Problem]) -> tuple[Problem, Problem, Problem, Problem]:
+def _identifiable(problems: list[Problem]) -> tuple[Problem, Problem, Problem, Problem]:
     """Return the problem with weights, with allowances, with an OLED budget, and the last one."""
     weighted = next(p for p in problems if p.importance is not None)
     allowed = next(p for p in problems if (p.allowances == 0).any())
@@ -92,7 +92,7 @@ def _told_apart(problems: list[Problem]) -> tuple[Problem, Problem, Problem, Pro
 
 
 def test_ours_is_no_worse_than_slsqp_where_frames_have_weights_or_allowances_or_an_oled_budget() -> None:
-    for problem in _told_apart(odd_problems(np.random.default_rng(9), (8, 12), 4))[:3]:
+    for problem in _identifiable(odd_problems(np.random.default_rng(9), (8, 12), 4))[:3]:
         base = problem.objective(problem.baseline())
         ours = optimize(problem, SplittingSolver()).factors
         assert problem.rate_ratio(ours) <= 1 + 1e-6
@@ -103,11 +103,11 @@ def test_a_family_with_fewer_starts_than_ten_says_so_and_all_say_their_sizes(mon
     monkeypatch.setattr("benchmarks.optimizer_peers.best_of", lambda *_: 1.0)
     few = odd_problems(np.random.default_rng(1), (3, 3), 1)
     monkeypatch.setattr("benchmarks.optimizer_peers.odd_problems", lambda *_: few)
-    note = _family_claim(Pains(quick=True), Family((2, 400), 1, 3)).note
+    note = _family_claim(RunSettings(quick=True), Family((2, 400), 1, 3)).note
     assert "3 starts, not 10, for want of time" in note
     assert "the splitting and the grid alone" in note
     assert "of 3 to 3 frames" in note
-    assert "starts, not" not in _family_claim(Pains(quick=True), Family((2, 60), 1, 10)).note
+    assert "starts, not" not in _family_claim(RunSettings(quick=True), Family((2, 60), 1, 10)).note
 
 
 def timed_point(name: str, frames: int, seconds: float, processor: float) -> BenchmarkPoint:

@@ -13,13 +13,13 @@ from benchmarks import unfused_pass
 from benchmarks.unfused_pass import UnfusedPass, visible_share
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
-from evenlight.method.bands import counted_frequencies
-from evenlight.method.contrast_loss import visible_map
-from evenlight.method.critical_factor import MASKING_RANGE, effective_sensitivity
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import dimmed_luminance, emitted_luminance
-from evenlight.method.masking import MASKING_EXPONENT, neighbourhood_mean
+from evenlight.method.contrast.contrast_loss import visible_map
+from evenlight.method.contrast.critical_factor import MASKING_RANGE, effective_sensitivity
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.masking import MASKING_EXPONENT, neighbourhood_mean
+from evenlight.method.contrast.pyramid import counted_frequencies
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 BRIGHT_ROOM = replace(HEADSET, reflected_luminance=2.0)

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from evenlight.data_schema.dataset_layout import TRIALS
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.recordings.dataset_layout import TRIALS
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.storage.text_files import write_toml_record
 
 SMALL = RampDesign(
     screens=("white",),

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.checking.validation import validate
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
     TrackHeader,
     write_track,
 )
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.loss_curves import LossCurves, write_loss_curves
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.text_files import write_json_record
-from evenlight.data_schema.validation import validate
+from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 
 
 def problems_of(path: Path) -> list[str]:

@@ -5,18 +5,18 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from drawn_codes import image_codes
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.rig import Rig
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import Clip, ShownClip
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.backlights import SimulatedBacklight
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
-from evenlight.stimuli.image_codes import image_codes
 
 LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
 RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)

@@ -11,12 +11,12 @@ from comparison_levels import PEOPLE
 from evenlight.analysis.comparison.comparison_results import compare
 from evenlight.analysis.comparison.comparison_statistics import statistics_of
 from evenlight.analysis.session_loading import Session, TaskData
+from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Response
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.statistic import Statistic
-from evenlight.data_schema.viewing import ComparisonDesign, ComparisonTrial
+from evenlight.data_schema.recordings.ramp import Response
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial
 
 NAMES = ("library", "gym", "living_room", "basement")
 Answer = tuple[str, str, bool, int]  # participant, sequence, ours chosen, interval of ours

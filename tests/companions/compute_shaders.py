@@ -5,7 +5,7 @@ import functools
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.method.gpu_context import OwnContext
+from evenlight.method.gpu.context import OwnContext
 
 
 @functools.cache

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import read_track
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.data_schema.text_files import write_json_record
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video_writer import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 
 def texture(seed, height=36, width=48):

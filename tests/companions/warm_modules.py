@@ -4,7 +4,7 @@ import contextlib
 import importlib
 import os
 
-# PsychoPy takes user site-packages for its own otherwise, as hardware/psychopy_window.py says.
+# PsychoPy takes user site-packages for its own otherwise, as hardware/presentation/psychopy_window.py says.
 os.environ["PSYCHOPYNOPACKAGES"] = "1"
 # Not its window: the import of pyglet's connects to the screen, which each run is to do for itself.
 SESSION = ("evenlight.experiments.run_command", "evenlight.experiments.run_session")

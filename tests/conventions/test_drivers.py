@@ -20,14 +20,17 @@ import pytest
 import evenlight
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware import rig as rigs
-from evenlight.hardware.backlight_curve import BacklightCurve
-from evenlight.hardware.backlight_log import LoggedBacklight
-from evenlight.hardware.backlight_notes import BACKLIGHTS
-from evenlight.hardware.driver_table import SIMULATED, Driver, LinkKind
+from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
+from evenlight.hardware.backlights import LoggedBacklight
+from evenlight.hardware.driver_table import (
+    BACKLIGHTS,
+    LUMINANCE_METERS,
+    POWER_METERS,
+    SIMULATED,
+    Driver,
+    LinkKind,
+)
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.linear_backlight import LinearizedBacklight
-from evenlight.hardware.luminance_meters import LUMINANCE_METERS
-from evenlight.hardware.power_meters import POWER_METERS
 from evenlight.hardware.protocols import (
     TRANSIENT,
     Backlight,
@@ -38,19 +41,20 @@ from evenlight.hardware.protocols import (
     Reading,
 )
 from evenlight.hardware.rig_files import load_rig
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 ROOT = Path(evenlight.__file__).parents[1]
 LIBRARIES = ("serial", "ppk2_api", "monitorcontrol", "pyvisa", "pyvisa_py", "psychopy", "numpy", "scipy")
-PROTOCOLS: dict[str, tuple[type, dict[str, Driver], tuple[Any, ...]]] = {
-    "luminance": (LuminanceMeter, rigs.LUMINANCE_METERS, LUMINANCE_METERS),
-    "power": (PowerMeter, rigs.POWER_METERS, POWER_METERS),
-    "backlight": (Backlight, rigs.BACKLIGHTS, BACKLIGHTS),
+PROTOCOLS: dict[str, tuple[type, dict[str, Driver]]] = {
+    "luminance": (LuminanceMeter, LUMINANCE_METERS),
+    "power": (PowerMeter, POWER_METERS),
+    "backlight": (Backlight, BACKLIGHTS),
 }
-DRIVERS = [(kind, name) for kind, (_, drivers, _) in PROTOCOLS.items() for name in drivers]
+DRIVERS = [
+    (kind, name) for kind, (_, table) in PROTOCOLS.items() for name, driver in table.items() if driver.place
+]
 # A person and a folder of Linux: tests hand them in, and the simulated device is their simulation.
 WITHOUT_EMULATOR = {("luminance", "manual"), ("backlight", "sysfs")}
-NO_DRIVER = {SIMULATED, "none", rigs.IMPORTED}  # in the list, and nothing to be driven
 OPENED = [
     (kind, name if name == SIMULATED else f"{SIMULATED}:{name}")
     for kind, name in DRIVERS
@@ -98,9 +102,11 @@ def nothing_left() -> Iterator[None]:
 @pytest.mark.parametrize(("kind", "name"), DRIVERS)
 def test_a_driver_has_each_method_of_its_protocol_with_the_same_arguments(kind: str, name: str) -> None:
     protocol, cls = PROTOCOLS[kind][0], driver_of(kind, name).load()
-    methods = {n: f for n, f in vars(protocol).items() if inspect.isfunction(f) and n != "__init__"}
+    parts = [part for part in protocol.__mro__ if getattr(part, "_is_protocol", False)]
+    methods = {n: f for part in parts for n, f in vars(part).items() if inspect.isfunction(f)}
+    methods.pop("__init__", None)
     methods.pop("__subclasshook__", None)
-    assert methods
+    assert {"__enter__", "__exit__", "close"} < set(methods)
     for method, promised in methods.items():
         if method.startswith("_") and method not in ("__enter__", "__exit__"):
             continue
@@ -153,13 +159,12 @@ def test_every_driver_has_something_to_be_tried_on(kind: str, name: str) -> None
 
 
 @pytest.mark.parametrize("kind", PROTOCOLS)
-def test_measure_list_has_every_driver_and_no_other(kind: str) -> None:
-    _, drivers, notes = PROTOCOLS[kind]
-    assert {note.name for note in notes} - NO_DRIVER == set(drivers) - {SIMULATED}
-    for note in notes:
-        assert note.instrument
-        assert note.address.startswith(note.name)
-        assert note.settings
+def test_measure_list_says_of_every_driver_what_it_drives_and_how_it_is_named(kind: str) -> None:
+    for name, driver in PROTOCOLS[kind][1].items():
+        if (kind, name) != ("power", SIMULATED):  # not listed
+            assert driver.instrument
+            assert driver.address.startswith(name)
+            assert driver.settings
 
 
 @pytest.mark.parametrize(("kind", "name"), OPENED)

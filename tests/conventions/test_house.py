@@ -37,8 +37,8 @@ def command_names() -> set[str]:
     return set(group.commands)
 
 
-def test_the_readme_lists_exactly_the_commands_there_are() -> None:
-    table = (ROOT / "README.md").read_text().split("## Commands")[1].split("##")[0]
+def test_the_documents_list_exactly_the_commands_there_are() -> None:
+    table = (ROOT / "docs" / "commands.md").read_text()
     listed = set(re.findall(r"^\| `evenlight ([a-z-]+)", table, flags=re.MULTILINE))
     assert listed == command_names()
 
@@ -73,12 +73,12 @@ def test_nothing_promises_that_a_change_cannot_be_noticed(pattern: str) -> None:
         assert not promise.search(path.read_text()), path
 
 
-def test_the_folders_of_the_readme_are_the_packages() -> None:
+def test_the_folders_of_the_house_plan_are_the_packages() -> None:
     configured = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-dir"]
     assert set(configured.values()) == set(FOLDERS)
-    readme = (ROOT / "README.md").read_text()
+    house = (ROOT / "docs" / "house.md").read_text()
     for package in FOLDERS:
-        assert f"`{package}/`" in readme
+        assert f"`{package}/`" in house
         assert (ROOT / package / "__init__.py").exists()
 
 

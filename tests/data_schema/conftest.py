@@ -12,25 +12,27 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
+from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint
-from evenlight.data_schema.brightness_track import OptimizationSummary
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.frame_energy import LEFT_OUT, FrameEnergy
-from evenlight.data_schema.frame_log import FrameLog
 from evenlight.data_schema.mapping import type_hints
-from evenlight.data_schema.meter_reading import MeterReading
-from evenlight.data_schema.played_power import PassPower, VersionPower
-from evenlight.data_schema.power_log import ClockPing
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Direction, Procedure, RampDesign, RampTrial, Response
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.rig import Keys, Rig
-from evenlight.data_schema.search import SearchDesign, SearchTrial, ViewLog
-from evenlight.data_schema.section import AllowanceSection, WeightSection
-from evenlight.data_schema.session import DESIGN_OF_TASK, SessionManifest
-from evenlight.data_schema.statistic import Statistic
-from evenlight.data_schema.sweep import (
+from evenlight.data_schema.recordings.instrument_logs import ClockPing, MeterReading
+from evenlight.data_schema.recordings.played_power import LEFT_OUT, FrameEnergy, PassPower, VersionPower
+from evenlight.data_schema.recordings.ramp import (
+    Direction,
+    FrameLog,
+    Procedure,
+    RampDesign,
+    RampTrial,
+    Response,
+)
+from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
+from evenlight.data_schema.recordings.session import DESIGN_OF_TASK, SessionManifest
+from evenlight.data_schema.recordings.sweep import (
     DESIGN_OF_SWEEP,
     LuminanceReading,
     LuminanceSweepDesign,
@@ -39,9 +41,10 @@ from evenlight.data_schema.sweep import (
     ReadingStatus,
     SweepManifest,
 )
-from evenlight.data_schema.sweep_fit import DisplayFit, PowerFit
+from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
+from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, OptimizationSummary, WeightSection
 
 Values = dict[str, Any]
 
@@ -342,7 +345,7 @@ def display() -> Display:
 @pytest.fixture(scope="session")
 def manifest_of() -> Callable[..., SessionManifest]:
     """A complete ramp session, with what a test wants to be otherwise."""
-    from evenlight.data_schema.session import SessionStatus
+    from evenlight.data_schema.recordings.session import SessionStatus
 
     def made(**changes: Any) -> SessionManifest:
         values: Values = {

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.append_log import AppendLog, mend_last_line, record_line
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.session import EventKind, SessionEvent
+from evenlight.data_schema.recordings.session import EventKind, SessionEvent
+from evenlight.data_schema.storage.append_log import AppendLog, mend_last_line, record_line
 
 
 def event(number: int) -> SessionEvent:

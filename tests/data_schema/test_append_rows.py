@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.data_schema.append_rows import AppendedRows
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_log import ClockPing
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.recordings.instrument_logs import ClockPing
+from evenlight.data_schema.storage.append_log import AppendedRows
+from evenlight.data_schema.storage.tables import read_rows
 
 PINGS = [ClockPing(k + 0.1, k + 1 / 3, k + 0.5) for k in range(4)]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 
 
 def curves(**changed: Any) -> LossCurves:

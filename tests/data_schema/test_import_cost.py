@@ -27,7 +27,15 @@ def test_the_command_imports_nothing_slow_before_it_knows_what_to_do() -> None:
 
 @pytest.mark.parametrize(
     "module",
-    ["brightness_track", "loss_curves", "record_kinds", "text_files", "session", "files", "validation"],
+    [
+        "tracks.brightness_track",
+        "tracks.loss_curves",
+        "record_kinds",
+        "storage.text_files",
+        "recordings.session",
+        "storage.whole_files",
+        "checking.validation",
+    ],
 )
 def test_records_are_light_to_import(module: str) -> None:
     assert imported_by(f"import evenlight.data_schema.{module}").isdisjoint(SLOW)

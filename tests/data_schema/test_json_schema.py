@@ -9,15 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from evenlight.data_schema.brightness_track import TRACK_COLUMNS, BrightnessTrack
+from evenlight.data_schema.checking.file_checks import schema_problems
 from evenlight.data_schema.data_dictionary import data_dictionary
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
-from evenlight.data_schema.record_kind import RecordKind
-from evenlight.data_schema.record_kinds import DISPLAY, KINDS, RAMP_TRIAL
-from evenlight.data_schema.schema_problems import schema_problems
+from evenlight.data_schema.record_kinds import KINDS, RecordKind
+from evenlight.data_schema.tracks.brightness_track import TRACK_COLUMNS, BrightnessTrack
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
 MAPPED = [kind for kind in KINDS if kind.record not in (LossCurves, BrightnessTrack)]
@@ -51,6 +50,9 @@ def test_a_schema_has_the_keys_of_its_record_and_no_other(kind: RecordKind) -> N
 
 def test_a_row_of_a_track_has_the_columns_of_the_file() -> None:
     assert tuple(schemas()["brightness_track"]["properties"]) == TRACK_COLUMNS
+    assert ",".join(TRACK_COLUMNS) == (
+        "frame,time_s,factor,contrast_loss,mean_luminance_cd_m2,rate_cd_m2_s,rate_limit_cd_m2_s,power_w"
+    )
 
 
 @pytest.mark.parametrize("name", schemas())
@@ -61,6 +63,12 @@ def test_every_key_says_what_it_is_and_its_unit_is_that_of_its_name(name: str) -
         suffix = next((s for s in suffixes if key.endswith(s)), None)
         if suffix:
             assert value["unit"] == suffixes[suffix]
+
+
+def test_a_plan_says_its_durations_in_minutes_and_hours() -> None:
+    row = schemas()["ramp_plan_row"]["properties"]
+    units = {key: row[key]["unit"] for key in ("minutes", "total_hours", "hours_needed")}
+    assert units == {"minutes": "min", "total_hours": "h", "hours_needed": "h"}
 
 
 def test_limits_units_and_choices_are_in_the_schema() -> None:
@@ -170,13 +178,13 @@ def trial(**changes: Any) -> dict[str, Any]:
 )
 def test_a_problem_is_told_in_words(changes: dict[str, Any], problem: str) -> None:
     (key,) = changes
-    assert schema_problems(trial(**changes), RAMP_TRIAL.name) == [((key,), problem)]
+    assert schema_problems(trial(**changes), "ramp_trial") == [((key,), problem)]
 
 
 def test_all_problems_are_told_not_only_the_first() -> None:
     content = trial(factor=2.0, response="no!", facto=1)
     del content["screen"]
-    assert schema_problems(content, RAMP_TRIAL.name) == [
+    assert schema_problems(content, "ramp_trial") == [
         ((), "the key 'screen' is missing"),
         (("facto",), "unknown key 'facto'; did you mean 'factor'?"),
         (("factor",), "expected at most 1, got 2.0"),
@@ -194,6 +202,6 @@ def test_a_problem_inside_what_may_be_null_is_told_where_it_is() -> None:
         "pixels_per_degree": 30.0,
         "provenance": {"seed": "x"},
     }
-    assert schema_problems(content, DISPLAY.name) == [
+    assert schema_problems(content, "display") == [
         (("provenance", "seed"), "expected a whole number or null, got 'x'")
     ]

@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.data_schema.line_numbers import Place, json_line_numbers, line_of, toml_line_numbers
+from evenlight.data_schema.storage.text_files import Place, json_line_numbers, line_of, toml_line_numbers
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=5),

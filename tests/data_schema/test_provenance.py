@@ -9,13 +9,13 @@ import pytest
 from evenlight.data_schema import provenance
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import (
     SCHEMA_VERSION,
     Provenance,
     provenance_now,
     sha256_of_bytes,
     sha256_of_file,
-    sha256_of_record,
 )
 
 

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import SCHEMA_VERSION, Provenance
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
+from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.tracks.brightness_track import (
     TRACK_COLUMNS,
     BrightnessTrack,
     BudgetUnit,
@@ -16,15 +25,12 @@ from evenlight.data_schema.brightness_track import (
     read_track,
     write_track,
 )
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
-from evenlight.data_schema.provenance import SCHEMA_VERSION, Provenance
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.session import SessionManifest
-from evenlight.data_schema.text_files import read_json_record, read_rows, read_toml_record
-from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.tracks.loss_curves import (
+    ARRAY_SHAPES,
+    LossCurves,
+    read_loss_curves,
+    write_loss_curves,
+)
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("file.json", lambda path: read_json_record(RateLimit, path)),

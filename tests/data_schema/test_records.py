@@ -9,22 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.power_model import PanelKind, PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response
+from evenlight.data_schema.storage.text_files import read_toml_record, write_toml_record
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     TrackHeader,
     read_track,
     write_track,
 )
-from evenlight.data_schema.contrast_model import ContrastModel
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import RampDesign, RampTrial, Response
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.data_schema.text_files import read_toml_record, write_toml_record
-from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 
 
 def test_a_display_survives_toml(tmp_path: Path) -> None:
@@ -254,6 +256,33 @@ def track(**changes: Any) -> BrightnessTrack:
         "power": np.ones(2),
     }
     return BrightnessTrack(**(columns | changes), header=header)
+
+
+def test_records_of_many_numbers_print_in_one_line() -> None:
+    """The default would print every array in whole."""
+    assert repr(track()) == "<BrightnessTrack 'v': 2 frames from 0 to 0.04 s, factor 0.5 to 0.5>"
+    curves = LossCurves(
+        "bikes",
+        Display("d", 100.0, 0.1, 2.2, 30.0),
+        times=np.arange(250) / 25,
+        durations=np.full(250, 0.04),
+        factors=np.array([0.2, 1.0]),
+        loss=np.tile([0.375, 0.0], (250, 1)),
+        visible_contrast=np.full(250, 0.5),
+        mean_luminance=np.full(250, 20.0),
+        channel_means=np.full((250, 3), 0.5),
+        provenance=Provenance(),
+    )
+    assert repr(curves) == (
+        "<LossCurves 'bikes': 250 frames from 0 to 9.96 s, factors 0.2 to 1, loss 0 to 0.375>"
+    )
+    log = FrameLog(3, 1, 1, tuple(k / 100 for k in range(500)), (40.0,) * 499 + (20.0,))
+    assert repr(log) == "<FrameLog 'trial 3': 500 frames from 0 to 4.99 s, intended_luminance 20 to 40>"
+    empty = dataclasses.replace(log, flip_times=(), intended_luminance=())
+    assert repr(empty) == "<FrameLog 'trial 3': 0 frames, intended_luminance none>"
+    assert repr(limit(RateLimitForm.LN_RATE, (1.0, 0.5))).startswith("<RateLimit ")
+    frame = Frame(0.04, 0.02, np.zeros((9, 16, 3), np.uint8))
+    assert repr(frame) == "<Frame at 0.04 s for 0.02 s: 16 x 9 pixels, uint8>"
 
 
 def test_a_long_track_is_read_well_within_a_second(tmp_path: Path) -> None:

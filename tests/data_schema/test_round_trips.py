@@ -9,7 +9,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.session import SessionEvent, SessionManifest
+from evenlight.data_schema.storage.tables import read_rows, write_rows
+from evenlight.data_schema.storage.text_files import (
+    read_json_record,
+    read_toml_record,
+    write_json_record,
+    write_toml_record,
+)
+from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     OptimizationSummary,
@@ -17,25 +33,12 @@ from evenlight.data_schema.brightness_track import (
     read_track,
     write_track,
 )
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.frame_log import FrameLog
-from evenlight.data_schema.loss_curves import ARRAY_SHAPES, LossCurves, read_loss_curves, write_loss_curves
-from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
-from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import RampDesign, RampTrial
-from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.session import SessionEvent, SessionManifest
-from evenlight.data_schema.text_files import (
-    read_json_record,
-    read_rows,
-    read_toml_record,
-    write_json_record,
-    write_rows,
-    write_toml_record,
+from evenlight.data_schema.tracks.loss_curves import (
+    ARRAY_SHAPES,
+    LossCurves,
+    read_loss_curves,
+    write_loss_curves,
 )
-from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
 JSON_AND_TOML = [

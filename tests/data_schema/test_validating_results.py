@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from checked_files import problems_of, results
 
-from evenlight.data_schema.brightness_track import (
-    BudgetUnit,
-)
-from evenlight.data_schema.results_checks import mean_absolute_difference
-from evenlight.data_schema.validation import validate
+from evenlight.data_schema.checking.results_checks import mean_absolute_difference
+from evenlight.data_schema.checking.validation import validate
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 
 
 def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:

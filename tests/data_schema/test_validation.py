@@ -12,15 +12,16 @@ from typer.testing import CliRunner
 
 import evenlight
 from evenlight import command as command_line
-from evenlight.data_schema.dataset_layout import behaviour_file, session_folder
+from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import SCHEMA_VERSION
-from evenlight.data_schema.ramp import RampTrial, Response
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.text_files import columns_of, write_json, write_json_record, write_toml_record
-from evenlight.data_schema.validation import validate
+from evenlight.data_schema.recordings.dataset_layout import behaviour_file, session_folder
+from evenlight.data_schema.recordings.ramp import RampTrial, Response
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.storage.tables import columns_of
+from evenlight.data_schema.storage.text_files import write_json, write_json_record, write_toml_record
 
 VERSION = f'"schema_version": {SCHEMA_VERSION}'
 CELLS = len(columns_of(RampTrial))

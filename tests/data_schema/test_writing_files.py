@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.files import results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import results_folder, write_whole
 
 
 def everything(folder: Path) -> dict[str, bytes | None]:

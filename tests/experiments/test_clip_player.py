@@ -8,16 +8,17 @@ import pytest
 from clip_windows import LAB, RIG, STEADY, Renderer, Video, Window, clip_of, played, readers, staged
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator
-from evenlight.experiments import clip_player, window_stage
-from evenlight.experiments.blind_stage import BlindStage
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.experiments.playback import clip_player
+from evenlight.experiments.sessions import window_stage
+from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.stage import Clip, PausePressed
-from evenlight.hardware.backlights import SimulatedBacklight
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
-from evenlight.method.luminance import emitted_luminance
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.panel import SimulatedBacklight
+from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.stimuli.field_renderer import Field
-from evenlight.stimuli.image_renderer import Picture
+from evenlight.stimuli.image_renderer import DimmedImage
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +78,7 @@ def test_the_number_of_the_interval_is_shown_before_on_the_field_that_was_there(
     Renderer.drawn.clear()
     shown = stage.play(dataclasses.replace(STEADY, label="2"))
     kinds = [type(drawn) for drawn, _, _ in Renderer.drawn]
-    assert kinds == [Field] * 40 + [Picture] * 100  # 0.8 s at 50 Hz
+    assert kinds == [Field] * 40 + [DimmedImage] * 100  # 0.8 s at 50 Hz
     assert {(field.luminance, field.coverage.max()) for field, _, _ in Renderer.drawn[:40]} == {(33.0, 255)}
     assert len(shown.flip_times) == 100
     assert shown.onset == pytest.approx(
@@ -111,7 +112,7 @@ def test_the_backlight_dims_and_the_pixels_do_not() -> None:
     rig = dataclasses.replace(RIG, actuator=Actuator.BACKLIGHT, backlight="simulated")
     stage, _ = staged(window, rig, backlight)
     shown = stage.play(STEADY)
-    pictures = [drawn for drawn, _, _ in Renderer.drawn if isinstance(drawn, Picture)]
+    pictures = [drawn for drawn, _, _ in Renderer.drawn if isinstance(drawn, DimmedImage)]
     assert {picture.factor for picture in pictures} == {1.0}
     assert len(shown.backlight_factors) == len(shown.factors) == 100
     # It follows within what it takes for one step of the track, and its own steps of 1 / 4095.

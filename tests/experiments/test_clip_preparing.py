@@ -10,12 +10,13 @@ from clip_windows import Renderer, Video, Window, clip_of, played, readers, stag
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.experiments import clip_player, window_stage
+from evenlight.experiments.playback import clip_player
+from evenlight.experiments.sessions import window_stage
+from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import PausePressed
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.stimuli.field_renderer import Field
-from evenlight.stimuli.image_renderer import Picture
+from evenlight.stimuli.image_renderer import DimmedImage
 
 TIMES = np.arange(50) / 25
 FEW = np.arange(10) / 25  # 0.4 s, all of which are decoded before the first is shown
@@ -110,7 +111,7 @@ def test_the_pause_key_is_taken_while_a_clip_is_waited_for() -> None:
     with pytest.raises(PausePressed):
         stage.play(clip_of(FEW, video))
     assert window.now() - begun < 0.6  # of 1 s that it would take
-    assert not [drawn for drawn, _, _ in Renderer.drawn if isinstance(drawn, Picture)]
+    assert not [drawn for drawn, _, _ in Renderer.drawn if isinstance(drawn, DimmedImage)]
     assert readers() == 0
 
 

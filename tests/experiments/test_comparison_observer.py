@@ -7,19 +7,21 @@ import pytest
 from scipy import special
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Direction, Procedure, Response
-from evenlight.experiments.brightness_changes import LuminanceCourse, changes_in_thresholds, luminance_course
-from evenlight.experiments.comparison_observer import (
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
+from evenlight.experiments.viewing.comparison_observer import (
     ComparisonObserver,
     ComparisonPopulation,
+    LuminanceCourse,
     chance_of_choice,
+    changes_in_thresholds,
     d_prime,
     draw_comparer,
+    luminance_course,
 )
-from evenlight.experiments.simulated_observers import SimulatedObserver
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 from evenlight.method.rate_limit import rate_limit_at

@@ -10,22 +10,21 @@ import pytest
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Placement, Procedure, RampDesign, TrialFlag
-from evenlight.data_schema.rig import Keys, Rig
-from evenlight.data_schema.session import EventKind, SessionManifest, SessionStatus
-from evenlight.experiments.blind_stage import BlindStage
-from evenlight.experiments.conduct_session import Cast, conduct_session
-from evenlight.experiments.dataset import enrol
-from evenlight.experiments.pages import load_pages
-from evenlight.experiments.participants import SimulatedParticipant
-from evenlight.experiments.ramp_task import RampTask
-from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
-from evenlight.experiments.simulated_answers import RampAnswers
-from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign, TrialFlag
+from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
+from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
+from evenlight.experiments.ramp.ramp_task import RampTask
+from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
+from evenlight.experiments.sessions.dataset import enrol
+from evenlight.experiments.sessions.pages import load_pages
+from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
+from evenlight.experiments.sessions.staging import BlindStage
+from evenlight.experiments.sessions.task import SimulatedParticipant
 from evenlight.experiments.stage import PausePressed, RampInterval, ShownInterval
-from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import InstrumentError
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.1, 2.2, 60.0)
@@ -102,7 +101,7 @@ def conducted(
     store: SessionStore, stage: Stage, *stops_at: str, design: RampDesign = DESIGN
 ) -> SessionStatus:
     task = RampTask(design, DISPLAY, 1, 0, RIG)
-    cast = Cast(task, stage, Sitter(stage, *stops_at), load_pages("en"), KEYS)
+    cast = SessionParts(task, stage, Sitter(stage, *stops_at), load_pages("en"), KEYS)
     with store:
         return conduct_session(store, cast)
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,11 +11,12 @@ from typing import Any
 
 import pytest
 
-from evenlight.data_schema.psych_ds import FILE_NAME
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.storage.text_files import write_toml_record
 
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
+# The file names that the specification of Psych-DS, schema 1.5.0, allows.
+FILE_NAME = re.compile(r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
 NAMES = ("name", "birth", "email", "address", "phone")
 Run = Callable[..., Any]
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.ramp import TrialFlag
-from evenlight.experiments.fixed_order import MAX_SHOWINGS, FixedOrder
+from evenlight.data_schema.recordings.ramp import TrialFlag
+from evenlight.experiments.viewing.viewing_task import MAX_SHOWINGS, FixedOrder
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.live_control import LiveRefresh
-from evenlight.experiments.live_dimming import LONGEST, LiveDimmer
-from evenlight.experiments.walk_request import LiveRequest
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings
+from evenlight.data_schema.tracks.control import LiveRefresh
+from evenlight.experiments.playback.live_dimming import LONGEST, LiveDimmer
+from evenlight.experiments.playback.walk_request import LiveRequest
 from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.stability_margins import frame_gains, stable_slope
 from evenlight.method.preset_files import load_display, load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.method.stability_margins import frame_gains, stable_slope
+from evenlight.method.rate_limit import scalar_rate_limit
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 OTHER = replace(load_display("varjo-xr3"), name="other", peak_luminance=250.0)

@@ -7,25 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.live_control import LiveControl, LiveRefresh
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.experiments.live_dimming import LiveDimmer
-from evenlight.experiments.live_governor import LiveBudget, LiveGovernor, PictureUse
-from evenlight.experiments.live_record import BudgetMet, how_met, live_control, settings_of, with_budget
-from evenlight.experiments.walk import Walked
-from evenlight.experiments.walk_request import LiveRequest, WalkRequest, budget_asked
-from evenlight.experiments.walk_words import words_of_walk
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor, PictureUse
+from evenlight.experiments.playback.walk import WalkResult
+from evenlight.experiments.playback.walk_record import (
+    BudgetOutcome,
+    budget_outcome,
+    live_control,
+    settings_of,
+    walk_summary,
+    with_budget,
+)
+from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, budget_asked
 from evenlight.method.choices import LimitCurve
-from evenlight.method.control_curves import Governed, control_curves
-from evenlight.method.controller import Aim, Controller, ControllerSettings, ControllerState
-from evenlight.method.frame_costs import frame_costs
-from evenlight.method.governor import GovernorSettings, governor_of
-from evenlight.method.horizon_errors import HorizonErrors
+from evenlight.method.online.control_curves import VideoGovernor, control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
+from evenlight.method.online.frame_costs import frame_costs
+from evenlight.method.online.governor import GovernorSettings, HorizonErrors, governor_of
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
+from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 LCD = load_power_model("surace2025")
@@ -96,7 +100,7 @@ def test_the_budget_is_met_over_every_horizon_and_the_rate_limit_kept(late: int)
     meter = MadeUp(np.where(dark, 0.3, 0.15), np.where(dark, 12.0, 55.0), late)
     budget = asked(0.6, BudgetUnit.FACTOR, 20.0)
     rows = walked(meter, budget, n, 0.05, 0.6)
-    met = how_met(budget, rows)
+    met = budget_outcome(budget, rows)
     assert met is not None
     assert met.errors is not None
     assert met.achieved == pytest.approx(0.6, abs=0.01)
@@ -115,7 +119,7 @@ def test_with_prompt_losses_it_does_what_the_governor_does_offline(
     curves = make_curves(strength, luminance=luminance, frames_per_second=RATE)
     controller = Controller(ControllerSettings(0.05), LIMIT)
     costs = frame_costs(curves, budget.settings, OLED)
-    governed = Governed(governor_of(controller, budget.settings), costs)
+    governed = VideoGovernor(governor_of(controller, budget.settings), costs)
     offline = control_curves(curves, controller, 0.6, None, governed)
     rows = walked(MadeUp(strength, luminance, 1), budget, 600, 0.05, 0.6)
     # Live, a frame's loss is known a refresh later, and its power when the next one appears.
@@ -136,7 +140,7 @@ def day_after_night(limit: ScalarRateLimit) -> tuple[float, list[LiveRefresh]]:
     light = np.where(np.arange(n) < day, 0.5, 50.0)
     budget = asked(0.2 + 0.6 * full, BudgetUnit.WATT, 20.0, OLED)
     rows = walked(MadeUp(np.full(n, 0.2), light, 3), budget, n, 0.03, limit=limit)
-    met = how_met(budget, rows)
+    met = budget_outcome(budget, rows)
     assert met is not None
     assert met.errors is not None
     return met.errors.above / full, rows
@@ -195,7 +199,7 @@ def test_a_second_answer_at_one_time_moves_nothing() -> None:
     first, second = governor.aim(answer, 0.7, 0.1), governor.aim(answer, 0.7, 0.1)
     assert first is not None
     assert first.shift < 0
-    assert second == Aim(first.target_loss, 0.0)
+    assert second == SteeredTarget(first.target_loss, 0.0)
 
 
 @pytest.mark.parametrize(("base", "unit"), [(0.2, BudgetUnit.WATT), (0.0, BudgetUnit.POWER)])
@@ -227,14 +231,14 @@ def test_a_horizon_of_too_few_answers_is_told_and_recorded() -> None:
     n, budget = round(20 * RATE), asked(0.6, BudgetUnit.FACTOR, 20.0)
     rows = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 15), budget, n, 0.03, 0.6)
     assert recorded(budget, rows).steered_horizon == pytest.approx(100.0)
-    done = Walked(tuple(row.flip_time for row in rows), 0, ())
-    said = words_of_walk("house", done, rows, budget)
+    done = WalkResult(tuple(row.flip_time for row in rows), 0, ())
+    said = walk_summary("house", done, rows, budget)
     assert said.endswith(
         "the horizon of 20 s holds 40 answers, too few to steer by: look for the budget over 100 s"
     )
     prompt = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 2), budget, n, 0.03, 0.6)
     assert recorded(budget, prompt).steered_horizon == 20.0
-    assert "too few" not in words_of_walk("house", done, prompt, budget)
+    assert "too few" not in walk_summary("house", done, prompt, budget)
 
 
 def test_what_is_said_of_a_walk_is_what_its_record_says() -> None:
@@ -242,7 +246,7 @@ def test_what_is_said_of_a_walk_is_what_its_record_says() -> None:
     n, budget = round(30 * RATE), asked(0.21, BudgetUnit.WATT, 9.0, OLED)
     rows = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 2), budget, n, 0.03, 0.25)
     kept = recorded(budget, rows)
-    said = words_of_walk("house", Walked(tuple(row.flip_time for row in rows), 0, ()), rows, budget)
+    said = walk_summary("house", WalkResult(tuple(row.flip_time for row in rows), 0, ()), rows, budget)
     assert f"{kept.mean_loss:.3g} and factor {kept.mean_factor:.3g} on average" in said
     assert f"budget 0.21 (watt): {kept.achieved:.3g} on average" in said
     assert f"off by {kept.horizon_error:.2g} at most, above it by {kept.horizon_excess:.2g}" in said
@@ -286,18 +290,20 @@ def test_what_a_walk_used_by_hand() -> None:
         a_row(2, 2.0, 0.25, 0.0, 1.0),
         a_row(3, 4.0, 1.0, 9.0, 9.0),
     ]
-    assert how_met(asked(0.5, BudgetUnit.FACTOR, 2.0), rows) == BudgetMet(
+    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 2.0), rows) == BudgetOutcome(
         0.4375, None, HorizonErrors(0.25, 0.125)
     )
-    assert how_met(asked(1.5, BudgetUnit.WATT, 2.0), rows) == BudgetMet(1.0, 1.0, HorizonErrors(1.5, 0.5))
+    assert budget_outcome(asked(1.5, BudgetUnit.WATT, 2.0), rows) == BudgetOutcome(
+        1.0, 1.0, HorizonErrors(1.5, 0.5)
+    )
     # Of full power: 4/6 over the first two seconds, 3/5 over the next two, 0 over the last.
-    share = how_met(asked(0.5, BudgetUnit.POWER, 2.0), rows)
+    share = budget_outcome(asked(0.5, BudgetUnit.POWER, 2.0), rows)
     assert share is not None
     assert share.errors is not None
     assert (share.achieved, share.mean_power) == (0.5, 1.0)
     assert share.errors == pytest.approx((0.5, 4 / 6 - 0.5))
-    assert how_met(asked(0.5, BudgetUnit.FACTOR, 9.0), rows) == BudgetMet(0.4375, None, None)
-    assert how_met(asked(0.5, BudgetUnit.FACTOR, 9.0), rows[:1]) is None
+    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 9.0), rows) == BudgetOutcome(0.4375, None, None)
+    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 9.0), rows[:1]) is None
 
 
 def test_the_record_says_what_the_budget_was_and_how_it_was_met() -> None:
@@ -332,7 +338,7 @@ def test_a_budget_that_cannot_be_is_refused(words: tuple, says: str) -> None:
 def test_a_budget_that_no_factor_meets_is_refused_before_the_window_opens() -> None:
     display = load_display("varjo-xr3")
     for budget, says in (
-        (budget_asked(0.1, None, None, None), r"--budget 0\.1 \(factor\) cannot be met"),
+        (budget_asked(0.1, None, None, None), r"the budget 0\.1 \(factor\) cannot be met"),
         (asked(0.5, BudgetUnit.FACTOR, 60.0, OLED), "says nothing of the power of an OLED panel"),
         (asked(0.05, BudgetUnit.WATT, 60.0, OLED), r"0\.05 \(watt\) cannot be met on any content"),
         (asked(50.0, BudgetUnit.WATT, 60.0, OLED), r"50 \(watt\) cannot be met on any content"),

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.data_schema.control import LoopReport, TuningReport
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.live_control import LiveRefresh
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.text_files import write_json_record
-from evenlight.experiments.live_record import between_answers, live_control, over_time, settings_of
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.control import LiveRefresh, LoopReport, TuningReport
+from evenlight.experiments.playback.walk_record import between_answers, live_control, over_time, settings_of
 from evenlight.method.choices import LimitCurve
 from evenlight.method.preset_files import load_rate_limit
 

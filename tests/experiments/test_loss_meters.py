@@ -9,13 +9,12 @@ import pytest
 from compute_shaders import own_context
 
 from evenlight.data_schema.display import Display
-from evenlight.experiments.loss_meters import GpuMeter, ProcessorMeter
-from evenlight.experiments.picture_luminance import PictureLuminance
-from evenlight.method.gpu_fence import Fence, _Calls
-from evenlight.method.gpu_loss import GpuLoss
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.one_factor import OneFactorLoss
-from evenlight.stimuli.image_codes import GRID_LEVELS
+from evenlight.experiments.playback.loss_meters import GpuMeter, PictureLuminance, ProcessorMeter
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.one_factor import OneFactorLoss
+from evenlight.method.gpu.context import Fence, _Calls
+from evenlight.method.gpu.frame_loss import GpuLoss
+from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.sequence_format import codes_on_grid
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
@@ -136,7 +135,7 @@ def test_a_fence_asks_without_waiting_until_what_is_before_it_is_done(monkeypatc
         return answers.pop(0)
 
     calls = _Calls(lambda *_: 7, wait, deleted.append)
-    monkeypatch.setattr("evenlight.method.gpu_fence._calls", lambda: calls)
+    monkeypatch.setattr("evenlight.method.gpu.context._calls", lambda: calls)
     fence = Fence()
     assert [fence.passed() for _ in range(3)] == [False, False, True]
     assert waited == [(7, 1, 0)] * 3
@@ -146,7 +145,7 @@ def test_a_fence_asks_without_waiting_until_what_is_before_it_is_done(monkeypatc
 
 @pytest.mark.parametrize("calls", [None, _Calls(lambda *_: None, None, None)])
 def test_without_fences_a_refresh_of_patience_does(monkeypatch: Any, calls: Any) -> None:
-    monkeypatch.setattr("evenlight.method.gpu_fence._calls", lambda: calls)
+    monkeypatch.setattr("evenlight.method.gpu.context._calls", lambda: calls)
     fence = Fence()
     assert [fence.passed() for _ in range(3)] == [False, True, True]
     fence.release()

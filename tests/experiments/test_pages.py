@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Keys
-from evenlight.experiments.pages import PLACEHOLDERS, SHIPPED, languages, load_pages
+from evenlight.data_schema.recordings.rig import Keys
+from evenlight.experiments.sessions.pages import PLACEHOLDERS, SHIPPED, languages, load_pages
 
 NUMBERS = {"minutes": 40, "trials": 120, "done": 60, "trials_between_breaks": 30, "truth": "It changed."}
 

@@ -7,19 +7,21 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.analysis.calibration.posterior_grid import PsychometricPrior
-from evenlight.data_schema.ramp import Placement
-from evenlight.experiments.placement import JITTER_STEPS, AdaptivePlacement, expected_entropy
-from evenlight.experiments.placement_grid import (
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
+from evenlight.data_schema.recordings.ramp import Placement
+from evenlight.experiments.ramp.placement import (
     CANDIDATES,
     FALLOFF,
     GUESS_PRIOR,
+    JITTER_STEPS,
     LAPSE_PRIOR,
     LAPSE_RATES,
     WIDTH_MEDIAN,
     WIDTH_SPREAD,
     WIDTHS,
+    AdaptivePlacement,
     PlacementGrid,
+    expected_entropy,
     placement_grid,
 )
 from evenlight.method.psychometric import PsychometricFunction, yes_probability

@@ -9,13 +9,20 @@ import pytest
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.rig import Rig
-from evenlight.experiments import clip_player, playback
-from evenlight.experiments.play_log import COLUMNS, Pass, write_log
-from evenlight.experiments.playback import Devices, Dimming, Playback, Player
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.experiments.playback import clip_player, player
+from evenlight.experiments.playback.player import (
+    LOG_COLUMNS,
+    Dimming,
+    Pass,
+    Playback,
+    PlaybackDevices,
+    Player,
+    write_log,
+)
 from evenlight.experiments.stage import ShownClip
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 
 LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
 RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)
@@ -86,7 +93,7 @@ class Window:
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(playback, "FieldRenderer", Renderer)
+    monkeypatch.setattr(player, "FieldRenderer", Renderer)
     monkeypatch.setattr(clip_player, "ImageRenderer", Renderer)
 
 
@@ -94,7 +101,7 @@ def playing(video: Gray | None = None, **changes: Any) -> tuple[Player, Simulate
     window, told = Window(), []
     keyboard = SimulatedKeyboard(window.now)
     what = Playback(video or Gray(), TIMES, 1.0, FACTORS, **({"order": (Dimming.OURS,)} | changes))
-    return Player(Devices(window, keyboard, None, RIG, LAB), what, told.append), keyboard, told
+    return Player(PlaybackDevices(window, keyboard, None, RIG, LAB), what, told.append), keyboard, told
 
 
 def test_keys_switch_between_the_versions_from_the_next_refresh_on() -> None:
@@ -141,5 +148,5 @@ def test_the_log_counts_what_was_dropped_before_each_refresh(tmp_path) -> None:
     shown = ShownClip(3.0, (0.0, 0.02, 0.08), (0, 0, 2), (0.9, 0.9, 0.8), frames_dropped=2)
     write_log(tmp_path / "log.csv", [Pass(shown, ("ours",) * 3)], 50.0)
     lines = (tmp_path / "log.csv").read_text().splitlines()
-    assert lines[0] == ",".join(COLUMNS)
+    assert lines[0] == ",".join(LOG_COLUMNS)
     assert lines[1:] == ["1,ours,0,0.0,0,0,0.9,", "1,ours,1,0.02,0,0,0.9,", "1,ours,2,0.08,2,2,0.8,"]

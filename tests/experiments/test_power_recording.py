@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from evenlight.data_schema.power_log import ClockPing, PlayedFlip, PowerLog, PowerSample
-from evenlight.data_schema.text_files import read_json_record, read_rows
-from evenlight.experiments.power_recording import PINGS_AT_ONCE, RATES, PowerRecording
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.data_schema.recordings.instrument_logs import ClockPing, PlayedFlip, PowerLog, PowerSample
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.playback.power_recording import PINGS_AT_ONCE, RATES, PowerRecording
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_meter import SimulatedPowerMeter
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import SimulatedPowerMeter
 
 LOG = PowerLog(True, "clip", 1.0, ("ours",), 60.0, 1000.0, 0.5, 0.5, True)
 

@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.ramp import Direction, Placement, Procedure, RampDesign
-from evenlight.data_schema.rig import Actuator
-from evenlight.experiments.counterbalancing import williams_row
-from evenlight.experiments.design import ramp_conditions, ramp_levels, trial_count
+from evenlight.data_schema.recordings.ramp import Direction, Placement, Procedure, RampDesign
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.experiments.chance import williams_row
 from evenlight.experiments.design_files import design_names, load_design
-from evenlight.experiments.ramp_schedule import RampSchedule
-from evenlight.experiments.session_plan import Slot, session_plan
+from evenlight.experiments.ramp.ramp_plan import Slot, ramp_conditions, ramp_levels, session_plan, trial_count
+from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.method.preset_files import load_display
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)

@@ -8,21 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special
 
-from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves, write_loss_curves
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.viewing import Stimulus, Version
-from evenlight.experiments.rating_observer import (
+from evenlight.data_schema.recordings.viewing import Stimulus, Version
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing.rating_observer import (
     DetailViews,
     RatingObserver,
     RatingPopulation,
     draw_rater,
     pooled_loss,
 )
-from evenlight.experiments.stimulus_folder import LoadedStimulus
-from evenlight.experiments.viewing_schedule import PlannedRating
+from evenlight.experiments.viewing.rating_task import PlannedRating
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 MEDIAN = RatingObserver(RatingPopulation().cuts, 1.0, RatingPopulation().noise, 0.0)

@@ -13,17 +13,17 @@ from pathlib import Path
 import pytest
 
 import evenlight
-from evenlight.data_schema.dataset_layout import EVENTS, READINGS
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.session import SessionStatus
-from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
-from evenlight.experiments import sweep_devices
-from evenlight.experiments.run_sweep import SweepRequest, run_sweep
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, READINGS
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign, PowerSweepDesign
+from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
-from evenlight.experiments.staging import Staging
-from evenlight.experiments.sweep_store import SweepStore
+from evenlight.experiments.sweeps import sweep_devices
+from evenlight.experiments.sweeps.run_sweep import SweepRequest, run_sweep
+from evenlight.experiments.sweeps.sweep_store import SweepStore
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 DISPLAY = Display("bench", 120.0, 0.3, 2.2, pixels_per_degree=40.0, reflected_luminance=0.05)

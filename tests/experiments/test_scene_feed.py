@@ -9,18 +9,17 @@ from pathlib import Path
 import moderngl
 import numpy as np
 import pytest
+from drawn_codes import image_codes
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
-from evenlight.experiments.scene_feed import SceneFeed
+from evenlight.data_schema.recordings.rig import Dither
+from evenlight.experiments.playback.clip_feeds import SceneFeed
 from evenlight.stimuli.dithering import thresholds_of
-from evenlight.stimuli.image_codes import image_codes
-from evenlight.stimuli.image_renderer import ImageRenderer, Picture
-from evenlight.stimuli.scenes import scenes
-from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.image_renderer import DimmedImage, ImageRenderer
+from evenlight.stimuli.scenes import scene
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
 from evenlight.stimuli.scenes.model import SceneModel
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.scene import Material, Scene
+from evenlight.stimuli.scenes.scene import Material, Quality, Scene
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequence_format import SequenceFormat
 
@@ -46,7 +45,7 @@ def yard(seed: int) -> Scene:
 def sequence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SceneSequence:
     """Two seconds straight on over the yard, turning."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setitem(scenes.SCENES, "yard", ("a_yard", "yard"))
+    monkeypatch.setitem(scene.SCENES, "yard", ("a_yard", "yard"))
     monkeypatch.setitem(sys.modules, "evenlight.stimuli.scenes.a_yard", types.SimpleNamespace(yard=yard))
     points = [
         {"name": name, "time_s": time, "position_m": [x, 3, 1.65], "azimuth_deg": turn, "altitude_deg": -10}
@@ -79,7 +78,7 @@ def test_live_and_rendered_frames_have_the_same_levels_and_codes(
             levels, count = feed.levels()
             assert count == 1024
             assert (levels == rendered[index] >> 6).all()
-            renderer.draw(target, Picture(image, 0.6, ground=1.0), index, 5)
+            renderer.draw(target, DimmedImage(image, 0.6, ground=1.0), index, 5)
             codes = np.frombuffer(target.read(components=3, alignment=1), "u1")
             thresholds = thresholds_of(Dither.NOISY_BIT, SIZE[::-1], index, 5)
             wanted = image_codes(rendered[index], 0.6, thresholds, LAB, 8)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
-from evenlight.data_schema.ramp import (
+from evenlight.data_schema.recordings.ramp import (
     Direction,
     Placement,
     Procedure,
@@ -19,9 +19,9 @@ from evenlight.data_schema.ramp import (
     Response,
     TrialFlag,
 )
-from evenlight.experiments.design import PlannedRamp
-from evenlight.experiments.ramp_schedule import MAX_SHOWINGS, RampSchedule
-from evenlight.experiments.simulated_observers import SimulatedObserver, answer_generator
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver, answer_generator
+from evenlight.experiments.ramp.ramp_plan import PlannedRamp
+from evenlight.experiments.ramp.ramp_schedule import MAX_SHOWINGS, RampSchedule
 from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)

@@ -11,22 +11,26 @@ from scipy import special
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Actuator
-from evenlight.data_schema.search import ORIENTATIONS
-from evenlight.data_schema.viewing import Version
-from evenlight.experiments.ring_views import RingPicture, RingViews, angle_between
-from evenlight.experiments.ring_visibility import ring_alone, ring_visibility
-from evenlight.experiments.search_observer import (
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.data_schema.recordings.search import ORIENTATIONS
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.experiments.sessions.search_stage import RingPicture
+from evenlight.experiments.viewing.ring_views import RingViews, angle_between, ring_alone, ring_visibility
+from evenlight.experiments.viewing.search_observer import (
     RingSight,
     SearchObserver,
     SearchPopulation,
     draw_searcher,
 )
-from evenlight.experiments.search_schedule import PlannedSearch
-from evenlight.method.bands import band_frequencies
-from evenlight.method.csf import contrast_sensitivity
-from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
-from evenlight.stimuli.landolt import Ring
+from evenlight.experiments.viewing.search_schedule import PlannedSearch
+from evenlight.method.contrast.csf import contrast_sensitivity
+from evenlight.method.contrast.pyramid import (
+    adaptation_luminance,
+    band_frequencies,
+    gaussian_pyramid,
+    laplacian_bands,
+)
+from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 
@@ -149,11 +153,13 @@ def test_the_gain_of_a_population_is_recovered_from_its_search_times() -> None:
 
 
 @given(st.floats(0.05, 20.0), st.floats(0.05, 20.0))
-def test_the_further_above_threshold_the_sooner_found_and_the_better_told(one: float, other: float) -> None:
+def test_the_further_above_threshold_the_sooner_found_and_the_better_reported_direction(
+    one: float, other: float
+) -> None:
     less, more = (sight(visibility) for visibility in sorted((one, other)))
     assert MEDIAN.median_time(more) <= MEDIAN.median_time(less)
     assert MEDIAN.findable(more) >= MEDIAN.findable(less)
-    assert MEDIAN.told(more) >= MEDIAN.told(less)
+    assert MEDIAN.identified(more) >= MEDIAN.identified(less)
 
 
 def test_the_share_found_within_the_limit_follows_the_distribution() -> None:
@@ -187,21 +193,21 @@ def test_who_only_guesses_tells_one_gap_in_eight() -> None:
 
 
 def test_a_gap_is_told_by_chance_at_no_visibility_and_by_all_but_lapses_at_much() -> None:
-    assert MEDIAN.told(sight(1e-3)) == pytest.approx(1 / 8, abs=1e-6)
-    assert MEDIAN.told(sight(PEOPLE.gap_visibility)) == pytest.approx(1 / 8 + 7 / 16)
-    assert SearchObserver(PEOPLE, lapse_rate=0.08).told(sight(1e3)) == pytest.approx(1 - 0.07)
+    assert MEDIAN.identified(sight(1e-3)) == pytest.approx(1 / 8, abs=1e-6)
+    assert MEDIAN.identified(sight(PEOPLE.gap_visibility)) == pytest.approx(1 / 8 + 7 / 16)
+    assert SearchObserver(PEOPLE, lapse_rate=0.08).identified(sight(1e3)) == pytest.approx(1 - 0.07)
     rng = np.random.default_rng(4)
     answers = [MEDIAN.answer(sight(50.0), 30.0, rng).orientation for _ in range(500)]
     assert answers.count(135) > 495
 
 
-def test_nothing_found_is_nothing_told() -> None:
+def test_nothing_found_is_nothing_reported_direction() -> None:
     rng = np.random.default_rng(5)
     answers = [MEDIAN.answer(sight(1.5), 30.0, rng) for _ in range(500)]
     assert {(a.found_after is None, a.orientation is None) for a in answers} == {(True, True), (False, False)}
 
 
-def test_personal_traits_scatter_as_told() -> None:
+def test_personal_traits_scatter_as_reported_direction() -> None:
     rng = np.random.default_rng(6)
     drawn = [draw_searcher(rng) for _ in range(2000)]
     # Standard error of a standard deviation of 2000: 1.6 %; four of them.

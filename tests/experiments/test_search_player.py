@@ -11,25 +11,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn_codes import image_codes
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator, Dither, Rig
-from evenlight.experiments import search_player
-from evenlight.experiments.blind_stage import BlindStage
-from evenlight.experiments.stage import PausePressed, Searched, SearchView
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.backlights import SimulatedBacklight
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
-from evenlight.hardware.simulated_pointer import SimulatedPointer
+from evenlight.data_schema.recordings.rig import Actuator, Dither, Rig
+from evenlight.experiments.sessions import search_stage
+from evenlight.experiments.sessions.staging import BlindStage
+from evenlight.experiments.sessions.window_stage import WindowStage
+from evenlight.experiments.stage import PausePressed, SearchResult, SearchView
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard, SimulatedPointer
+from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
-from evenlight.stimuli.image_codes import image_codes
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.viewing_geometry import focal_length_of
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
 
 SIZE = (96, 72)
 LAB = Display("lab", 100.0, 0.1, 2.0, pixels_per_degree=12.0)
@@ -114,8 +112,8 @@ def context() -> Iterator[Any]:
 
 @pytest.fixture(autouse=True)
 def pattern(monkeypatch) -> None:
-    monkeypatch.setattr(search_player, "SceneRenderer", Pattern)
-    monkeypatch.setattr(search_player, "scene_named", lambda name: name)
+    monkeypatch.setattr(search_stage, "SceneRenderer", Pattern)
+    monkeypatch.setattr(search_stage, "scene_named", lambda name: name)
     Pattern.made = 0
 
 
@@ -276,7 +274,7 @@ class Painter:
         return SimpleNamespace(background_luminance=12.5)
 
 
-def blindly(press: tuple[str, float] | None) -> Searched:
+def blindly(press: tuple[str, float] | None) -> SearchResult:
     clock = RefreshClock(RIG.refresh_rate)
     keyboard = SimulatedKeyboard(clock.now)
     if press:

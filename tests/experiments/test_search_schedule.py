@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator
-from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
-from evenlight.data_schema.viewing import Version
-from evenlight.experiments.search_schedule import (
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.experiments.viewing.search_schedule import (
     PlannedSearch,
     SearchPoint,
     relative_azimuth,
@@ -19,7 +19,7 @@ from evenlight.experiments.search_schedule import (
     search_practice,
 )
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.ring_place_files import PRACTICE_SIZE, KeypointRings, ring_places
+from evenlight.stimuli.rings.place_files import PRACTICE_SIZE, KeypointRings, ring_places
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import path_named
 

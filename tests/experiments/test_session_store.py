@@ -7,16 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.data_schema.dataset_layout import EVENTS, MANIFEST, TRIALS
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.frame_log import FrameLog
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import RampDesign, RampTrial, Response
-from evenlight.data_schema.session import EventKind, SessionManifest, SessionStatus
-from evenlight.data_schema.text_files import read_json_record
-from evenlight.experiments.dataset import enrol
-from evenlight.experiments.session_store import SessionStore, begin_session, resume_session
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response
+from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.sessions.dataset import enrol
+from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 
 
 def manifest(participant: str = "01", session: str = "01") -> SessionManifest:
@@ -145,7 +144,7 @@ def test_a_second_program_cannot_write_the_same_session(interrupted: Path) -> No
     """The lock is the system's: another process asks, not another object in this one."""
     program = (
         "import sys; from pathlib import Path\n"
-        "from evenlight.experiments.session_store import resume_session\n"
+        "from evenlight.experiments.sessions.session_store import resume_session\n"
         "try: resume_session(Path(sys.argv[1]), '01', '01')\n"
         "except ValueError as error: sys.exit(str(error))"
     )

@@ -9,15 +9,15 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
-from evenlight.data_schema.ramp import Procedure, RampDesign, RampTrial
-from evenlight.data_schema.session import SessionManifest
-from evenlight.data_schema.text_files import read_json_record, write_toml_record
-from evenlight.experiments.commands import simulate
-from evenlight.experiments.design import ramp_levels
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.storage.text_files import read_json_record, write_toml_record
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.ramp_schedule import RampSchedule
-from evenlight.experiments.simulate_ramp import simulated_trials, simulated_trials_and_thresholds
-from evenlight.experiments.simulated_observers import ObserverPopulation
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+from evenlight.experiments.ramp.ramp_plan import ramp_levels
+from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
+from evenlight.experiments.simulate_command import simulate
 from evenlight.method.preset_files import load_display
 
 DESIGN = RampDesign(
@@ -189,7 +189,9 @@ def test_the_truth_has_a_threshold_for_every_level_direction_and_duration(crosse
 
 def test_answers_in_memory_are_those_of_the_data_set(crossed: Path) -> None:
     design, display = load_design("durations_and_directions"), load_display("varjo-xr3")
-    in_memory = simulated_trials(design, display, participants=2, seed=7, population=ObserverPopulation())
+    in_memory, _ = simulated_trials_and_thresholds(
+        design, display, participants=2, seed=7, population=ObserverPopulation()
+    )
     written = [
         record_from_mapping(RampTrial, line, "line") for who in ("01", "02") for line in trials(crossed, who)
     ]

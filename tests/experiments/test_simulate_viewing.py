@@ -11,22 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.search import SearchDesign
-from evenlight.data_schema.session import SessionManifest
-from evenlight.data_schema.text_files import read_json_record, write_toml_record
-from evenlight.data_schema.validation import validate
-from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign, Version
-from evenlight.experiments import simulate_viewing, simulated_viewers
-from evenlight.experiments.commands import simulate
-from evenlight.experiments.ring_views import RingPicture
-from evenlight.experiments.ring_visibility import ring_alone
-from evenlight.experiments.search_schedule import SearchPoint
+from evenlight.data_schema.recordings.search import SearchDesign
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign, Version
+from evenlight.data_schema.storage.text_files import read_json_record, write_toml_record
+from evenlight.experiments.sessions.search_stage import RingPicture
+from evenlight.experiments.simulate_command import simulate
 from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing import simulate_viewing, simulated_viewers
+from evenlight.experiments.viewing.ring_views import ring_alone
+from evenlight.experiments.viewing.search_schedule import SearchPoint
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_place_files import KeypointRings
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.place_files import KeypointRings
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 

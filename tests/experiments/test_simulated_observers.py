@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.ramp import Direction, Procedure, Response
-from evenlight.experiments.design import PlannedRamp, RampCondition, RampLevel, planned_ramp
-from evenlight.experiments.simulated_observers import (
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
+from evenlight.experiments.ramp.ramp_observer import (
     ObserverPopulation,
     SimulatedObserver,
     answer_generator,
     draw_observer,
 )
+from evenlight.experiments.ramp.ramp_plan import PlannedRamp, RampCondition, RampLevel, planned_ramp
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 

@@ -4,8 +4,8 @@ from collections import Counter
 
 import pytest
 
-from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign, SweepPhase
-from evenlight.experiments.sweep_schedule import planned_readings
+from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign, PowerSweepDesign, SweepPhase
+from evenlight.experiments.sweeps.sweep_readings import planned_readings
 
 DESIGN = LuminanceSweepDesign(
     pixel_values=(0.0, 0.25, 0.5, 1.0),

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.ramp import Procedure, RampDesign
-from evenlight.data_schema.rig import Rig
-from evenlight.experiments.blind_stage import BlindStage
-from evenlight.experiments.design import PlannedRamp
-from evenlight.experiments.pages import load_pages
-from evenlight.experiments.ramp_task import RampTask
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.experiments.ramp.ramp_plan import PlannedRamp
+from evenlight.experiments.ramp.ramp_task import RampTask
+from evenlight.experiments.sessions.pages import load_pages
+from evenlight.experiments.sessions.staging import BlindStage
+from evenlight.experiments.sessions.task import TrialPlace
 from evenlight.experiments.stage import RampInterval, ShownInterval
-from evenlight.experiments.task import TrialPlace
-from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import KeyPress
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 
 DISPLAY = Display("bench", 100.0, 0.1, 2.2, 60.0)
 RIG = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)

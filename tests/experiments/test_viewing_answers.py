@@ -9,22 +9,21 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.ramp import Response
-from evenlight.data_schema.rig import Keys
-from evenlight.data_schema.search import ORIENTATIONS, SearchDesign
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.viewing import Version
-from evenlight.experiments import simulated_viewers, viewing_answers
-from evenlight.experiments.experiment_kinds import Setting
-from evenlight.experiments.ring_views import RingPicture
-from evenlight.experiments.ring_visibility import ring_alone
-from evenlight.experiments.search_observer import SearchAnswer
-from evenlight.experiments.search_schedule import SearchPoint, search_order, search_practice
-from evenlight.experiments.simulated_viewers import SimulatedViewer
-from evenlight.experiments.viewing_answers import ViewingAnswers
+from evenlight.data_schema.recordings.ramp import Response
+from evenlight.data_schema.recordings.rig import Keys
+from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.experiments.sessions.search_stage import RingPicture
+from evenlight.experiments.sessions.task import SessionSetting
+from evenlight.experiments.viewing import simulated_viewers
+from evenlight.experiments.viewing.ring_views import ring_alone
+from evenlight.experiments.viewing.search_observer import SearchAnswer
+from evenlight.experiments.viewing.search_schedule import SearchPoint, search_order, search_practice
+from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, ViewingAnswers
 from evenlight.hardware.rig_files import load_rig
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_place_files import KeypointRings
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.place_files import KeypointRings
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 
@@ -89,12 +88,12 @@ def closing(display: Display, side: int) -> Iterator[ClosingPainter]:
 @pytest.fixture
 def answers_of(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(simulated_viewers, "OffscreenPainter", closing)
-    monkeypatch.setattr(viewing_answers, "search_points", lambda design, stimuli, display, actuator: POINTS)
+    monkeypatch.setattr(simulated_viewers, "search_points", lambda design, stimuli, display, actuator: POINTS)
     manifest = SessionManifest(
         "01", "01", "search", True, SessionStatus.RUNNING, 6, LAB, DESIGN, Provenance()
     )
-    return viewing_answers.viewing_answers(
-        Setting(manifest, load_rig("simulated")[0]), np.random.default_rng(1)
+    return simulated_viewers.viewing_answers(
+        SessionSetting(manifest, load_rig("simulated")[0]), np.random.default_rng(1)
     )
 
 

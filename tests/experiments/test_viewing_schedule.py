@@ -4,13 +4,9 @@ from collections import Counter
 
 import pytest
 
-from evenlight.data_schema.viewing import PAPER_SEQUENCES, ComparisonDesign, RatingDesign, Version
-from evenlight.experiments.viewing_schedule import (
-    comparison_order,
-    comparison_practice,
-    rating_order,
-    rating_practice,
-)
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, ComparisonDesign, RatingDesign, Version
+from evenlight.experiments.viewing.comparison_task import comparison_order, comparison_practice
+from evenlight.experiments.viewing.rating_task import rating_order, rating_practice
 
 ROUNDS = 2 * len(PAPER_SEQUENCES)  # participants after which everything is balanced
 

@@ -10,14 +10,14 @@ import pytest
 from clip_windows import LAB, RIG, Renderer, staged
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator
-from evenlight.experiments import window_stage
-from evenlight.experiments.blind_stage import BlindStage
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.experiments.sessions import window_stage
+from evenlight.experiments.sessions.staging import BlindStage
+from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import PausePressed, RampInterval
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.backlights import SimulatedBacklight
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 FALL = RampInterval(80.0, 70.0, 1.0, adaptation=1.0, duration=5.0, hold=1.0, noise_seed=9)
 

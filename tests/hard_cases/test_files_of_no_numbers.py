@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import read_loss_curves, write_loss_curves
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves, write_loss_curves
 from evenlight.method.preset_files import PRESETS, load_display, load_power_model, load_rate_limit
-from evenlight.stimuli.image_folder import open_image_folder
+from evenlight.stimuli.video.image_folder import open_image_folder
 
 NO_NUMBERS = ("nan", "inf", "-inf")
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from evenlight.analysis.calibration.posterior_grid import RampCounts
-from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from evenlight.analysis.calibration.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
-from evenlight.analysis.calibration.rate_limit_fit import fit_points
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
@@ -24,8 +24,7 @@ from evenlight.method.psychometric import (
     rate_at,
     yes_probability,
 )
-from evenlight.method.rate_limit import rate_limit_at
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 
 RATES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
 # The authors' coefficients of ln(rate) over L, highest power first (their published program).

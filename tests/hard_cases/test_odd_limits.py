@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.method.calm import calmed
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import SolverName
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.optimize import Problem, Request, feasible_blend, is_feasible, optimize, pose
+from evenlight.method.optimizer.evaluate import calmed
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, feasible_blend, is_feasible, optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.solvers import make_solver
 
 
 def odd_problem(make_curves, seed: int) -> tuple[Problem, np.random.Generator]:

@@ -9,28 +9,29 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import (
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     TrackHeader,
     read_track,
     write_track,
 )
-from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
-from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.method.choices import SolverName
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.lower_bound import lower_bound
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.modulation import largest_rate_ratio, modulation_rate
-from evenlight.method.objective import pairwise_spread, proximal_spread
-from evenlight.method.optimize import Request, feasible_blend, is_feasible, optimize, pose
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.objective import pairwise_spread, proximal_spread
+from evenlight.method.optimizer.optimize import feasible_blend, is_feasible, optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.method.solvers import make_solver
-from evenlight.stimuli.frame_times import frame_times, uniform_times
+from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.stimuli.video.frame_times import frame_times, uniform_times
 
 MANY = 100_000  # frames: 55 minutes at 30 Hz
 

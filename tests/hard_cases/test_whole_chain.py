@@ -11,24 +11,25 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.brightness_track import BudgetUnit, TrackHeader, read_track, write_track
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, TrackHeader, read_track, write_track
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance, SolverName
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.evaluate import Answer, Effort, summarize, track_of
-from evenlight.method.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.lower_bound import lower_bound
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.modulation import largest_rate_ratio
-from evenlight.method.optimize import Problem, Request, is_feasible, optimize, pose
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, is_feasible, optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.power import power
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.method.solvers import make_solver
+from evenlight.method.rate_limit import scalar_rate_limit
 
 PICTURES = {
     "flat": lambda x, y, rng: np.full(x.shape, rng.random()),
@@ -179,7 +180,9 @@ def test_every_result_is_one(case, tmp_path_factory) -> None:
     assert is_feasible(problem, answer.factors)
     bound = lower_bound(problem, answer)
     track = track_of(problem, request, answer.factors, header_of(request))
-    summary = summarize(problem, request, Answer(bound, answer.iterations, "default"), track, Effort(0, 0, 0))
+    summary = summarize(
+        problem, request, SolverAnswer(bound, answer.iterations, "default"), track, RunRecord(0, 0, 0)
+    )
     assert bound <= summary.objective + 1e-9
     assert summary.objective <= summary.objective_baseline + 1e-12
     assert summary.max_rate_ratio <= 1 + 1e-6

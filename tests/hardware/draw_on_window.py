@@ -11,14 +11,14 @@ import numpy as np
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Dither, Rig
+from evenlight.data_schema.recordings.rig import Dither, Rig
+from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import RampInterval
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.rig import open_window
 from evenlight.hardware.rig_files import load_rig
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.dithering import dithered_codes, thresholds_of
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
 from evenlight.stimuli.page_image import page_image

@@ -3,9 +3,9 @@
 import dataclasses
 import json
 
-from evenlight.hardware.clocks import RefreshClock
 from evenlight.hardware.rig import open_pointer, open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.simulated.clocks import RefreshClock
 
 
 def main() -> None:

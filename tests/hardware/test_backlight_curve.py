@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.sweep_fit import LuminanceLevel
-from evenlight.data_schema.text_files import write_rows
-from evenlight.hardware.backlight_curve import BacklightCurve, read_backlight_curve
-from evenlight.hardware.backlights import SimulatedBacklight
-from evenlight.hardware.linear_backlight import LinearizedBacklight
+from evenlight.data_schema.recordings.sweep_fit import LuminanceLevel
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight, read_backlight_curve
 from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 TENTHS = tuple(k / 10 for k in range(1, 11))
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from evenlight.data_schema.power_log import BacklightSetting
-from evenlight.hardware.backlight_log import LoggedBacklight
-from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.data_schema.recordings.instrument_logs import BacklightSetting
+from evenlight.hardware.backlights import LoggedBacklight
 from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 
 class Slow(SimulatedBacklight):

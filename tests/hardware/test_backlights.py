@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.backlights import SimulatedBacklight, SysfsBacklight
+from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
 from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evenlight.hardware import board_protocol as protocol
+from evenlight.hardware.drivers import board_protocol as protocol
 
 
 def test_any_single_bit_that_flips_in_a_line_is_found() -> None:

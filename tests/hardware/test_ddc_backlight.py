@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.hardware.ddc_backlight import BRIGHTNESS, COMMAND_INTERVAL, DdcBacklight, checksum
+from evenlight.hardware.drivers.ddc_backlight import BRIGHTNESS, COMMAND_INTERVAL, DdcBacklight, checksum
 from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError

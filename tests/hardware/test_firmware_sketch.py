@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.hardware.board_link import PowerBoard
+from evenlight.hardware.drivers.board_link import PowerBoard
+from evenlight.hardware.drivers.power_board import BoardBacklight, BoardPowerMeter
 from evenlight.hardware.power_average import averaged
-from evenlight.hardware.power_board import BoardBacklight, BoardPowerMeter
 from evenlight.hardware.protocols import InstrumentError
 
 ROOT = Path(__file__).parents[2]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.drivers.hwmon_power import HwmonPowerMeter
 from evenlight.hardware.emulators.hwmon import HwmonEmulator
-from evenlight.hardware.hwmon_power import HwmonPowerMeter
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W]
 
@@ -208,7 +208,7 @@ def test_a_sensor_that_is_not_there_is_told_with_those_that_are(tmp_path) -> Non
         HwmonPowerMeter("ina219", root=tmp_path / "empty")
 
 
-def test_two_sensors_of_a_name_must_be_told_apart(tmp_path) -> None:
+def test_two_sensors_of_a_name_must_be_identifiable(tmp_path) -> None:
     for number in (3, 4):
         sensor(tmp_path, {"name": "ina226\n", "power1_input": "1\n"}, f"class/hwmon/hwmon{number}")
     with pytest.raises(InstrumentError, match=r"there are 2 of them; name one's folder: .*hwmon3, .*hwmon4"):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.hardware.instrument_list import Present, known_instruments, list_lines, missing_lines
+from evenlight.hardware.instrument_list import ConnectedDevices, known_instruments, list_lines, missing_lines
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Port:
 
 
 def shown(folder: Path, *ports: Port) -> list[str]:
-    return list_lines(Present(ports, folder))
+    return list_lines(ConnectedDevices(ports, folder))
 
 
 def section(lines: list[str], title: str) -> list[str]:
@@ -44,7 +44,7 @@ def test_a_serial_converter_does_not_tell_what_hangs_on_it(tmp_path: Path) -> No
     lines = section(shown(tmp_path, ftdi, bare), "Serial ports here")
     assert lines[0].endswith("a serial converter: its instrument does not show")
     assert lines[1] == "/dev/ttyS0"
-    assert known_instruments(None, None) == []
+    assert known_instruments(None, None) == {}
 
 
 def test_what_linux_has_is_shown_as_a_rig_names_it(tmp_path: Path) -> None:

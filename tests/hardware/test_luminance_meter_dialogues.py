@@ -4,15 +4,14 @@ import time
 from collections.abc import Sequence
 
 import pytest
+from scripted_instrument import ScriptedInstrument
 
-from evenlight.data_schema.meter_reading import MeterReading
-from evenlight.data_schema.sweep import LuminanceReading, PowerReading, ReadingStatus, SweepPhase
-from evenlight.hardware.colorcal import ColorCal
+from evenlight.data_schema.recordings.instrument_logs import MeterReading
+from evenlight.data_schema.recordings.sweep import LuminanceReading, PowerReading, ReadingStatus, SweepPhase
+from evenlight.hardware.drivers.colorcal import ColorCal
+from evenlight.hardware.drivers.konica_minolta import CHECK_CODES, Cs100a, Ls100
+from evenlight.hardware.drivers.photo_research import ERROR_CODES, PR650_QUALITY, Pr650, Pr655, Pr670
 from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.scripted import ScriptedInstrument
-from evenlight.hardware.konica_minolta import CHECK_CODES, Cs100a, Ls100
-from evenlight.hardware.photo_research import ERROR_CODES, Pr655, Pr670
-from evenlight.hardware.photo_research_650 import QUALITY, Pr650
 from evenlight.hardware.protocols import Fault, InstrumentError, LuminanceMeter, Reading
 
 TIMEOUT = 0.4  # [s]
@@ -214,12 +213,12 @@ def test_a_pr650_that_shows_footlamberts_is_refused() -> None:
 
 
 def test_every_quality_code_of_a_pr650_is_told_in_words() -> None:
-    codes = [*QUALITY, 99]
+    codes = [*PR650_QUALITY, 99]
     script = [(b"m0\n", f"{code:02d}\r\n".encode()) for code in codes]
     for code, error in zip(codes, played(Pr650, script, readings=len(codes)), strict=True):
         assert isinstance(error, InstrumentError)
         assert error.code == str(code)
-        words, fault = QUALITY.get(code, ("its manual does not have", Fault.REFUSED))
+        words, fault = PR650_QUALITY.get(code, ("its manual does not have", Fault.REFUSED))
         assert words in str(error)
         assert error.fault is fault
 

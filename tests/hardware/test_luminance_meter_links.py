@@ -12,18 +12,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.hardware.clocks import WaitingClock
-from evenlight.hardware.colorcal import ColorCal
-from evenlight.hardware.emulators.colorcal import EmulatedColorCal
-from evenlight.hardware.emulators.konica_minolta import EmulatedCs100a, EmulatedLs100, EmulatedLs110
+from evenlight.hardware.drivers.colorcal import ColorCal
+from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110
+from evenlight.hardware.drivers.photo_research import Pr650, Pr655, Pr670
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.meter import WHITE
-from evenlight.hardware.emulators.photo_research import EmulatedPr650, EmulatedPr655, EmulatedPr670
-from evenlight.hardware.konica_minolta import Cs100a, Ls100, Ls110
-from evenlight.hardware.photo_research import Pr655, Pr670
-from evenlight.hardware.photo_research_650 import Pr650
+from evenlight.hardware.emulators.luminance_meters import (
+    WHITE,
+    EmulatedColorCal,
+    EmulatedCs100a,
+    EmulatedLs100,
+    EmulatedLs110,
+    EmulatedPr650,
+    EmulatedPr655,
+    EmulatedPr670,
+)
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, LuminanceMeter
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 TIMEOUT = 0.3  # [s]
 LATE = 0.45  # [s] after the driver gave up

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.sweep import ReadingStatus
+from evenlight.data_schema.recordings.sweep import ReadingStatus
+from evenlight.hardware.drivers.manual_meter import ManualMeter
 from evenlight.hardware.luminance_table import luminance_readings_from_csv
-from evenlight.hardware.manual_meter import ManualMeter
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 TABLE = """pixel_value,luminance_cd_m2,factor
@@ -93,7 +93,7 @@ def test_a_letter_says_that_there_is_no_reading(typed: str, fault: Fault, code: 
 
 
 def test_an_input_that_has_ended_ends_the_readings() -> None:
-    with pytest.raises(InstrumentError, match="nobody types") as failed:
+    with pytest.raises(InstrumentError, match="no one types") as failed:
         ManualMeter(typing()[0]).read_luminance()
     assert failed.value.fault is Fault.DISCONNECTED
 

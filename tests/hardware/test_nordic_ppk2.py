@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware import ppk2_stream as stream
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.drivers import ppk2_port as stream
+from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.emulators.ppk2 import Ppk2Emulator, calibration
-from evenlight.hardware.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W]
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.sweep_fit import LuminanceLevel
-from evenlight.data_schema.text_files import write_rows
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.sweep_fit import LuminanceLevel
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.hardware.backlight_curve import LinearizedBacklight
+from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
 from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.emulators.power_board import PowerBoardEmulator
-from evenlight.hardware.linear_backlight import LinearizedBacklight
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig import (
     backlights_smallest_factor,
@@ -23,8 +24,7 @@ from evenlight.hardware.rig import (
     open_swept_backlight,
 )
 from evenlight.hardware.rig_files import load_rig
-from evenlight.hardware.serial_link import LineSettings, SerialLink
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 RIG = """
 name = "lab"

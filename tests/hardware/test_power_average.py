@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_log import PowerSample
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.power_average import PowerAverage, average_power
 from evenlight.hardware.power_average import averaged as averaged_over
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_meter import SimulatedPowerMeter
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics, SimulatedPowerMeter
 
 
 def rows(*numbers: tuple[int, float, float]) -> list[PowerSample]:

@@ -7,20 +7,20 @@ import time
 
 import numpy as np
 import pytest
+from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_log import PowerSample
-from evenlight.hardware import board_protocol as protocol
-from evenlight.hardware.board_link import PowerBoard
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.hardware.drivers import board_protocol as protocol
+from evenlight.hardware.drivers.board_link import PowerBoard
+from evenlight.hardware.drivers.power_board import SILENCE, BoardBacklight, BoardPowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.emulators.power_board import BoardBuild, PowerBoardEmulator
-from evenlight.hardware.emulators.scripted import ScriptedInstrument
 from evenlight.hardware.power_average import average_power, averaged
-from evenlight.hardware.power_board import SILENCE, BoardBacklight, BoardPowerMeter
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 BASE, SLOPE = 0.2945, 0.001858 * 200  # [W] of the panel: P(b) = BASE + SLOPE * b
 TIMEOUT = 3.0  # [s]

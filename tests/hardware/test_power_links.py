@@ -14,17 +14,17 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
+from evenlight.hardware.drivers.power_board import BoardPowerMeter
+from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter, VisaPowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.emulators.power_board import PowerBoardEmulator
 from evenlight.hardware.emulators.ppk2 import Ppk2Emulator
 from evenlight.hardware.emulators.scpi_instrument import ScpiEmulator
-from evenlight.hardware.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.power_average import PowerAverage, average_power
-from evenlight.hardware.power_board import BoardPowerMeter
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
-from evenlight.hardware.scpi_power import ScpiPowerMeter, VisaPowerMeter
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 FULL, DIMMED = 0.6661, 0.2945 + 0.001858 * 200 * 0.25  # [W] of the panel at b = 1 and 0.25
 PATIENT = 5.0  # [s] where nothing is to be waited for

@@ -8,10 +8,10 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of
-from evenlight.data_schema.rig import Rig
-from evenlight.hardware.backlights import SimulatedBacklight
+from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.rig import open_backlight, require_refresh_rate
 from evenlight.hardware.rig_files import RIGS, load_rig
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 RIG = """
 name = "lab"

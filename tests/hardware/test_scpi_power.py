@@ -7,18 +7,18 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.drivers.scpi_lines import number_in
+from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.emulators.scpi_instrument import ALL, ScpiEmulator
-from evenlight.hardware.emulators.scripted import ScriptedInstrument
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.scpi_answers import number_in
-from evenlight.hardware.scpi_power import ScpiPowerMeter
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W]
 TIMEOUT = 0.6  # [s]

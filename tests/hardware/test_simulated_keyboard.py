@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.hardware.clocks import RefreshClock
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import KeyPress
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 
 
 @given(st.floats(24, 240), st.integers(0, 10**6))

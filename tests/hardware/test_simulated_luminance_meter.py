@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.hardware.clocks import WaitingClock
-from evenlight.hardware.meter_physics import MeterPhysics, in_digits
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_luminance_meter import SimulatedLuminanceMeter
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.luminance_meter import MeterPhysics, SimulatedLuminanceMeter, in_digits
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 SILENT = MeterPhysics(proportional_noise=0.0, floor_noise=0.0)
 STEADY = PanelPhysics(peak_luminance=100.0, black_level=0.0, gamma=1.0, warm_up_share=0.0)

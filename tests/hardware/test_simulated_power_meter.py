@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.hardware.clocks import RefreshClock, WaitingClock
 from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_meter import SHORTEST_WAY, SimulatedPowerMeter
-from evenlight.hardware.simulated_power_sensor import MEMORY, PowerMeterPhysics
+from evenlight.hardware.simulated.clocks import RefreshClock, WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import (
+    MEMORY,
+    SHORTEST_WAY,
+    PowerMeterPhysics,
+    SimulatedPowerMeter,
+)
 
 FULL = 0.2945 + 0.001858 * 200  # [W] of the panel at b = 1
 

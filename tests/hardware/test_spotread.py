@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.clocks import WaitingClock
+from evenlight.hardware.drivers.spotread import Spotread
 from evenlight.hardware.emulators.link import FaultPlan, LinkFault
-from evenlight.hardware.emulators.meter import WHITE
+from evenlight.hardware.emulators.luminance_meters import WHITE
 from evenlight.hardware.emulators.spotread import WORDS, EmulatedSpotread
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.spotread import Spotread
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 TIMEOUT = 0.8  # [s] the program itself takes some 0.05 s to start
 PANEL = PanelPhysics(peak_luminance=100.0, black_level=0.0, gamma=1.0, warm_up_share=0.0)

@@ -9,8 +9,12 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import BandFrequency
 from evenlight.data_schema.display import Display
-from evenlight.method.bands import band_frequencies
-from evenlight.method.pyramid import gaussian_pyramid, laplacian_bands, level_shapes
+from evenlight.method.contrast.pyramid import (
+    band_frequencies,
+    gaussian_pyramid,
+    laplacian_bands,
+    level_shapes,
+)
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=72.28)
 

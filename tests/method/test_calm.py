@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evenlight.method.calm import calmed, taut_string
-from evenlight.method.splitting import SplittingSolver
+from evenlight.method.optimizer.evaluate import calmed, taut_string
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 
 def flickering(make_curves, n=200):

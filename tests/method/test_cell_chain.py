@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.method.cell_chain import Blocks, ChainCosts, RateTable, cheapest_chain, make_blocks
+from evenlight.method.optimizer.cell_chain import (
+    ChainCosts,
+    FrameBlocks,
+    RateTable,
+    cheapest_chain,
+    make_blocks,
+)
 
 KNOTS = np.linspace(0.2, 1.0, 5)
 STEPS = 160  # of a fine grid of factors
@@ -32,7 +38,7 @@ def bound(costs: ChainCosts, places: int, block_moves: float, per_knot: int) -> 
     n = len(costs.weights)
     step = places * 0.8 / STEPS
     rates = RateTable(np.ones(1), np.zeros(n), np.zeros(len(KNOTS) - 1))  # a rate limit of 1 everywhere
-    blocks = Blocks(*make_blocks(np.full(n - 1, step), block_moves * step, 0.2))
+    blocks = FrameBlocks(*make_blocks(np.full(n - 1, step), block_moves * step, 0.2))
     return cheapest_chain(costs, rates, np.full(n - 1, step), blocks, per_knot)
 
 

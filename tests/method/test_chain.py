@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
 from evenlight.data_schema.arrays import Array
-from evenlight.method.chain import ChainLimits, minimize_chain
+from evenlight.method.optimizer.chain import ChainLimits, minimize_chain
 
 
 def random_chain(seed: int, n: int) -> tuple[Array, Array, ChainLimits]:

@@ -16,18 +16,22 @@ from evenlight.data_schema.contrast_model import (
     Visibility,
 )
 from evenlight.data_schema.display import Display
-from evenlight.method.contrast import csf_contrast
-from evenlight.method.contrast_loss import (
+from evenlight.method.contrast.contrast_loss import (
     contrast_loss,
     loss_of,
     perceived_contrasts,
     visible_contrast,
     visible_map,
 )
-from evenlight.method.csf import contrast_sensitivity
-from evenlight.method.luminance import dimmed_luminance
-from evenlight.method.masking import neighbourhood_mean, perceived_contrast
-from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands, level_shapes
+from evenlight.method.contrast.csf import contrast_sensitivity, csf_contrast
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.contrast.masking import neighbourhood_mean, perceived_contrast
+from evenlight.method.contrast.pyramid import (
+    adaptation_luminance,
+    gaussian_pyramid,
+    laplacian_bands,
+    level_shapes,
+)
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 ALTERNATIVES = [

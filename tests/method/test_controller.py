@@ -9,16 +9,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import LimitCurve
-from evenlight.method.control_curves import ControlledTrack, control_curves
-from evenlight.method.controller import Controller, ControllerSettings, ControllerState, FrameSeen
-from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.online.control_curves import ControlledTrack, control_curves
+from evenlight.method.online.controller import (
+    Controller,
+    ControllerSettings,
+    ControllerState,
+    FrameMeasurement,
+)
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.rate_limit import rate_limit_at
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 
@@ -43,26 +47,38 @@ def test_one_step_by_hand() -> None:
     # Gains per second (1 Hz). Loss 0.3 against 0.1: e = 0.2, it was 0 0.5 s ago. K_p e = 0.04, K_d de/dt =
     # 0.05 · 0.4 = 0.02, integral 0.5 + 0.01 · 0.2 · 0.5 = 0.501: 0.561.
     controller = Controller(ControllerSettings(0.1, gain_rate=1.0), free)
-    first = controller.start(0.5, FrameSeen(loss=0.1, luminance=50.0, duration=0.5))
-    second = controller.step(first, FrameSeen(loss=0.3, luminance=50.0, duration=0.5))
+    first = controller.start(0.5, FrameMeasurement(loss=0.1, luminance=50.0, duration=0.5))
+    second = controller.step(first, FrameMeasurement(loss=0.3, luminance=50.0, duration=0.5))
     assert second.factor == pytest.approx(0.561, abs=1e-12)
     assert second.integral == pytest.approx(0.501, abs=1e-12)
     assert not second.limited
 
 
+def test_the_first_state_makes_its_terms_add_up_to_the_factor() -> None:
+    # The first frame has loss 0.3 against 0.1: e = 0.2. The terms of the state, K_p e + I, must
+    # be the factor it was started with, 0.5; with K_p = 0.2 the integral term is I = 0.5 - 0.2 · 0.2 = 0.46.
+    # The next frame has the same error, so that only the integral moves on: K_i e Δt = 0.01 · 0.2 · 0.5 =
+    # 0.001 (gains per second), and b = 0.2 · 0.2 + 0.461 = 0.501.
+    controller = Controller(ControllerSettings(0.1, gain_rate=1.0), free)
+    first = controller.start(0.5, FrameMeasurement(loss=0.3, luminance=50.0, duration=0.5))
+    assert first.integral == pytest.approx(0.46, abs=1e-12)
+    second = controller.step(first, FrameMeasurement(loss=0.3, luminance=50.0, duration=0.5))
+    assert second.factor == pytest.approx(0.501, abs=1e-12)
+
+
 def test_gains_per_frame_by_hand() -> None:
     # For frames of 1/25 s, in a video of 12.5 Hz: each frame counts twice in K_i, half in K_d.
     controller = Controller(ControllerSettings(0.1, 0.0, 0.01, 0.05, gain_rate=25.0), free)
-    first = controller.start(0.5, FrameSeen(0.1, 50.0, 0.08))
-    second = controller.step(first, FrameSeen(0.3, 50.0, 0.08))
+    first = controller.start(0.5, FrameMeasurement(0.1, 50.0, 0.08))
+    second = controller.step(first, FrameMeasurement(0.3, 50.0, 0.08))
     assert second.factor == pytest.approx(0.5 + 2 * 0.01 * 0.2 + 0.05 * 0.2 / 2, abs=1e-12)
 
 
 def test_a_step_within_the_limit_by_hand() -> None:
     # ΔL = 2 cd/m^2/s on a luminance of (40 + 60) / 2: b may change by 2 · 0.1 / 50 = 0.004.
     controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 2.0)
-    first = controller.start(0.5, FrameSeen(0.1, 40.0, 0.1))
-    second = controller.step(first, FrameSeen(0.6, 60.0, 0.04))
+    first = controller.start(0.5, FrameMeasurement(0.1, 40.0, 0.1))
+    second = controller.step(first, FrameMeasurement(0.6, 60.0, 0.04))
     assert second.factor == pytest.approx(0.504, abs=1e-9)
     assert second.limited
 
@@ -70,17 +86,17 @@ def test_a_step_within_the_limit_by_hand() -> None:
 def test_the_lower_limit_of_the_two_ends_counts() -> None:
     # ΔL = 3 %/s of b·Ī: the dark frame that comes (Ī = 1) allows 0.03 · b · 1 · 0.1 / 25.5.
     controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 0.03 * luminance)
-    first = controller.start(0.5, FrameSeen(0.1, 50.0, 0.1))
-    second = controller.step(first, FrameSeen(0.9, 1.0, 0.1))
+    first = controller.start(0.5, FrameMeasurement(0.1, 50.0, 0.1))
+    second = controller.step(first, FrameMeasurement(0.9, 1.0, 0.1))
     step = second.factor - 0.5
     assert step == pytest.approx(0.03 * second.factor * 1.0 * 0.1 / 25.5, rel=1e-6)
 
 
 def test_between_black_frames_the_factor_is_free_and_beside_one_it_is_frozen() -> None:
     controller = Controller(ControllerSettings(0.1, gain_rate=1.0), lambda luminance: 0.03 * luminance)
-    black = controller.start(0.5, FrameSeen(0.1, 0.0, 0.1))
-    assert controller.step(black, FrameSeen(0.6, 0.0, 0.1)).factor > 0.6
-    assert controller.step(black, FrameSeen(0.6, 50.0, 0.1)).factor == 0.5
+    black = controller.start(0.5, FrameMeasurement(0.1, 0.0, 0.1))
+    assert controller.step(black, FrameMeasurement(0.6, 0.0, 0.1)).factor > 0.6
+    assert controller.step(black, FrameMeasurement(0.6, 50.0, 0.1)).factor == 0.5
 
 
 @pytest.mark.parametrize("name", ["surace2025", "rate", "log_log"])
@@ -276,4 +292,4 @@ def test_a_frozen_factor_stays_to_its_last_digit() -> None:
     controller = Controller(ControllerSettings(0.1, 0.0, 1.0, 0.0), lambda luminance: 0.03 * luminance)
     for integral in np.linspace(-2.0, 0.0, 300).tolist():
         black = ControllerState(0.7, integral, 0.0, luminance=0.0, duration=0.1)
-        assert controller.step(black, FrameSeen(0.9, 60.0, 0.1)).factor == 0.7
+        assert controller.step(black, FrameMeasurement(0.9, 60.0, 0.1)).factor == 0.7

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
-from evenlight.method.critical_factor import (
+from evenlight.method.contrast.critical_factor import (
     LARGEST_LOG_RATIO,
     MASKING_RANGE,
     band_table,
     effective_sensitivity,
     threshold_table,
 )
-from evenlight.method.csf import contrast_sensitivity
-from evenlight.method.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
+from evenlight.method.contrast.csf import contrast_sensitivity
+from evenlight.method.contrast.pyramid import adaptation_luminance, gaussian_pyramid, laplacian_bands
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 MODEL = ContrastModel()

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import SensitivityModel
-from evenlight.method.csf import contrast_sensitivity
+from evenlight.method.contrast.csf import contrast_sensitivity
 
 FREQUENCIES = np.array([0.1, 0.5, 1, 2, 4, 8, 16, 36.14, 60])[:, None]
 LUMINANCES = np.array([1e-6, 1e-4, 0.01, 0.2, 1, 10, 104.4, 1e4])

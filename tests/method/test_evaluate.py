@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import BudgetUnit, TrackHeader
 from evenlight.data_schema.provenance import Provenance
-from evenlight.method.evaluate import Answer, Effort, summarize, track_of
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.optimize import Problem, Request, Solution, optimize, pose
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, TrackHeader
+from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, Solution, optimize, pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.splitting import SplittingSolver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.splitting import SplittingSolver
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def summary_with(make_curves):
 
     def summary(share):
         bound = problem.objective(factors) * share
-        return summarize(problem, request, Answer(bound, 1, "default"), track, Effort(0, 0, 0))
+        return summarize(problem, request, SolverAnswer(bound, 1, "default"), track, RunRecord(0, 0, 0))
 
     return summary
 

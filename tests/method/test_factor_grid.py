@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from benchmarks.optimizer_peers import SAME, best_of
 from benchmarks.optimizer_problems import curves_of, mean_factor_problem, odd_problems
-from evenlight.method.budgeted_chain import nearest_feasible
-from evenlight.method.factor_grid import Grid, _improved, distance_from, grid_starts
-from evenlight.method.optimize import is_feasible, optimize
-from evenlight.method.splitting import SHORTEST, SplittingSolver
+from evenlight.method.optimizer.chain import nearest_feasible
+from evenlight.method.optimizer.factor_grid import FactorGrid, _improved, distance_from, grid_starts
+from evenlight.method.optimizer.optimize import is_feasible, optimize
+from evenlight.method.optimizer.splitting import SHORTEST, SplittingSolver
 
 KNOTS = np.linspace(0.2, 1.0, 17)
 
@@ -24,7 +24,7 @@ def rising(n, seed, speed=0.02, budget=0.5):
 
 def test_the_distance_from_a_track_is_the_mean_over_its_frames_as_printed() -> None:
     problem = rising(12, 1)
-    grid, loss = Grid.of(problem), problem.loss(problem.baseline())
+    grid, loss = FactorGrid.of(problem), problem.loss(problem.baseline())
     by_hand = np.abs(grid.loss[:, :, None] - loss).mean(axis=2)
     np.testing.assert_allclose(distance_from(problem, grid.loss, loss), by_hand, atol=1e-12)
 
@@ -43,7 +43,7 @@ def test_the_starts_keep_all_limits_and_the_best_of_them_leads_further_down_than
 @given(st.integers(0, 10**6))
 def test_improved_tracks_keep_all_limits_and_none_becomes_worse(seed: int) -> None:
     problem = rising(12, seed)
-    grid = Grid.of(problem)
+    grid = FactorGrid.of(problem)
     somewhere = np.random.default_rng(seed).uniform(0.2, 1.0, 12)
     track = nearest_feasible(problem, problem.baseline(), somewhere, 1.0)
     for _ in range(2):  # the second time there is little to gain and all to lose
@@ -56,7 +56,7 @@ def test_improved_tracks_keep_all_limits_and_none_becomes_worse(seed: int) -> No
 def test_the_grid_of_a_band_lies_about_its_track_and_within_the_bounds() -> None:
     problem = rising(12, 4)
     track = np.linspace(0.2, 1.0, 12)
-    factors = Grid.about(problem, track, 0.1).cells.factors
+    factors = FactorGrid.about(problem, track, 0.1).cells.factors
     np.testing.assert_allclose(factors[:, 0], np.maximum(track - 0.1, 0.2))
     np.testing.assert_allclose(factors[:, -1], np.minimum(track + 0.1, 1.0))
     assert (np.diff(factors, axis=1) > 0).all()

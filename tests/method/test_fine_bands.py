@@ -10,13 +10,22 @@ from hypothesis.extra.numpy import arrays
 
 from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
-from evenlight.method.critical_factor import band_table
-from evenlight.method.fine_bands import settle
-from evenlight.method.fine_differences import difference_shares, difference_thresholds
-from evenlight.method.frame_analysis import MANY_PIXELS, FrameAnalysis, FrameCounts
-from evenlight.method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.thrift import Thrift
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast.critical_factor import band_table
+from evenlight.method.contrast.frame_analysis import (
+    MANY_PIXELS,
+    FrameAnalysis,
+    FrameCounts,
+    difference_shares,
+    difference_thresholds,
+)
+from evenlight.method.contrast.frame_losses import settle_fine_bands
+from evenlight.method.contrast.loss_curves import (
+    analyze_frames,
+    brightness_factors,
+    loss_curves_by_definition,
+)
+from evenlight.method.contrast.luminance import emitted_luminance
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 FACTORS = brightness_factors(0.2, 17)
@@ -25,7 +34,7 @@ FACTORS = brightness_factors(0.2, 17)
 def loss_error(frames, tolerance):
     """Largest error of the loss over all frames and knots, and the share of pixels counted."""
     exact = analyze_frames(frames, "v", HEADSET, factors=FACTORS)
-    thrifty = analyze_frames(frames, "v", HEADSET, factors=FACTORS, thrift=Thrift(tolerance))
+    thrifty = analyze_frames(frames, "v", HEADSET, factors=FACTORS, effort=AnalysisEffort(tolerance))
     # Power and rate limit rest on these, and they cost little: they are those of every frame.
     np.testing.assert_array_equal(thrifty.mean_luminance, exact.mean_luminance)
     np.testing.assert_array_equal(thrifty.channel_means, exact.channel_means)
@@ -43,7 +52,7 @@ def test_the_tolerance_and_the_one_pass_together_keep_to_the_definition(name):
     """Where they differ most from each other, at knots."""
     frames = list(hard_video(name))
     exact = analyze_frames(frames, "v", HEADSET, factors=FACTORS).loss
-    found = analyze_frames(frames, "v", HEADSET, factors=FACTORS, thrift=Thrift(1e-3)).loss
+    found = analyze_frames(frames, "v", HEADSET, factors=FACTORS, effort=AnalysisEffort(1e-3)).loss
     worst = int(np.abs(found - exact).max(axis=1).argmax())
     assert not np.array_equal(found[worst], exact[worst])
     emitted = emitted_luminance(frames[worst].pixel_values, HEADSET)
@@ -107,7 +116,7 @@ def test_the_tolerance_holds_on_films_made_by_chance(shots, tolerance):
 
 
 class Given:
-    """An analysis of frames whose finest band is known: what `settle` asks of `FrameAnalysis`."""
+    """An analysis of frames whose finest band is known: what `settle_fine_bands` asks of `FrameAnalysis`."""
 
     fine_bands = range(1)
 
@@ -134,7 +143,7 @@ def test_shares_that_miss_in_proportion_to_what_is_seen_count_as_missed():
     ]
     for counts in stretch:
         counts.differences = (np.zeros(5),)
-    settle(Given(fine), stretch, 0.01)
+    settle_fine_bands(Given(fine), stretch, 0.01)
     np.testing.assert_array_equal([counts.shares[0] for counts in stretch], fine)
 
 

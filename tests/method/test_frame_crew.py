@@ -13,10 +13,10 @@ from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.method import frame_crew
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.thrift import Thrift
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast import frame_losses
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 FACTORS = brightness_factors(0.2, 9)
@@ -24,7 +24,7 @@ BOTH = pytest.mark.parametrize("tolerance", [0.0, 1e-3])
 
 
 def curves(frames, tolerance=0.0, jobs=1):
-    return analyze_frames(frames, "clip", HEADSET, factors=FACTORS, thrift=Thrift(tolerance, jobs))
+    return analyze_frames(frames, "clip", HEADSET, factors=FACTORS, effort=AnalysisEffort(tolerance, jobs))
 
 
 def noise(n, shape=(257, 257)):
@@ -102,14 +102,14 @@ def test_few_frames_are_in_memory_however_long_the_video(tolerance, jobs, monkey
             most[0] = max(most[0], len({id(one()) for one in alive if one() is not None}))
             yield pixels
 
-    crew = frame_crew.frame_losses
+    crew = frame_losses.frame_losses
     monkeypatch.setattr(
-        "evenlight.method.loss_curves.frame_losses",
-        lambda analysis, frames, thrift, spare: crew(analysis, counted_alive(frames), thrift, spare),
+        "evenlight.method.contrast.loss_curves.frame_losses",
+        lambda analysis, frames, effort, spare: crew(analysis, counted_alive(frames), effort, spare),
     )
     n = 100
     curves(noise(n), tolerance, jobs)
-    held = jobs + 3 if tolerance == 0 else (jobs + 1) * frame_crew.LONGEST_STRETCH
+    held = jobs + 3 if tolerance == 0 else (jobs + 1) * frame_losses.LONGEST_STRETCH
     assert 1 < most[0] <= held + 2 < n
 
 
@@ -178,7 +178,7 @@ def test_stretches_of_large_frames_are_shorter(bytes_held, length):
     class Large:
         held_bytes = bytes_held
 
-    assert frame_crew.stretch_length(Large()) == length
+    assert frame_losses.stretch_length(Large()) == length
 
 
 @pytest.mark.parametrize(
@@ -190,6 +190,6 @@ def test_stretches_of_large_frames_are_shorter(bytes_held, length):
         ({"jobs": -1}, "jobs must be 0 .* got -1"),
     ],
 )
-def test_impossible_thrift_is_refused(wrong, message):
+def test_impossible_effort_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
-        Thrift(**wrong)
+        AnalysisEffort(**wrong)

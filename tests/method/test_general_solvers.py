@@ -12,13 +12,17 @@ from scipy.optimize import linprog
 
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import SolverName
-from evenlight.method.coarse_start import BLOCK, coarse_problem, refined_solution
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.objective import pairwise_spread, weight_of_pairs
-from evenlight.method.optimize import is_feasible, optimize
-from evenlight.method.pair_sum_rows import comparators, pair_sum_rows
-from evenlight.method.solvers import make_solver
-from evenlight.method.splitting import FAR_TO_NEAR, SplittingSolver
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.objective import pairwise_spread, weight_of_pairs
+from evenlight.method.optimizer.optimize import is_feasible, optimize
+from evenlight.method.optimizer.solvers import comparators, make_solver, pair_sum_rows
+from evenlight.method.optimizer.splitting import (
+    BLOCK,
+    FAR_TO_NEAR,
+    SplittingSolver,
+    coarse_problem,
+    refined_solution,
+)
 
 CLARABEL = importlib.util.find_spec("clarabel") is not None
 GENERAL = [SolverName.HIGHS, *([SolverName.CLARABEL] if CLARABEL else [])]
@@ -77,7 +81,7 @@ def test_a_general_solver_keeps_the_limits_near_the_ends_of_the_budget(
 def test_a_general_solver_refuses_a_long_video(make_curves, make_problem, name) -> None:
     problem = make_problem(make_curves(np.full(400, 0.3)), 0.5)
     with pytest.raises(
-        InputError, match=f"--solver {name.value} takes at most 250 frames, this video has 400"
+        InputError, match=f"the solver {name.value} takes at most 250 frames, this video has 400"
     ):
         optimize(problem, make_solver(name, RNG))
 
@@ -94,7 +98,7 @@ def test_a_missing_package_is_named_with_what_to_type(make_curves, make_problem,
 
 
 def test_only_the_default_takes_a_start() -> None:
-    with pytest.raises(InputError, match="--start is for --solver splitting, not for slsqp"):
+    with pytest.raises(InputError, match="a start is for the solver splitting, not for slsqp"):
         make_solver(SolverName.SLSQP, RNG, np.array([0.5]))
 
 
@@ -123,7 +127,7 @@ def test_a_start_that_breaks_every_limit_still_gives_an_answer(make_curves, make
 
 def test_coarse_to_fine_ends_where_a_full_search_does(make_curves, make_problem) -> None:
     problem = make_problem(long_video(make_curves), 0.5)
-    quick, full = optimize(problem, SplittingSolver()), optimize(problem, SplittingSolver(looks=FAR_TO_NEAR))
+    quick, full = optimize(problem, SplittingSolver()), optimize(problem, SplittingSolver(stages=FAR_TO_NEAR))
     assert problem.objective(quick.factors) <= problem.objective(full.factors) * 1.002
 
 
@@ -138,7 +142,7 @@ def test_a_coarse_problem_has_the_budget_and_the_weights_of_the_full_one(
     coarse = coarse_problem(problem)
     assert coarse.budget_weights.sum() == pytest.approx(1.0)
     assert coarse.curves.durations.sum() == pytest.approx(problem.curves.durations.sum())
-    fine = refined_solution(problem, optimize(coarse, SplittingSolver(looks=FAR_TO_NEAR)))
+    fine = refined_solution(problem, optimize(coarse, SplittingSolver(stages=FAR_TO_NEAR)))
     assert is_feasible(problem, fine.factors)
 
 

@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.brightness_track import BudgetUnit
-from evenlight.data_schema.loss_curves import LossCurves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.method.control_curves import ControlledTrack, Governed, control_curves
-from evenlight.method.controller import Aim, Controller, ControllerSettings, ControllerState
-from evenlight.method.curve_lookup import loss_and_slope
-from evenlight.method.frame_costs import FrameCost, frame_costs
-from evenlight.method.governor import (
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.modulation import largest_rate_ratio
+from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
+from evenlight.method.online.frame_costs import FrameCost, frame_costs
+from evenlight.method.online.governor import (
     PAYBACK,
     Excess,
     Governor,
@@ -24,10 +25,9 @@ from evenlight.method.governor import (
     governor_of,
     horizon_warning,
 )
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.power import power
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.scalar_rate_limit import ScalarRateLimit, scalar_rate_limit
+from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 LCD = load_power_model("surace2025")
@@ -47,7 +47,9 @@ def governed(
     model: PowerModel = LCD,
 ) -> ControlledTrack:
     costs = frame_costs(curves, budget, model)
-    return control_curves(curves, controller, start, None, Governed(governor_of(controller, budget), costs))
+    return control_curves(
+        curves, controller, start, None, VideoGovernor(governor_of(controller, budget), costs)
+    )
 
 
 def largest_window_error(use: np.ndarray, budget: float, frames: int) -> float:
@@ -138,7 +140,7 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
         controller,
         0.5,
         None,
-        Governed(governor, [FrameCost(1.0, may, may, 1.0) for may in allowance]),
+        VideoGovernor(governor, [FrameCost(1.0, may, may, 1.0) for may in allowance]),
     )
     assert held.factors[600:1200] == pytest.approx(0.2)
     assert held.budget_held[600:1199].all()
@@ -148,7 +150,7 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
         controller,
         0.2,
         None,
-        Governed(governor, [FrameCost(1.0, 0.5, 0.5, 1.0)] * 2400),
+        VideoGovernor(governor, [FrameCost(1.0, 0.5, 0.5, 1.0)] * 2400),
     )
     back, as_new = (int(np.argmax(track.factors > 0.45)) for track in (held, fresh))
     assert back - 1200 < as_new + 100  # at most 10 s later
@@ -190,7 +192,7 @@ def test_a_debt_is_paid_at_the_bound_and_no_longer(bound: float) -> None:
         state, aim = governor.step(state, shown, 0.1, paid)
         if not state.held:
             break
-        assert aim == Aim(0.1, 0.0)
+        assert aim == SteeredTarget(0.1, 0.0)
         frames += 1
     # m = -0.05 + 0.35 exp(-2t / H) is 0.02 at t = H / 2 · ln 5.
     assert frames * 0.1 == pytest.approx(30 * np.log(5), rel=0.01)

@@ -20,13 +20,12 @@ from evenlight.data_schema.contrast_model import (
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.method import gpu_one_pass
-from evenlight.method.bands import band_frequencies
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.gpu_frame_analysis import GpuFrameAnalysis
-from evenlight.method.loss_curves import brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import channel_means, emitted_luminance
-from evenlight.method.pyramid import level_shapes
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.luminance import channel_means, emitted_luminance
+from evenlight.method.contrast.pyramid import band_frequencies, level_shapes
+from evenlight.method.gpu import one_pass
+from evenlight.method.gpu.frame_loss import GpuFrameAnalysis
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)
@@ -195,7 +194,7 @@ def test_the_dispatch_may_have_several_rows(monkeypatch):
     """As large frames need it: here three groups in a row, and some at the end that have nothing to do."""
     frame = frame_of(np.random.default_rng(1).random((70, 100)))
     in_one_row = on_gpu((70, 100)).of(frame)
-    monkeypatch.setattr(gpu_one_pass, "_ACROSS", 3)
+    monkeypatch.setattr(one_pass, "_ACROSS", 3)
     np.testing.assert_array_equal(on_gpu((70, 100)).of(frame).loss, in_one_row.loss)
 
 

@@ -12,14 +12,11 @@ from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, S
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.method.analysis_device import make_frame_analysis
-from evenlight.method.choices import Device
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.gpu_context import OwnContext, compute_context, is_software, require_compute
-from evenlight.method.gpu_frame_analysis import GpuFrameAnalysis
-from evenlight.method.gpu_loss import GpuLoss
-from evenlight.method.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.thrift import Thrift
+from evenlight.method.choices import AnalysisEffort, Device
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors, make_frame_analysis
+from evenlight.method.gpu.context import OwnContext, compute_context, is_software, require_compute
+from evenlight.method.gpu.frame_loss import GpuFrameAnalysis, GpuLoss
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 FACTORS = brightness_factors(0.2, 7)
@@ -58,7 +55,7 @@ def test_both_devices_give_the_same_curve():
 
 
 def test_without_a_driver_the_user_is_told_what_to_do(without_graphics):
-    words = r"no graphics processor with compute shaders, OpenGL 4\.3 \(cannot open .*--device cpu"
+    words = r"no graphics processor with compute shaders, OpenGL 4\.3 \(cannot open .*device cpu"
     with pytest.raises(InputError, match=words) as told:
         made(Device.GPU)
     assert "\n" not in str(told.value)
@@ -106,7 +103,7 @@ def test_a_context_without_compute_shaders_is_released_before_the_next_is_tried(
 @pytest.mark.parametrize("software", [True, False])
 def test_automatic_takes_the_graphics_processor_only_where_it_is_one(software, monkeypatch):
     own_context()
-    monkeypatch.setattr("evenlight.method.analysis_device.is_software", lambda _: software)
+    monkeypatch.setattr("evenlight.method.contrast.loss_curves.is_software", lambda _: software)
     chosen = made(Device.AUTO)
     assert chosen.device is (Device.CPU if software else Device.GPU)
     assert ("runs on the processor here" in chosen.reason) is software
@@ -177,7 +174,9 @@ def test_a_video_is_analysed_where_it_is_asked_to_be():
     own_context()
     frames = [Frame(0.1 * k, 0.1, np.roll(FRAME, k // 2, axis=0)) for k in range(3)]
     on_gpu, on_processor = (
-        analyze_frames(iter(frames), "clip", LAB, factors=FACTORS, thrift=Thrift(jobs=2, device=device))
+        analyze_frames(
+            iter(frames), "clip", LAB, factors=FACTORS, effort=AnalysisEffort(jobs=2, device=device)
+        )
         for device in (Device.GPU, Device.CPU)
     )
     np.testing.assert_allclose(on_gpu.loss, on_processor.loss, atol=1e-3)
@@ -187,4 +186,4 @@ def test_a_video_is_analysed_where_it_is_asked_to_be():
 
 def test_a_video_for_a_missing_graphics_processor_is_refused(without_graphics):
     with pytest.raises(InputError, match=r"OpenGL 4\.3"):
-        analyze_frames([Frame(0.0, 0.1, FRAME)], "clip", LAB, thrift=Thrift(device=Device.GPU))
+        analyze_frames([Frame(0.0, 0.1, FRAME)], "clip", LAB, effort=AnalysisEffort(device=Device.GPU))

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.method.contrast_loss import contrast_loss
-from evenlight.method.gpu_frame import FrameTexture, TextureContent
-from evenlight.method.gpu_loss import GpuLoss
-from evenlight.method.luminance import emitted_luminance
+from evenlight.method.contrast.contrast_loss import contrast_loss
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.gpu.frame_loss import GpuLoss
+from evenlight.method.gpu.pyramid import FrameTexture, TextureContent
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 BRIGHT_ROOM = dataclasses.replace(HEADSET, peak_luminance=600.0, reflected_luminance=2.0)

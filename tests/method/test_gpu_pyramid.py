@@ -6,10 +6,9 @@ from compute_shaders import own_context
 
 from evenlight.data_schema.contrast_model import PixelToLuminance
 from evenlight.data_schema.display import Display
-from evenlight.method.gpu_frame import packed
-from evenlight.method.gpu_pyramid import SUM_WORDS, GpuPyramid, sums_of
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.pyramid import gaussian_pyramid
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.pyramid import gaussian_pyramid
+from evenlight.method.gpu.pyramid import SUM_WORDS, GpuPyramid, packed, sums_of
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 LEVELS = 5

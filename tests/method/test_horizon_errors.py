@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.method.horizon_errors import horizon_errors
+from evenlight.method.online.governor import horizon_errors
 
 LEVELS = st.sampled_from([0.0, 0.2, 0.5, 1.0])
 

@@ -21,13 +21,17 @@ from evenlight.data_schema.contrast_model import (
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.method import critical_factor
-from evenlight.method.contrast_loss import visible_contrast
-from evenlight.method.csf import contrast_sensitivity
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import analyze_frames, brightness_factors, loss_curves_by_definition
-from evenlight.method.luminance import channel_means, dimmed_luminance, emitted_luminance
-from evenlight.method.one_pass import exp2, log2
+from evenlight.method.contrast import critical_factor
+from evenlight.method.contrast.contrast_loss import visible_contrast
+from evenlight.method.contrast.csf import contrast_sensitivity
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import (
+    analyze_frames,
+    brightness_factors,
+    loss_curves_by_definition,
+)
+from evenlight.method.contrast.luminance import channel_means, dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.one_pass import exp2, log2
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)

@@ -9,7 +9,12 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import PixelToLuminance
 from evenlight.data_schema.display import Display
-from evenlight.method.luminance import channel_means, dimmed_luminance, displayed_luminance, emitted_luminance
+from evenlight.method.contrast.luminance import (
+    channel_means,
+    dimmed_luminance,
+    displayed_luminance,
+    emitted_luminance,
+)
 
 LAB = Display("lab", peak_luminance=101.0, black_level=1.0, gamma=2.0, pixels_per_degree=60.0)
 BRIGHT_ROOM = dataclasses.replace(LAB, reflected_luminance=5.0)

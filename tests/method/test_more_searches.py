@@ -3,8 +3,8 @@
 import numpy as np
 
 from benchmarks.optimizer_problems import made_curves, mean_factor_problem
-from evenlight.method.optimize import is_feasible, optimize
-from evenlight.method.splitting import LONG, MEDIUM, SETTLED, SplittingSolver
+from evenlight.method.optimizer.optimize import is_feasible, optimize
+from evenlight.method.optimizer.splitting import LONG, MEDIUM, SETTLED, SplittingSolver
 
 
 def test_more_searches_are_no_worse_and_the_default_takes_more_than_one() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evenlight.method.objective import pairwise_spread, proximal_spread
+from evenlight.method.optimizer.objective import pairwise_spread, proximal_spread
 
 losses = arrays(np.float64, st.integers(2, 30), elements=st.floats(0, 1))
 

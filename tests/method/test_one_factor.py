@@ -15,12 +15,11 @@ from evenlight.data_schema.contrast_model import (
     Visibility,
 )
 from evenlight.data_schema.errors import InputError
-from evenlight.method import one_factor
-from evenlight.method.contrast_loss import contrast_loss
-from evenlight.method.luminance import emitted_luminance
-from evenlight.method.one_factor import OneFactorLoss
+from evenlight.method.contrast import one_factor
+from evenlight.method.contrast.contrast_loss import contrast_loss
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.one_factor import STRIP, OneFactorLoss, counted_rows
 from evenlight.method.preset_files import load_display
-from evenlight.method.row_strips import STRIP, counted_rows
 
 DISPLAY = load_display("varjo-xr3")
 

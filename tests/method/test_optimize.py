@@ -5,23 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import ModulatedLuminance, SolverName
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.optimize import (
-    Problem,
-    Request,
-    Solution,
-    feasible_blend,
-    optimize,
-    pose,
-    require_possible,
-)
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.optimize import Problem, Solution, feasible_blend, optimize, pose
+from evenlight.method.optimizer.request import Request, require_possible
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model
-from evenlight.method.solvers import make_solver
 
 SOLVERS = [SolverName.SPLITTING, SolverName.SLSQP]  # test_general_solvers.py has the slower ones
 
@@ -154,7 +147,7 @@ def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem
 
 
 def test_slsqp_refuses_a_long_video_and_names_the_other_solver(make_curves, make_problem) -> None:
-    with pytest.raises(InputError, match="at most 500 frames, this video has 501; use --solver splitting"):
+    with pytest.raises(InputError, match="at most 500 frames, this video has 501; use the solver splitting"):
         solve(make_problem(make_curves(np.full(501, 0.3)), 0.5), SolverName.SLSQP)
 
 
@@ -196,7 +189,7 @@ def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     assert ours.frame_weights is not None
     poor = dataclasses.replace(ours, frame_weights=0.5 * ours.frame_weights)
     both = lower_bound(problem, poor)
-    monkeypatch.setattr("evenlight.method.lower_bound.ENOUGH", -np.inf)  # the first will do
+    monkeypatch.setattr("evenlight.method.optimizer.lower_bound.ENOUGH", -np.inf)  # the first will do
     assert lower_bound(problem, poor) < both <= problem.objective(ours.factors)
 
 
@@ -227,10 +220,10 @@ def test_a_share_of_power_becomes_the_factor_that_takes_it_by_hand(make_curves, 
 @pytest.mark.parametrize(
     ("budget", "unit", "says"),
     [
-        (0.1, BudgetUnit.FACTOR, r"--budget 0.1 \(factor\) cannot be met.*0.2 to 1"),
-        (1.2, BudgetUnit.FACTOR, r"--budget 1.2 \(factor\) cannot be met.*0.2 to 1"),
-        (0.1, BudgetUnit.POWER, r"--budget 0.1 \(power\) cannot be met.*0.3396 to 1"),
-        (3.0, BudgetUnit.WATT, r"--budget 3 \(watt\) cannot be met.*0.5732 to 1.688"),
+        (0.1, BudgetUnit.FACTOR, r"the budget 0.1 \(factor\) cannot be met.*0.2 to 1"),
+        (1.2, BudgetUnit.FACTOR, r"the budget 1.2 \(factor\) cannot be met.*0.2 to 1"),
+        (0.1, BudgetUnit.POWER, r"the budget 0.1 \(power\) cannot be met.*0.3396 to 1"),
+        (3.0, BudgetUnit.WATT, r"the budget 3 \(watt\) cannot be met.*0.5732 to 1.688"),
     ],
 )
 def test_an_impossible_budget_says_which_are_possible(
@@ -256,7 +249,7 @@ WHITE_OF_3_W = PowerModel("o", PanelKind.OLED, 0.2, red_power=0.5, green_power=1
     ],
 )
 def test_on_an_oled_what_no_content_meets_is_refused_at_once(make_weber_limit, budget, unit) -> None:
-    with pytest.raises(InputError, match=f"--budget {budget:g}|--budget-unit factor") as refused:
+    with pytest.raises(InputError, match=f"the budget {budget:g}|the budget unit factor") as refused:
         require_possible(Request(budget, unit, WHITE_OF_3_W, make_weber_limit(0.03)), 0.2)
     assert "\n" not in str(refused.value)
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
 from evenlight.data_schema.display import Display
-from evenlight.method.frame_analysis import FrameAnalysis
-from evenlight.method.loss_curves import brightness_factors
-from evenlight.method.spare_arrays import SpareArrays
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.frame_light import SpareArrays
+from evenlight.method.contrast.loss_curves import brightness_factors
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 ROOM = Display("room", 104.4, 0.2, 1.95, pixels_per_degree=72.28, reflected_luminance=2.0)

@@ -7,8 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.method.controller import Controller, ControllerSettings, FrameSeen
-from evenlight.method.stability_margins import FrameGains, frame_gains, margins, open_loop, stable_slope
+from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
+from evenlight.method.online.stability_margins import (
+    FrameGains,
+    frame_gains,
+    margins,
+    open_loop,
+    stable_slope,
+)
 
 GAIN = st.floats(0.0, 2.0).map(lambda gain: round(gain, 3))
 GAINS = st.builds(FrameGains, GAIN, GAIN.map(lambda gain: max(gain, 0.01)), GAIN)
@@ -82,10 +88,10 @@ def test_a_late_loss_leaves_less_room(delay: int) -> None:
 def run(gains: tuple[float, float, float], slopes: list[float], start: float) -> np.ndarray:
     """The controller's own steps on frames whose loss is 0.1 + slope · (0.6 - b): how far b is from 0.6."""
     controller = Controller(ControllerSettings(0.1, *gains, gain_rate=None), lambda _: 1e9)
-    state = controller.start(start, FrameSeen(0.1 + slopes[0] * (0.6 - start), 50.0, 0.04))
+    state = controller.start(start, FrameMeasurement(0.1 + slopes[0] * (0.6 - start), 50.0, 0.04))
     away = [state.factor - 0.6]
     for slope in slopes[1:]:
-        state = controller.step(state, FrameSeen(0.1 + slope * (0.6 - state.factor), 50.0, 0.04))
+        state = controller.step(state, FrameMeasurement(0.1 + slope * (0.6 - state.factor), 50.0, 0.04))
         away.append(state.factor - 0.6)
     return np.abs(away)
 

@@ -6,14 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenlight.data_schema.loss_curves import LossCurves
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.stability_margins import frame_gains, margins
+from evenlight.method.online.tuning import (
+    AS_GOOD,
+    MarginRequirements,
+    TuningResult,
+    content_slopes,
+    rms_error,
+    tune,
+)
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.method.stability_margins import frame_gains, margins
-from evenlight.method.tuning import AS_GOOD, Demands, Tuned, content_slopes, rms_error, tune
+from evenlight.method.rate_limit import scalar_rate_limit
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 CONTROLLER = Controller(ControllerSettings(0.08), LIMIT)
@@ -28,11 +35,13 @@ def rooms(make_curves: Callable[..., LossCurves]) -> LossCurves:
 
 
 @pytest.fixture(scope="module")
-def tuned(rooms: LossCurves) -> Tuned:
+def tuned(rooms: LossCurves) -> TuningResult:
     return tune(rooms, CONTROLLER)
 
 
-def test_they_keep_their_margins_and_come_nearer_to_the_target(rooms: LossCurves, tuned: Tuned) -> None:
+def test_they_keep_their_margins_and_come_nearer_to_the_target(
+    rooms: LossCurves, tuned: TuningResult
+) -> None:
     kept = margins(frame_gains(tuned.settings, 0.2), tuned.slope)
     assert kept.gain_margin >= 2 - 1e-9
     assert kept.phase_margin is None or kept.phase_margin >= 45
@@ -43,7 +52,9 @@ def test_they_keep_their_margins_and_come_nearer_to_the_target(rooms: LossCurves
     assert tuned.slope == pytest.approx(np.quantile(content_slopes(rooms, 0.08, 0.2), 0.99))
 
 
-def test_nobody_who_guesses_gains_within_the_margins_does_better(rooms: LossCurves, tuned: Tuned) -> None:
+def test_nobody_who_guesses_gains_within_the_margins_does_better(
+    rooms: LossCurves, tuned: TuningResult
+) -> None:
     rng, tried = np.random.default_rng(5), 0
     frames = 90.0 / 5
     for _ in range(60):
@@ -65,7 +76,10 @@ def test_margins_are_kept_where_the_content_asks_for_less(rooms: LossCurves) -> 
     unlimited = replace(CONTROLLER, rate_limit=lambda _: 1e9)
     gain, phase = (
         tune(rooms, unlimited, demands=demands).margins
-        for demands in (Demands(gain_margin=2.0, phase_margin=0.0), Demands(1.2, phase_margin=80.0))
+        for demands in (
+            MarginRequirements(gain_margin=2.0, phase_margin=0.0),
+            MarginRequirements(1.2, phase_margin=80.0),
+        )
     )
     assert gain.phase_margin is not None
     assert gain.phase_margin < 80

@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.method.psychometric import PsychometricFunction, rate_at, yes_probability
-from evenlight.method.two_intervals import THRESHOLD_D_PRIME, two_interval_function
+from evenlight.method.psychometric import (
+    THRESHOLD_D_PRIME,
+    PsychometricFunction,
+    rate_at,
+    two_interval_function,
+    yes_probability,
+)
 
 YES_NO = PsychometricFunction(3.0, width=1.6, guess_rate=0.07, lapse_rate=0.0)
 

@@ -8,20 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.section import AllowanceSection, WeightSection
-from evenlight.method.lower_bound import lower_bound
-from evenlight.method.objective import order_weights, pairwise_spread, proximal_spread
-from evenlight.method.optimize import Request, is_feasible, optimize, pose
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.objective import order_weights, pairwise_spread, proximal_spread
+from evenlight.method.optimizer.optimize import clip_of, is_feasible, joined_curves, joints, optimize, pose
+from evenlight.method.optimizer.request import Request, frame_weights, step_allowances
+from evenlight.method.optimizer.splitting import FAR_TO_NEAR, SplittingSolver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.sections import frame_weights, step_allowances
-from evenlight.method.shared_budget import clip_of, joined_curves, joints
-from evenlight.method.splitting import FAR_TO_NEAR, SplittingSolver
 
 LIMIT = load_rate_limit("surace2025")
-ONE_SEARCH = SplittingSolver(looks=FAR_TO_NEAR)
+ONE_SEARCH = SplittingSolver(stages=FAR_TO_NEAR)
 
 
 def weighted_spread(loss: np.ndarray, weights: np.ndarray) -> float:

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from warm_evenlight import Run
 
-from evenlight.data_schema.dataset_layout import EVENTS, TRIALS
-from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, TRIALS
+from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.hardware.rig_files import load_rig
 
 

@@ -14,16 +14,16 @@ import numpy as np
 
 from evenlight import command as command_line
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
+from evenlight.data_schema.recordings.rig import Dither
+from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import Clip
-from evenlight.experiments.window_stage import WindowStage
-from evenlight.hardware.clocks import RefreshClock
-from evenlight.hardware.psychopy_window import PsychoPyWindow
+from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.rig import open_held_keys, open_window
 from evenlight.hardware.rig_files import load_rig
-from evenlight.hardware.simulated_keyboard import SimulatedKeyboard
+from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.dithering import dithered_codes, thresholds_of
-from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.open_video import open_video
 
 LAB = Display("lab", 100.0, 0.2, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)
 SIZE = (161, 123)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from evenlight import command as command_line
-from evenlight.data_schema.analysis_summary import AnalysisSummary
-from evenlight.data_schema.dataset_layout import MANIFEST, TRIALS
-from evenlight.data_schema.statistic import Origin, Statistic
-from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
+from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
 
 SEQUENCES = ("library", "gym", "living_room", "basement")
 SESSION_OF = {"ramp": "01", "rating": "02", "comparison": "03"}

@@ -6,20 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import read_track
-from evenlight.data_schema.control import TargetRow
-from evenlight.data_schema.loss_curves import read_loss_curves
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.text_files import read_rows, write_toml_record
-from evenlight.experiments.track_fit import load_track, require_fit
-from evenlight.method.control_curves import control_curves
-from evenlight.method.controller import Controller, ControllerSettings
-from evenlight.method.curve_lookup import loss_and_slope
-from evenlight.method.objective import pairwise_spread
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import write_toml_record
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.control import TargetRow
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.experiments.playback.video_and_track import load_track, require_fit
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.scalar_rate_limit import scalar_rate_limit
-from evenlight.stimuli.video_source import open_video
-from evenlight.stimuli.video_writer import write_video
+from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.video.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -30,7 +31,7 @@ FIGURES = {"track.png", "contrast_map.png"}
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the figures of the track, in tests that are about what else there is."""
-    monkeypatch.setattr("evenlight.analysis.tracks.control_results._draw", lambda *_: None)
+    monkeypatch.setattr("evenlight.analysis.tracks.track_results._draw", lambda *_: None)
 
 
 def room(seed: int, light: float) -> np.ndarray:
@@ -216,7 +217,7 @@ def test_a_target_that_is_out_of_reach_is_told(command, tmp_path: Path, walk: Pa
         (("--target-loss", 0.1, "--integral", -1), "--integral must lie in 0 to 1e+06, got -1"),
         (("--target-loss", 0.1, "--sweep", "0.1"), "give LOWEST:HIGHEST:HOW_MANY"),
         (("--target-loss", 0.1, "--sweep", "0.2:0.1:5"), "LOWEST < HIGHEST"),
-        (("--budget", 0.1), "--budget 0.1 (factor) cannot be met"),
+        (("--budget", 0.1), "the budget 0.1 (factor) cannot be met"),
         (("--budget", 0.5, "--curves", "x.npz", "--jobs", 3), "--jobs and --device are for computing loss"),
         (("--budget", 0.5, "--curves", "x.npz", "--device", "gpu"), "--jobs and --device are for computing"),
         (("--budget", 0.5, "--horizon", 0), "--horizon must lie in 0.1 to 1e+06, got 0"),

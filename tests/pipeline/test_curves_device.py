@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compute_shaders import own_context
 
-from evenlight.data_schema.loss_curves import read_loss_curves
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from evenlight import command as command_line
-from evenlight.data_schema.brightness_track import OptimizationSummary, read_track
-from evenlight.data_schema.provenance import sha256_of_file, sha256_of_record
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.text_files import read_json_record, read_rows
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.tracks.brightness_track import OptimizationSummary, read_track
 from evenlight.method.rate_limit import rate_limit_at
 from evenlight.stimuli.sequences import built_in_sequence
 

@@ -14,19 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenlight.data_schema.meter_reading import MeterReading
-from evenlight.data_schema.power_log import PowerSample
-from evenlight.data_schema.text_files import read_rows
+from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
+from evenlight.data_schema.storage.tables import read_rows
 from evenlight.hardware import measuring
-from evenlight.hardware.emulators.colorcal import EmulatedColorCal
-from evenlight.hardware.emulators.konica_minolta import EmulatedLs100
+from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.photo_research import EmulatedPr655
+from evenlight.hardware.emulators.luminance_meters import EmulatedColorCal, EmulatedLs100, EmulatedPr655
 from evenlight.hardware.emulators.power_board import PowerBoardEmulator
 from evenlight.hardware.instrument_list import driver_names
-from evenlight.hardware.serial_link import LineSettings, SerialLink
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.hardware.simulated_power_sensor import PowerMeterPhysics
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 
 @pytest.fixture(autouse=True)
@@ -284,7 +281,7 @@ def test_a_zero_is_not_set_before_anybody_has_pressed_enter(
     monkeypatch.setattr("serial.serial_for_url", refuse)
     words = ("measure", "zero", "--instrument", "colorcal:/dev/ttyACM0")
     monkeypatch.setattr("builtins.input", gone(EOFError))
-    refused(command(*words), 2, "nobody has pressed Enter; where all is ready, give --yes")
+    refused(command(*words), 2, "no one has pressed Enter; where all is ready, give --yes")
     monkeypatch.setattr("builtins.input", gone(KeyboardInterrupt))
     refused(command(*words), 130, "interrupted")
 

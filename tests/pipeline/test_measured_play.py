@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from evenlight.data_schema.power_log import FlashMark, PlayedFlip, PowerSample
-from evenlight.data_schema.text_files import read_rows
-from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.data_schema.recordings.instrument_logs import FlashMark, PlayedFlip, PowerSample
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.hardware.simulated.panel import PanelPhysics
 from evenlight.method.preset_files import load_display
 
 FRAMES, RATE = 30, 20.0

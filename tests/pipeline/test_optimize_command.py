@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from optimized_videos import limit_file, optimized, refused, texture, video
 
-from evenlight.data_schema.loss_curves import read_loss_curves
-from evenlight.method.loss_curves import analyze_frames
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.coarser_frames import coarser
-from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.video.coarser_frames import coarser
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from optimized_videos import limit_file, optimized, refused, texture, video
 
-from evenlight.method.splitting import SplittingSolver
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -46,7 +46,7 @@ def test_nan_in_an_image_folder(command, tmp_path) -> None:
 
 def test_an_impossible_budget(command, tmp_path, clip) -> None:
     line = refused(command, tmp_path, clip, "--budget", 0.1)
-    assert "--budget 0.1 (factor) cannot be met: factors from 0.2 to 1 use 0.2 to 1" in line
+    assert "the budget 0.1 (factor) cannot be met: factors from 0.2 to 1 use 0.2 to 1" in line
 
 
 @pytest.mark.parametrize("budget", ["nan", "-1", "inf"])
@@ -172,14 +172,14 @@ def test_a_misspelt_option_ends_with_one_line(command) -> None:
 
 def test_an_impossible_budget_is_told_before_the_video_is_read(command, tmp_path) -> None:
     line = refused(command, tmp_path, "no-such-video.mp4", "--budget", 1.5)
-    assert "--budget 1.5 (factor) cannot be met" in line
+    assert "the budget 1.5 (factor) cannot be met" in line
 
 
 def test_an_empty_name_is_not_this_folder(command, tmp_path) -> None:
     assert "the video has an empty name" in refused(command, tmp_path, "", "--budget", 0.5)
 
 
-def test_displays_of_one_name_and_other_photometry_are_told_apart(command, tmp_path, clip) -> None:
+def test_displays_of_one_name_and_other_photometry_are_identifiable(command, tmp_path, clip) -> None:
     toml = 'name = "varjo-xr3"\npeak_luminance_cd_m2 = 300\nblack_level_cd_m2 = 0.3\ngamma = 2.2\n'
     (tmp_path / "d.toml").write_text(toml + "pixels_per_degree = 40\n")
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--display", tmp_path / "d.toml")

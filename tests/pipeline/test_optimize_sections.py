@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.optimize_command import beyond_the_fitted
-from evenlight.analysis.tracks.track_story import Weighing
-from evenlight.data_schema.brightness_track import read_track
+from evenlight.analysis.tracks.optimization import Weighing
 from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.tracks.brightness_track import read_track
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -67,7 +67,7 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
         assert own["baseline_power_w"] == pytest.approx(own["mean_power_w"], rel=1e-9)
         assert own["lower_bound"] == 0  # that of all clips is none of one
     assert command("validate", out).code == 0
-    monkeypatch.setattr("evenlight.analysis.tracks.optimization._draw", lambda *_: None)
+    monkeypatch.setattr("evenlight.analysis.tracks.track_results._draw", lambda *_: None)
     again = ("--start", out, "--budget", 0.5, "--quiet", "--out", tmp_path / "again")
     assert command("optimize", videos[0], "--with", videos[1], *again).code == 0
     repeated = json.loads((tmp_path / "again" / "summary.json").read_text())
@@ -82,7 +82,7 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
 def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, monkeypatch) -> None:
     drawn: list[Weighing] = []
     monkeypatch.setattr(
-        "evenlight.analysis.tracks.optimization._draw", lambda *given: drawn.append(given[3].weighing)
+        "evenlight.analysis.tracks.track_results._draw", lambda *given: drawn.append(given[0].weighing)
     )
     weights, out = tmp_path / "v.weights.csv", tmp_path / "out"
     weights.write_text("start_s,end_s,weight\n5,9,0\n")  # all of the second clip

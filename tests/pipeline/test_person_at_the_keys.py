@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import evenlight
-from evenlight.data_schema.dataset_layout import EVENTS, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
 
 ROOT = Path(evenlight.__file__).parents[1]
 A_WHILE = 0.25  # [s] within which a busy machine wakes a thread, and shows the question

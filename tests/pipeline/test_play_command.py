@@ -14,12 +14,17 @@ import pytest
 from PIL import Image
 
 import evenlight
-from evenlight.data_schema.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader, write_track
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance
-from evenlight.experiments.track_fit import mean_factor
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    TrackHeader,
+    write_track,
+)
+from evenlight.experiments.playback.video_and_track import mean_factor
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video_writer import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 ROOT = Path(evenlight.__file__).parents[1]
 N, RATE = 30, 25.0

@@ -11,15 +11,20 @@ import pytest
 
 from evenlight import command as command_line
 from evenlight.analysis.reproduction import reproduction
-from evenlight.data_schema.analysis_summary import AnalysisSummary
+from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
-from evenlight.data_schema.search import SearchDesign, SearchTrial
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.statistic import Origin, Statistic
-from evenlight.data_schema.text_files import read_json_record, read_rows
-from evenlight.data_schema.viewing import Version
-from evenlight.experiments.dataset import new_dataset, write_description, write_participants, write_session
+from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.sessions.dataset import (
+    new_dataset,
+    write_description,
+    write_participants,
+    write_session,
+)
 from evenlight.method.preset_files import load_display
 
 FRAMES = 30

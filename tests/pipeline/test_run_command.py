@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from blind_sessions import RIG, SMALL, arguments, rows, written
 
-from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
-from evenlight.data_schema.ramp import RampDesign, RampTrial
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
 
 Command = Callable[..., Any]
 
@@ -116,7 +116,7 @@ def test_bad_input_ends_in_one_line_and_leaves_nothing(
         ("name = ", "not valid TOML"),
         (RIG.replace("display", "dispaly"), "unknown key 'dispaly'; did you mean 'display'?"),
         (RIG.replace('display = "varjo-xr3"\n', ""), "the key 'display' of a Rig is missing"),
-        (RIG.replace("varjo-xr3", "bench.toml"), "the display of the rig 'desk' is not to be had"),
+        (RIG.replace("varjo-xr3", "bench.toml"), "the display of the rig 'desk' cannot be loaded"),
         (RIG.replace("varjo-xr3", ""), "display must name a calibrated display"),
         (RIG.replace("60.0", "0"), "refresh_rate_hz must be at least 20 Hz, got 0"),
         (RIG + '[keys]\nyes = "n"\n', "the keys yes, no, proceed and pause must differ"),

@@ -16,9 +16,9 @@ from blind_sessions import RIG, SMALL, arguments, rows, written
 from warm_evenlight import Run
 
 import evenlight
-from evenlight.data_schema.dataset_layout import EVENTS, TRIALS
-from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
-from evenlight.data_schema.text_files import write_toml_record
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, TRIALS
+from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign
+from evenlight.data_schema.storage.text_files import write_toml_record
 
 Command = Callable[..., Any]
 PROGRAM = [sys.executable, "-m", "evenlight"]

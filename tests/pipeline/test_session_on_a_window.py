@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST
-from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, MANIFEST
+from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign
 
 SHORT: dict[str, Any] = {
     "screens": ("white",),

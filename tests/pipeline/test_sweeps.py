@@ -7,16 +7,16 @@ import os
 import pytest
 from warm_evenlight import Run
 
-from evenlight.analysis.measurement.sweep_results import fit_sweep
+from evenlight.analysis.measurement.sweeps.sweep_results import fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.sweep_fit import DisplayFit, PowerFit
-from evenlight.data_schema.text_files import read_json_record, read_toml_record
-from evenlight.experiments import sweep_devices
-from evenlight.experiments.run_sweep import SweepRequest, run_sweep
-from evenlight.experiments.staging import Staging
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
+from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
+from evenlight.experiments.sessions.staging import Staging
+from evenlight.experiments.sweeps import sweep_devices
+from evenlight.experiments.sweeps.run_sweep import SweepRequest, run_sweep
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel
 from evenlight.method.preset_files import load_display
 
 NEW_RIG = """

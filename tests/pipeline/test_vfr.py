@@ -8,8 +8,8 @@ import av
 import numpy as np
 import pytest
 
-from evenlight.data_schema.brightness_track import read_track
-from evenlight.data_schema.loss_curves import read_loss_curves
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from evenlight.data_schema.text_files import write_toml_record
-from evenlight.data_schema.viewing import RatingDesign
+from evenlight.data_schema.recordings.viewing import RatingDesign
+from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 

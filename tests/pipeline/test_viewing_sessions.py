@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evenlight.data_schema.dataset_layout import EVENTS, FRAMES, MANIFEST
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.search import SearchDesign
-from evenlight.data_schema.text_files import write_toml_record
-from evenlight.data_schema.viewing import ComparisonDesign, RatingDesign
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, MANIFEST
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.search import SearchDesign
+from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign
+from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.scenes.camera_path import path_named

@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from evenlight.data_schema.brightness_track import BudgetUnit
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.live_control import LiveControl, LiveRefresh
-from evenlight.data_schema.text_files import read_json_record, read_rows
-from evenlight.experiments.walk_request import LiveRequest, WalkRequest, walk_as_asked
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
+from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
+from evenlight.stimuli.open_video import open_video
 from evenlight.stimuli.scenes.camera_path import path_named
-from evenlight.stimuli.video_source import open_video
 
 SPEED = 1.4  # [m/s] of somebody who walks straight on
 

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.comparison.comparison_counts import Choices
-from evenlight.analysis.comparison.comparison_model import choice_model
-from evenlight.analysis.comparison.comparison_shares import estimate_share
+from evenlight.analysis.comparison.comparison_results import choice_model
+from evenlight.analysis.comparison.comparison_shares import Choices, estimate_share
 from evenlight.analysis.inference.binomial_power import difference_power, equivalence_power, interval_coverage
 from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth, person_in_the_middle
-from evenlight.data_schema.ramp import Response
-from evenlight.data_schema.viewing import ComparisonTrial
+from evenlight.data_schema.recordings.ramp import Response
+from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
 PEOPLE, SEQUENCES, MARGIN, SEED = 17, 4, 0.15, 7
 SPREADS = (0.0, 0.5, 1.0)  # of the log-odds of choosing ours, between people

@@ -11,9 +11,9 @@ import sys
 import numpy as np
 from played_power_truth import Conditions, play
 
-from evenlight.analysis.measurement.clock_fit import fit_clock
-from evenlight.analysis.measurement.clock_line import line_of
-from evenlight.analysis.measurement.frame_energy import FrameSpans, frame_energies, frame_spans
+from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
+from evenlight.analysis.measurement.played_power.clock_line import line_of
+from evenlight.analysis.measurement.played_power.pass_power import FrameSpans, frame_energies, frame_spans
 from evenlight.data_schema.arrays import Array
 
 CLOCKS = {

@@ -11,8 +11,8 @@ import numpy as np
 from evenlight.analysis.session_loading import Session, TaskData
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingDesign, RatingTrial, Version
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingDesign, RatingTrial, Version
 
 DISPLAY = Display("d", peak_luminance=100.0, black_level=0.1, gamma=2.2, pixels_per_degree=30.0)
 

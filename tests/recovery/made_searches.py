@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from evenlight.analysis.search.search_trials import Location, SearchTable
 from evenlight.analysis.session_loading import Session, TaskData
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.search import SearchDesign, SearchTrial
-from evenlight.data_schema.session import SessionManifest, SessionStatus
-from evenlight.data_schema.viewing import Version
+from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import Version
 from evenlight.method.preset_files import load_display
 
 BASELINES = {"library": 0.5, "gym": 0.4, "living_room": 0.7, "basement": 0.3}

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.data_schema.append_log import record_line
-from evenlight.data_schema.dataset_layout import READINGS, SWEEP_MANIFEST
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rig import Rig
-from evenlight.data_schema.session import SessionStatus
-from evenlight.data_schema.sweep import (
+from evenlight.data_schema.recordings.dataset_layout import READINGS, SWEEP_MANIFEST
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.recordings.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
     PowerReading,
@@ -23,8 +22,9 @@ from evenlight.data_schema.sweep import (
     SweepManifest,
     SweepPhase,
 )
-from evenlight.data_schema.text_files import write_json_record
-from evenlight.hardware.simulated_panel import PanelPhysics, SimulatedPanel
+from evenlight.data_schema.storage.append_log import record_line
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel
 
 STARTED = "2026-03-02T09:00:00Z"
 WARM = PanelPhysics(warm_up_share=0.0)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenlight.data_schema.ramp import Direction, Procedure, Response
-from evenlight.experiments.design import PlannedRamp
-from evenlight.experiments.simulated_observers import REFERENCE_DURATION, SimulatedObserver
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
+from evenlight.experiments.ramp.ramp_observer import REFERENCE_DURATION, SimulatedObserver
+from evenlight.experiments.ramp.ramp_plan import PlannedRamp
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
 PRIOR_WIDTH = 1.6  # ln(rate), median of the fit's prior (docs/decisions/threshold-definition.md)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evenlight.analysis.reproduction.online_spread import SpreadRatio, spread_ratio
+from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
 from evenlight.data_schema.arrays import Array
 
 PERIOD = 0.2  # [s] of a frame

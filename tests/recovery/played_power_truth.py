@@ -13,12 +13,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.analysis.measurement.power_recording import Flips, Recording
-from evenlight.analysis.measurement.sample_gaps import Samples, samples_once
+from evenlight.analysis.measurement.played_power.power_recording import (
+    Flips,
+    Recording,
+    Samples,
+    samples_once,
+)
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.power_log import ClockPing, FlashMark, PlayedFlip, PowerLog, PowerSample
-from evenlight.data_schema.text_files import write_json_record, write_rows
-from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.data_schema.recordings.instrument_logs import (
+    ClockPing,
+    FlashMark,
+    PlayedFlip,
+    PowerLog,
+    PowerSample,
+)
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.hardware.simulated.panel import PanelPhysics
 
 MARKER = 0.5  # [s] bright, and as long dark
 PAUSE = 0.7  # [s] between two passes

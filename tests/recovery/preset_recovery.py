@@ -12,7 +12,7 @@ from odd_observers import Flat, Lapsing, WeibullShaped, changed_into
 from recovered_thresholds import MODES, Mode, Recovery, recover
 
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
 
 SEED = 11
 PRESETS = {

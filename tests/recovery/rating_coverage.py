@@ -10,12 +10,7 @@ import numpy as np
 from paired_truths import PAIRS, TRUTHS, coverage, histograms, intervals, listed, probabilities, true_effects
 from scipy import stats
 
-from evenlight.analysis.inference.exact_paired_tests import (
-    Zeros,
-    sign_flip_p_values,
-    sign_test,
-    signed_rank_test,
-)
+from evenlight.analysis.inference.exact_tests import Zeros, sign_flip_p_values, sign_test, signed_rank_test
 from evenlight.analysis.inference.paired_effects import (
     mean_difference,
     rank_biserial,

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from made_ratings import Raters, drawn_ratings
 
-from evenlight.analysis.inference.exact_paired_tests import sign_flip_test
+from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import Effect, mean_difference
 from evenlight.analysis.rating.rating_model import permuted_interaction, rating_model
 from evenlight.analysis.rating.rating_order import order_effects
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
-from evenlight.data_schema.viewing import PAPER_SEQUENCES, RatingTrial
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial
 
 PEOPLE = 17
 SEED = 4

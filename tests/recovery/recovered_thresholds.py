@@ -8,18 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from evenlight.analysis.calibration.ramp_counts import catch_counts, ramp_counts
-from evenlight.data_schema.ramp import Placement, Procedure, RampDesign
-from evenlight.data_schema.session_length import trial_seconds
-from evenlight.experiments.design import ramp_levels
-from evenlight.experiments.simulate_ramp import (
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts, ramp_counts
+from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign, trial_seconds
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation, SimulatedObserver
+from evenlight.experiments.ramp.ramp_plan import ramp_levels
+from evenlight.experiments.ramp.simulate_ramp import (
     RampSimulation,
     answered_session,
     participant_id,
     participant_of,
 )
-from evenlight.experiments.simulated_observers import ObserverPopulation, SimulatedObserver
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 YES_NO_RATES = RampDesign().relative_rates  # of the paper mode

@@ -16,6 +16,7 @@ from made_searches import SearchTruth, made_table
 from scipy import integrate, stats
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.search.search_locations import for_people_and_locations, line_over_locations
 from evenlight.analysis.search.search_models import (
     BRIGHTNESS,
     brightness_fit,
@@ -24,7 +25,6 @@ from evenlight.analysis.search.search_models import (
     informative,
     version_effect,
 )
-from evenlight.analysis.search.search_over_locations import for_people_and_locations, line_over_locations
 from evenlight.analysis.search.search_pairs import matched_pairs
 from evenlight.analysis.search.search_results import detection_change, first_found
 from evenlight.analysis.search.search_trials import SearchTable

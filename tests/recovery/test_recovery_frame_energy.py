@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play
 
-from evenlight.analysis.measurement.clock_fit import fit_clock
-from evenlight.analysis.measurement.clock_line import line_of
-from evenlight.analysis.measurement.frame_energy import frame_energies, frame_spans
-from evenlight.analysis.measurement.sample_gaps import samples_once
+from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
+from evenlight.analysis.measurement.played_power.clock_line import line_of
+from evenlight.analysis.measurement.played_power.pass_power import frame_energies, frame_spans
+from evenlight.analysis.measurement.played_power.power_recording import samples_once
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.frame_energy import LEFT_OUT, ClockFit, ClockMethod
-from evenlight.hardware.simulated_panel import SimulatedPanel
+from evenlight.data_schema.recordings.played_power import LEFT_OUT, ClockFit, ClockMethod
+from evenlight.hardware.simulated.panel import SimulatedPanel
 
 FEW = range(4)
 MANY = range(20)

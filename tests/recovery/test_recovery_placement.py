@@ -13,7 +13,7 @@ from odd_observers import Flat, Lapsing, WeibullShaped, changed_into, weibull_pr
 from recovered_thresholds import MODES, Recovery, recover
 
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.simulated_observers import SimulatedObserver
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 PARTICIPANTS = 140

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenlight.analysis.calibration.posterior_grid import RampCounts
-from evenlight.analysis.calibration.psychometric_fit import PsychometricFit, fit_psychometric
-from evenlight.analysis.calibration.rate_limit_curve import RateLimitOptions, basis_for
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, basis_for
 from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
-from evenlight.data_schema.ramp import RampDesign
-from evenlight.experiments.simulated_observers import draw_observer
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.experiments.ramp.ramp_observer import draw_observer
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings, power_readings
 
-from evenlight.analysis.measurement.display_fit import GammaFit, fit_gamma
-from evenlight.analysis.measurement.luminance_levels import middle_of, pixel_levels
-from evenlight.analysis.measurement.power_fit import LineFit, fit_line, points_of
-from evenlight.data_schema.sweep import LuminanceSweepDesign, PowerSweepDesign
-from evenlight.hardware.simulated_panel import PanelPhysics
+from evenlight.analysis.measurement.sweeps.display_fit import GammaFit, fit_gamma
+from evenlight.analysis.measurement.sweeps.luminance_sweep import middle_of, pixel_levels
+from evenlight.analysis.measurement.sweeps.power_fit import LineFit, fit_line, points_of
+from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign, PowerSweepDesign
+from evenlight.hardware.simulated.panel import PanelPhysics
 
 DISPLAYS, DARK, PANELS = 150, 60, 500
 # What the recovery is to reach: gamma, peak as a share, black [cd/m²].

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
+from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import (
     LEVELS,
     bayer_matrix,

@@ -9,7 +9,7 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.frame_buffer import FrameBuffer
+from evenlight.stimuli.video.frame_buffer import FrameBuffer
 
 BYTES = 6 * 8 * 3  # of a frame
 ALL = float("inf")  # seconds of video: as many as fit, or as are needed

@@ -6,8 +6,8 @@ import pytest
 from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.image_folder import natural_order, open_image_folder
-from evenlight.stimuli.video_source import open_video
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.video.image_folder import natural_order, open_image_folder
 
 
 def picture(seed=0, size=(24, 16), kind=np.uint8):

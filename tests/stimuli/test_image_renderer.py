@@ -6,13 +6,22 @@ from typing import Any
 import moderngl
 import numpy as np
 import pytest
+from drawn_codes import image_codes
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
-from evenlight.method.luminance import emitted_luminance
-from evenlight.stimuli.dithering import dithered_codes, hashed, luminance_of_codes, thresholds_of
-from evenlight.stimuli.image_codes import GRID, image_codes, level_luminance, levels_of, mean_of_codes
-from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
+from evenlight.data_schema.recordings.rig import Dither
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.stimuli.dithering import (
+    GRID,
+    dithered_codes,
+    hashed,
+    level_luminance,
+    levels_of,
+    luminance_of_codes,
+    mean_of_codes,
+    thresholds_of,
+)
+from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
 from evenlight.stimuli.sequence_format import on_grid
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=60.0)
@@ -91,7 +100,7 @@ def test_the_shader_draws_the_codes_of_the_definition_in_every_pixel(context, ki
         (LAB, Dither.NONE, 1.0),
     ]:
         codes = drawn(
-            context, lambda r, b=factor: Picture(r.image(frame), b, ground=20.0), display, dither, bits
+            context, lambda r, b=factor: DimmedImage(r.image(frame), b, ground=20.0), display, dither, bits
         )
         wanted = expected(frame, factor, 20.0, display, dither, bits)
         assert (codes == wanted).all()
@@ -102,10 +111,10 @@ def test_undimmed_the_codes_are_the_videos_own(context, dither: Dither) -> None:
     """At b = 1 the luminance of a level is that of the code of the same number: no noise is left."""
     frame = video_frame("8 bits")
     for display in (LAB, ROOM):
-        codes = drawn(context, lambda r: Picture(r.image(frame), 1.0, ground=50.0), display, dither)
+        codes = drawn(context, lambda r: DimmedImage(r.image(frame), 1.0, ground=50.0), display, dither)
         assert (codes[TOP : TOP + VIDEO[1], LEFT : LEFT + VIDEO[0]] == frame).all()
     deep = video_frame("10 bits")
-    codes = drawn(context, lambda r: Picture(r.image(deep), 1.0, ground=50.0), ROOM, dither, bits=10)
+    codes = drawn(context, lambda r: DimmedImage(r.image(deep), 1.0, ground=50.0), ROOM, dither, bits=10)
     assert (codes[TOP : TOP + VIDEO[1], LEFT : LEFT + VIDEO[0]] == np.rint(deep / 65535 * 1023)).all()
 
 
@@ -145,9 +154,9 @@ def test_a_texture_that_was_drawn_from_below_is_turned_over(context) -> None:
     frame = video_frame("8 bits")
     size = VIDEO
 
-    def turned(_: ImageRenderer) -> Picture:
+    def turned(_: ImageRenderer) -> DimmedImage:
         rows = np.concatenate([frame[::-1], np.zeros_like(frame[..., :1])], axis=-1).astype(np.uint16)
-        return Picture(
+        return DimmedImage(
             Image(context.texture(size, 4, rows.tobytes(), alignment=1, dtype="u2"), 256, True), 0.7, 9.0
         )
 
@@ -161,7 +170,7 @@ def test_text_over_an_image_covers_its_share_of_the_light(context) -> None:
     coverage = np.zeros(WINDOW[::-1], np.uint8)
     coverage[:20], coverage[20:40] = 255, 128
     codes = drawn(
-        context, lambda r: Picture(r.image(frame), 0.5, 10.0, 80.0, coverage), LAB, Dither.NOISY_BIT
+        context, lambda r: DimmedImage(r.image(frame), 0.5, 10.0, 80.0, coverage), LAB, Dither.NOISY_BIT
     )
     bare = expected(frame, 0.5, 10.0, LAB, Dither.NOISY_BIT, 8)
     ink = dithered_codes(80.0, thresholds(Dither.NOISY_BIT), LAB, 8)[..., None]
@@ -175,7 +184,7 @@ def test_text_over_an_image_covers_its_share_of_the_light(context) -> None:
 def test_an_image_larger_than_the_window_is_refused(context) -> None:
     frame = np.zeros((WINDOW[1] + 1, 10, 3), np.uint8)
     with pytest.raises(ValueError, match="an image of 10x64 pixels does not fit into 97x63"):
-        drawn(context, lambda r: Picture(r.image(frame), 0.5, 10.0), LAB, Dither.NONE)
+        drawn(context, lambda r: DimmedImage(r.image(frame), 0.5, 10.0), LAB, Dither.NONE)
 
 
 def test_what_a_10_bit_file_holds_is_known_and_other_16_bits_are_not_rounded() -> None:

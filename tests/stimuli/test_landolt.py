@@ -9,8 +9,8 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.search import ORIENTATIONS
-from evenlight.stimuli.landolt import Ring, covered, gap_pixels, require_drawable
+from evenlight.data_schema.recordings.search import ORIENTATIONS
+from evenlight.stimuli.rings.landolt import Ring, covered, gap_pixels, require_drawable
 
 RING = Ring(azimuth=30.0, altitude=-5.0, gap=10.0, contrast=-0.3, orientation=45)
 

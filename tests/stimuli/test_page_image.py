@@ -5,8 +5,7 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.legibility import ink_on
-from evenlight.stimuli.page_image import MARGIN, SMALLEST_SHARE, TEXT_SIZE, centred_image, page_image
+from evenlight.stimuli.page_image import MARGIN, SMALLEST_SHARE, TEXT_SIZE, centred_image, ink_on, page_image
 
 PAGE = """# How it works
 

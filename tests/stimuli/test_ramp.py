@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Actuator
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.stimuli.ramp import frame_count, ramp_luminance, reachable_luminances, require_reachable
 
 LAB = Display("lab", 100.0, 0.5, 2.2, pixels_per_degree=60.0, reflected_luminance=1.0)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.display import Display
-from evenlight.stimuli.image_codes import level_luminance
-from evenlight.stimuli.ring_light import shown_contrast
+from evenlight.stimuli.dithering import level_luminance
+from evenlight.stimuli.rings.ring_light import shown_contrast
 
 LAB = Display("lab", 100.0, 0.5, 2.2, pixels_per_degree=60.0)
 contrasts = st.floats(-1.0, 3.0)
@@ -49,7 +49,7 @@ def test_the_floor_takes_contrast_away_and_never_turns_it_round(contrast, backgr
 @pytest.mark.parametrize("factor", [1.0, 0.4, 0.1])
 @pytest.mark.parametrize("level", [10, 25, 60, 200])
 def test_it_is_the_contrast_that_the_renderer_draws(level, factor) -> None:
-    """Two grey levels of 8 bits, dimmed and drawn as `stimuli.image_codes` says; that table has the floor."""
+    """Two grey levels of 8 bits, dimmed and drawn as `stimuli.dithering` says; that table has the floor."""
     full, dimmed = level_luminance(256, 1.0, LAB), level_luminance(256, factor, LAB)
     asked = full[level // 2] / full[level] - 1
     drawn = dimmed[level // 2] / dimmed[level] - 1

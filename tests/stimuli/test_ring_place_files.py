@@ -6,11 +6,10 @@ import math
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.text_files import read_json_record
-from evenlight.data_schema.viewing import PAPER_SEQUENCES
-from evenlight.stimuli.choose_ring_places import DISPLAY, SIZE
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_place_files import (
+from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.place_files import (
     PATHS,
     PRACTICE_SIZE,
     SUFFIX,
@@ -18,14 +17,13 @@ from evenlight.stimuli.ring_place_files import (
     RingPlaces,
     ring_places,
 )
-from evenlight.stimuli.ring_places import PlaceRules, lies_on_a_surface
-from evenlight.stimuli.ring_scene import RingScene
+from evenlight.stimuli.rings.ring_places import DISPLAY, PICTURE_SIZE, PlaceRules, lies_on_a_surface
+from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import Keypoint, path_named
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import direction_of
-from evenlight.stimuli.scenes.scenes import scene_named
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import direction_of, scene_named
 
 RULES = PlaceRules()
 MEASURED = "basement"  # of both scenes, its scene is drawn the sooner
@@ -50,7 +48,7 @@ def rings_of(keypoint: KeypointRings, point: Keypoint) -> list[tuple[Ring, float
 
 @pytest.mark.parametrize("name", PAPER_SEQUENCES)
 def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name) -> None:
-    """If a scene or a path has changed: python -m evenlight.stimuli.choose_ring_places NAME."""
+    """If a scene or a path has changed: python -m evenlight.stimuli.rings.ring_places NAME."""
     path = path_named(name)
     scene = scene_named(path.scene)
     keypoints = ring_places(name).keypoints
@@ -73,12 +71,12 @@ def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name
 def test_around_its_places_a_scene_is_as_bright_and_as_even_as_was_recorded() -> None:
     """All places of one path, in the very light that they were chosen in.
 
-    That light is reckoned at the first run on a machine, which takes about a minute, and kept in the cache.
+    That light is computed at the first run on a machine, which takes about a minute, and stored in the cache.
     """
     path = path_named(MEASURED)
     context = offscreen_context()
     try:
-        scene = RingScene(context, SceneRenderer(context, scene_named(path.scene), SIZE), DISPLAY)
+        scene = RingScene(context, SceneRenderer(context, scene_named(path.scene), PICTURE_SIZE), DISPLAY)
         for each in ring_places(MEASURED).keypoints:
             point = path.keypoint(each.keypoint)
             for ring, recorded in rings_of(each, point):

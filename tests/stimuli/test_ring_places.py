@@ -14,15 +14,21 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_light import Surroundings
-from evenlight.stimuli.ring_places import PlaceRules, RingPlace, choose_places, lies_on_a_surface
-from evenlight.stimuli.ring_scene import RingScene
-from evenlight.stimuli.scene_rays import NOTHING, seen_along
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.ring_light import Surroundings
+from evenlight.stimuli.rings.ring_places import (
+    NOTHING,
+    PlaceRules,
+    RingPlace,
+    choose_places,
+    lies_on_a_surface,
+    seen_along,
+)
+from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Scene, direction_of
 
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=24.0)

@@ -12,15 +12,14 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rig import Dither
-from evenlight.data_schema.search import ORIENTATIONS
-from evenlight.stimuli.image_renderer import Image, ImageRenderer, Picture
-from evenlight.stimuli.landolt import Ring
-from evenlight.stimuli.ring_light import PaintedRing
-from evenlight.stimuli.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.viewing_geometry import focal_length_of
+from evenlight.data_schema.recordings.rig import Dither
+from evenlight.data_schema.recordings.search import ORIENTATIONS
+from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
+from evenlight.stimuli.rings.landolt import Ring
+from evenlight.stimuli.rings.ring_light import PaintedRing
+from evenlight.stimuli.rings.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
 
 SIZE = (400, 300)
 HERE = (1.0, 2.0, 1.65)
@@ -215,7 +214,7 @@ def window_mean(context, scene: RingScene, display: Display, factor: float) -> n
     total = np.zeros((SIZE[1], SIZE[0]))
     for frame in range(16):
         image = Image(scene.texture, 65536)
-        renderer.draw(target, Picture(image, factor, display.peak_luminance), frame, seed=3)
+        renderer.draw(target, DimmedImage(image, factor, display.peak_luminance), frame, seed=3)
         codes = np.frombuffer(target.read(components=3), np.uint8).reshape(SIZE[1], SIZE[0], 3)[::-1]
         linear = (codes / 255) ** display.gamma @ WEIGHTS
         emitted = linear * (display.peak_luminance - display.black_level) + display.black_level

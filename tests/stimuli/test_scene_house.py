@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes import house_materials
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, Camera
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.house import house
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.house import materials
+from evenlight.stimuli.scenes.house.house import house
 from evenlight.stimuli.scenes.scene import Floats, Material, Scene
 
 PATHS = ("living_room", "basement", "house")
 CLEARANCE = 0.2  # [m] that an eye keeps from everything
 SIZE = 128  # of the textures [pixels]
 REC_709 = np.array([0.2126, 0.7152, 0.0722])
-MATERIALS = {m.name: m for m in vars(house_materials).values() if isinstance(m, Material)}
+MATERIALS = {m.name: m for m in vars(materials).values() if isinstance(m, Material)}
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.drawing.shaders import PEAK, shown_share
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.tone import PEAK, shown_share
+from evenlight.stimuli.scenes.scene import Quality
 
 SIZE = (64, 48)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes import graphics_scene
 from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.drawing import graphics_scene
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
 
 SIZE = (320, 180)
 CODE = 65535 / 1023  # pixel values per code of 10 bits

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes.ray_tree import CHOSEN, DEPTH, LEAF, blocked, nearest, ray_tree
+from evenlight.stimuli.scenes.light.ray_tree import CHOSEN, DEPTH, LEAF, blocked, nearest, ray_tree
 from evenlight.stimuli.scenes.scene import Patches
 
 N_RAYS = 1500
@@ -29,7 +29,7 @@ def unit(vectors):
 
 
 def random_rays(rng, n, reach=12.0):
-    """Starts and directions, rounded to what compiled code reckons with."""
+    """Starts and directions, rounded to what compiled code computes with."""
     starts, directions = rng.uniform(-reach, reach, (n, 3)), unit(rng.normal(size=(n, 3)))
     return starts.astype(np.float32), directions.astype(np.float32)
 

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes import school_materials
 from evenlight.stimuli.scenes.camera_path import path_named
 from evenlight.stimuli.scenes.model import SceneModel
-from evenlight.stimuli.scenes.scene import Material
-from evenlight.stimuli.scenes.scenes import SEED, scene_named
-from evenlight.stimuli.scenes.school import school
-from evenlight.stimuli.scenes.school_shelves import book_row
-from evenlight.stimuli.scenes.textures_school_print import SPINE_ROWS, library_spines
+from evenlight.stimuli.scenes.scene import SEED, Material, scene_named
+from evenlight.stimuli.scenes.school import materials
+from evenlight.stimuli.scenes.school.school import school
+from evenlight.stimuli.scenes.school.shelves import book_row
+from evenlight.stimuli.scenes.textures.school import SPINE_ROWS, library_spines
 
 CLEARANCE = 0.2  # [m] between an eye and what it passes
 WALKS = ("library", "gym")
@@ -20,7 +19,7 @@ PLACES = {
 }  # fmt: skip
 MATERIALS = [
     material
-    for value in vars(school_materials).values()
+    for value in vars(materials).values()
     for material in (value.values() if isinstance(value, dict) else [value])
     if isinstance(material, Material)
 ]

@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.scenes.array_cache import cache_folder
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import path_named
-from evenlight.stimuli.scenes.kept_files import cache_folder
-from evenlight.stimuli.scenes.light_quality import Quality
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.offscreen import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Quality, scene_named
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
-from evenlight.stimuli.scenes.scenes import scene_named
 from evenlight.stimuli.sequence_format import SequenceFormat
 from evenlight.stimuli.sequences import WALKS, built_in_sequence
 
@@ -95,7 +94,7 @@ def test_another_seed_has_another_grain():
     assert (first != other).mean() > 0.3
 
 
-def test_light_is_stored_and_found_again_and_a_broken_file_is_made_anew(tmp_path, monkeypatch):
+def test_light_is_stored_and_found_again_and_a_broken_file_is_made_again(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (fresh,) = pixel_values(small_scene())
     (file,) = cache_folder().glob("light-*.npy")
@@ -160,9 +159,9 @@ sys.path[:0] = [{root!r}, {tests!r}]
 from psychopy import visual
 import moderngl
 from test_scene_sequences import CAMERA, SIZE, pixel_values, small_scene
-from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.rig import Dither
+from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
 
 window = visual.Window((320, 200), units="pix", gammaErrorPolicy="warn", checkTiming=False, useFBO=False)

@@ -8,10 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.camera_path import PATHS, path_from_text, path_named
+from evenlight.stimuli.scenes.camera_path import (
+    PATHS,
+    check_path,
+    on_ground,
+    path_from_text,
+    path_named,
+    walked,
+)
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.scenes import scene_named
-from evenlight.stimuli.scenes.walking import check_path, on_ground, walked
+from evenlight.stimuli.scenes.scene import scene_named
 from evenlight.stimuli.sequences import WALKS
 
 POINTS = [

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.video_source import open_video, open_videos
+from evenlight.stimuli.open_video import open_video, open_videos
 
 
 @pytest.fixture
@@ -28,5 +28,5 @@ def test_a_frame_rate_goes_to_the_clips_that_tell_none(film: str) -> None:
 
 
 def test_a_frame_rate_that_no_clip_takes_is_refused(film: str) -> None:
-    with pytest.raises(InputError, match="tells its own frame rate"):
+    with pytest.raises(InputError, match="has its own frame rate"):
         open_videos([film, film], 0.1)

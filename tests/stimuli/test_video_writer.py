@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.video_source import open_video
-from evenlight.stimuli.video_writer import write_video
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.video.video_writer import write_video
 
 
 def noise(kind, size=(33, 17), frames=4):

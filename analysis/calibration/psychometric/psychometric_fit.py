@@ -1,0 +1,340 @@
+"""Psychometric fits: the logistic function through one participant's answers at one level (Section 3.4).
+
+The posterior is integrated by quadrature on four axes, or three where the task fixes the guess rate:
+ln(threshold) and ln(width) with equally spaced nodes (the trapezoid rule converges exponentially for a smooth
+density that has faded at both ends), guess and lapse rate with Gauss-Legendre nodes (whose density need not
+fade at 0). A coarse grid finds the posterior, a fine one integrates it; with thousands of answers, grids
+narrow in on the posterior of a growing share of them. Everything is deterministic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, special
+
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.method.psychometric import (
+    THRESHOLD_PROBABILITY,
+    WIDTH_LOGITS,
+    PsychometricFunction,
+)
+
+INTERVAL = (0.025, 0.5, 0.975)
+MAX_GUESS = 0.7  # above 0.75 there is no 75 % point; fits this close to it are flagged as false alarms
+MAX_LAPSE = 0.2  # above 0.25 there is no 75 % point
+COARSE_NODES = (32, 12, 10, 6)
+FINE_NODES = (36, 24, 12, 8)
+FADED = np.log(1e-6)  # density, relative to its maximum, at which an axis is cut off
+TAIL = 1e-12  # of the guess rate's density given the catch trials, left out when it is looked for
+MAX_LOGIT = 500.0  # F differs from 0 or 1 by 1e-217 there: e^500 still fits a float with room to spare
+QUANTILE_SAMPLES = 2001
+PLENTY = 2000  # trials; the posterior of more may lie between the nodes of the coarse grid
+NARROWING = 2.0  # by which the trials that count grow from one grid to the next
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterEstimate:
+    """One parameter: mean and standard deviation of its posterior, its median and 95 % credible interval."""
+
+    mean: float
+    sd: float
+    median: float
+    ci_low: float
+    ci_high: float
+
+
+@dataclass(frozen=True, slots=True)
+class PsychometricFit:
+    """The posterior of one psychometric function.
+
+    Attributes
+    ----------
+    counts : RampCounts
+        The answers it was fitted to.
+    function : PsychometricFunction
+        The function of the posterior means; it runs through 75 % at the threshold.
+    ln_threshold, ln_width, guess_rate, lapse_rate : ParameterEstimate
+        The four parameters; the threshold is in ln(cd/m^2/s).
+    """
+
+    counts: RampCounts
+    function: PsychometricFunction
+    ln_threshold: ParameterEstimate
+    ln_width: ParameterEstimate
+    guess_rate: ParameterEstimate
+    lapse_rate: ParameterEstimate
+
+
+def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None) -> PsychometricFit:
+    """Fit threshold, width, guess and lapse rate to the answers at one level, with 95 % credible intervals.
+
+    The estimate is the mean of the posterior, for threshold and width of their logarithm: of mean, median and
+    maximum it recovers simulated thresholds with the least bias (docs/decisions/threshold-definition.md).
+
+    Parameters
+    ----------
+    counts : RampCounts
+        The answers; all "yes", all "no" or perfectly separated ones give a wide posterior, not an error.
+    prior : PsychometricPrior, optional
+        What was known before.
+    """
+    grid = posterior_grid(counts, prior or PsychometricPrior())
+    threshold, width, guess, lapse = (_estimate(grid, axis) for axis in range(4))
+    function = PsychometricFunction(
+        float(np.exp(threshold.mean)), float(np.exp(width.mean)), guess.mean, lapse.mean
+    )
+    return PsychometricFit(counts, function, threshold, width, guess, lapse)
+
+
+def _estimate(grid: PosteriorGrid, axis: int) -> ParameterEstimate:
+    """Return the summary of one parameter."""
+    low, median, high = grid.quantiles(axis, INTERVAL)
+    return ParameterEstimate(*grid.mean_and_sd(axis), median, low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class PsychometricPrior:
+    """What is known of a psychometric function before the first answer; reasons in docs/decisions.
+
+    Attributes
+    ----------
+    threshold_falloff : float
+        The prior of ln(threshold) is flat over the tested rates and falls off beyond them as a Gaussian of
+        this standard deviation.
+    width_median, width_spread : float
+        Log-normal prior of the width: its median, and the standard deviation of ln(width).
+    guess, lapse : (float, float)
+        Parameters of their Beta priors; that of lapses is for yes/no.
+    """
+
+    threshold_falloff: float = 0.5
+    width_median: float = 1.6
+    width_spread: float = 0.6
+    guess: tuple[float, float] = (1.0, 10.0)
+    lapse: tuple[float, float] = (1.0, 30.0)
+
+    def lapse_after(self, guess_rate: float | None) -> tuple[float, float]:
+        """Return the Beta parameters of the lapse rate, for a guess rate that the task fixes or not (None).
+
+        Who did not look answers at random, and of two intervals half of the random answers are right: lapses
+        show half as often.
+
+        >>> PsychometricPrior(lapse=(1.0, 30.0)).lapse_after(0.5)
+        (1.0, 60.0)
+        """
+        a, b = self.lapse
+        return a, b / (1 - (guess_rate or 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """The interval of one parameter, its nodes, and the logarithms of their prior and of their weights."""
+
+    interval: tuple[float, float]
+    nodes: NDArray[np.float64]
+    ln_prior: NDArray[np.float64]
+    ln_weights: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PosteriorGrid:
+    """A posterior on a grid.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        ln(threshold), ln(width), guess rate, lapse rate.
+    masses : array (n_threshold, n_width, n_guess, n_lapse)
+        Posterior probability of each node; they add up to 1.
+    """
+
+    axes: tuple[Axis, Axis, Axis, Axis]
+    masses: NDArray[np.float64]
+
+    def marginal(self, axis: int) -> NDArray[np.float64]:
+        """Return the posterior probability of each node of one axis."""
+        others = tuple(i for i in range(4) if i != axis)
+        return np.asarray(self.masses.sum(axis=others))
+
+    def mean_and_sd(self, axis: int) -> tuple[float, float]:
+        """Return mean and standard deviation of one parameter."""
+        nodes, mass = self.axes[axis].nodes, self.marginal(axis)
+        mean = float(nodes @ mass)
+        return mean, float(np.sqrt((nodes - mean) ** 2 @ mass))
+
+    def quantiles(self, axis: int, probabilities: tuple[float, ...]) -> tuple[float, ...]:
+        """Return quantiles of one parameter.
+
+        The density between the nodes is the spline of its logarithm, and the distribution function counts
+        half of a node's mass below the node: adding up whole masses would shift every interval down by
+        half a step. A parameter that is known is all of its quantiles.
+        """
+        parameter = self.axes[axis]
+        if parameter.nodes.size == 1:
+            return (float(parameter.nodes[0]),) * len(probabilities)
+        with np.errstate(divide="ignore"):
+            ln_density = np.log(self.marginal(axis)) - parameter.ln_weights
+        seen = np.isfinite(ln_density)
+        spline = interpolate.CubicSpline(parameter.nodes[seen], ln_density[seen] - ln_density[seen].max())
+        fine = np.linspace(*parameter.interval, QUANTILE_SAMPLES)
+        density = np.exp(spline(fine))
+        cumulative = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+        return tuple(np.interp(probabilities, cumulative / cumulative[-1], fine).tolist())
+
+
+def posterior_grid(
+    counts: RampCounts,
+    prior: PsychometricPrior,
+    coarse: tuple[int, int, int, int] = COARSE_NODES,
+    fine: tuple[int, int, int, int] = FINE_NODES,
+) -> PosteriorGrid:
+    """Return the posterior of ln(threshold), ln(width), guess and lapse rate for the answers at one level.
+
+    Parameters
+    ----------
+    counts : RampCounts
+        The answers.
+    prior : PsychometricPrior
+        What was known before.
+    coarse, fine : tuple of int
+        Nodes of the grid that finds the posterior, and of the one that integrates it; a known guess rate
+        takes one.
+    """
+    if counts.guess_rate is not None:
+        coarse, fine = ((*sizes[:2], 1, sizes[3]) for sizes in (coarse, fine))
+    share = min(1.0, PLENTY / max(1, int(np.sum(counts.n_trials)) + counts.catch_trials))
+    weaker = _share_of(counts, share)
+    located = _integrate(weaker, prior, _whole_range(weaker, prior), coarse)
+    while share < 1.0:
+        share = min(1.0, share * NARROWING)
+        located = _integrate(_share_of(counts, share), prior, _faded_ranges(located), fine)
+    return _integrate(counts, prior, _faded_ranges(located), fine)
+
+
+def _share_of(counts: RampCounts, share: float) -> RampCounts:
+    """Return counts of which each is a share of what it was: answers that say the same, but less surely."""
+    if share == 1.0:
+        return counts
+    return replace(
+        counts,
+        n_yes=np.round(counts.n_yes * share).astype(np.int64),
+        n_trials=np.round(counts.n_trials * share).astype(np.int64),
+        catch_yes=int(counts.catch_yes * share),
+        catch_trials=int(counts.catch_trials * share),
+    )
+
+
+def _whole_range(counts: RampCounts, prior: PsychometricPrior) -> tuple[tuple[float, float], ...]:
+    """Return the interval of each parameter outside which the prior has faded."""
+    beyond = np.sqrt(-2 * FADED)
+    x = np.log(counts.rates)
+    middle = float(np.log(prior.width_median))
+    a, b = _guess_after_catch_trials(counts, prior)
+    guess = float(special.betaincinv(a, b, TAIL)), float(special.betainccinv(a, b, TAIL))
+    if counts.guess_rate is not None:
+        guess = counts.guess_rate, counts.guess_rate
+    return (
+        (float(x[0] - beyond * prior.threshold_falloff), float(x[-1] + beyond * prior.threshold_falloff)),
+        (middle - beyond * prior.width_spread, middle + beyond * prior.width_spread),
+        (min(guess[0], 0.9 * MAX_GUESS), min(guess[1], MAX_GUESS)),
+        (0.0, MAX_LAPSE),
+    )
+
+
+def _guess_after_catch_trials(counts: RampCounts, prior: PsychometricPrior) -> tuple[float, float]:
+    """Return the Beta parameters of the guess rate, given the prior and the catch trials alone."""
+    return prior.guess[0] + counts.catch_yes, prior.guess[1] + counts.catch_trials - counts.catch_yes
+
+
+def _faded_ranges(grid: PosteriorGrid) -> tuple[tuple[float, float], ...]:
+    """Return the interval of each parameter in which its posterior has not faded, one step wider."""
+    ranges = []
+    for axis, parameter in enumerate(grid.axes):
+        with np.errstate(divide="ignore"):
+            ln_density = np.log(grid.marginal(axis)) - parameter.ln_weights
+        seen = np.flatnonzero(ln_density > ln_density.max() + FADED)
+        below, above = seen[0] - 1, seen[-1] + 1
+        low = parameter.nodes[below] if below >= 0 else parameter.interval[0]
+        high = parameter.nodes[above] if above < parameter.nodes.size else parameter.interval[1]
+        ranges.append((float(low), float(high)))
+    return tuple(ranges)
+
+
+def _integrate(
+    counts: RampCounts,
+    prior: PsychometricPrior,
+    ranges: tuple[tuple[float, float], ...],
+    sizes: tuple[int, int, int, int],
+) -> PosteriorGrid:
+    """Return the posterior on a grid over the given intervals."""
+    x = np.log(counts.rates)
+    t, w = (_even_nodes(*ranges[i], sizes[i]) for i in (0, 1))
+    g, m = (_gauss_nodes(*ranges[i], sizes[i]) for i in (2, 3))
+    outside = np.maximum(0.0, np.maximum(x[0] - t[0], t[0] - x[-1])) / prior.threshold_falloff
+    off_middle = (w[0] - np.log(prior.width_median)) / prior.width_spread
+    axes = (
+        Axis(ranges[0], t[0], -0.5 * outside**2, t[1]),
+        Axis(ranges[1], w[0], -0.5 * off_middle**2, w[1]),
+        Axis(ranges[2], g[0], _ln_beta(g[0], *_guess_after_catch_trials(counts, prior)), g[1]),
+        Axis(ranges[3], m[0], _ln_beta(m[0], *prior.lapse_after(counts.guess_rate)), m[1]),
+    )
+    ln_masses = _ln_likelihood(counts, *(axis.nodes for axis in axes))
+    for i, axis in enumerate(axes):
+        ln_masses += (axis.ln_prior + axis.ln_weights).reshape([-1 if i == j else 1 for j in range(4)])
+    masses = np.exp(ln_masses - ln_masses.max())
+    return PosteriorGrid(axes, masses / masses.sum())
+
+
+def _ln_likelihood(
+    counts: RampCounts,
+    ln_threshold: NDArray[np.float64],
+    ln_width: NDArray[np.float64],
+    guess: NDArray[np.float64],
+    lapse: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the log-likelihood of the ramps' answers at every node.
+
+    With odds s = F / (1 - F): ψ = (γ + (1 - λ)s) / (1 + s) and 1 - ψ = ((1 - γ) + λs) / (1 + s). The odds are
+    a product of one factor of threshold and width and one of the asymptotes, so that no exponential is taken
+    on the whole grid; both numerators stay above 0 because Gaussian nodes never touch 0.
+    """
+    g, m = guess[:, None], lapse[None, :]
+    at_threshold = (THRESHOLD_PROBABILITY - g) / (1 - THRESHOLD_PROBABILITY - m)
+    slope = WIDTH_LOGITS / np.exp(ln_width)
+    total = np.zeros((ln_threshold.size, ln_width.size, guess.size, lapse.size))
+    for rate, n_yes, n_trials in zip(counts.rates, counts.n_yes, counts.n_trials, strict=True):
+        logit = np.clip((np.log(rate) - ln_threshold)[:, None] * slope, -MAX_LOGIT, MAX_LOGIT)
+        odds = np.exp(logit)[:, :, None, None] * at_threshold
+        share = 1.0 / (1.0 + odds)
+        if n_yes:
+            total += n_yes * np.log((g + (1 - m) * odds) * share)
+        if n_trials - n_yes:
+            total += (n_trials - n_yes) * np.log(((1 - g) + m * odds) * share)
+    return total
+
+
+def _ln_beta(p: NDArray[np.float64], a: float, b: float) -> NDArray[np.float64]:
+    """Return the logarithm of a Beta density, without its constant."""
+    return np.asarray(special.xlogy(a - 1, p) + special.xlog1py(b - 1, -p))
+
+
+def _even_nodes(low: float, high: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return equally spaced nodes and the logarithm of their (equal) weights."""
+    return np.linspace(low, high, size), np.zeros(size)
+
+
+def _gauss_nodes(low: float, high: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Gauss-Legendre nodes and the logarithm of their weights."""
+    nodes, weights = _legendre_rule(size)
+    return low + (high - low) * (nodes + 1) / 2, np.log(weights)
+
+
+@cache
+def _legendre_rule(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the Gauss-Legendre rule on [-1, 1]."""
+    nodes, weights = special.roots_legendre(size)
+    return np.asarray(nodes), np.asarray(weights)

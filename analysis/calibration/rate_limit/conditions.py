@@ -1,0 +1,299 @@
+"""Conditions of the ramp experiment, and the mixed model of thresholds with them.
+
+A condition is which way the luminance goes, and for how long. A limit on the rate alone would give ramps of
+every duration the same threshold rate; a limit on the amount, as some studies find (Knau 2000, J. Opt. Soc.
+Am. A 17, 1382: about the same total change for shallow and steep gradients), would halve it where the
+duration doubles. So the rate limit holds for one condition, the reference, and the others are reported as
+ratios to it (docs/decisions/ramp-conditions.md). The model has a curve over luminance, a factor for each
+participant and one for each condition.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
+    CurveBasis,
+    LuminanceAbscissa,
+    RateLimitOptions,
+    basis_for,
+)
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.recordings.ramp import Direction
+from evenlight.data_schema.threshold import Threshold
+
+LEAST_PARTICIPANTS = 3  # to tell how the effect differs between them
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A direction and a duration of ramps [s]."""
+
+    direction: Direction
+    ramp_duration: float
+
+    @property
+    def words(self) -> str:
+        """What it is, for a sentence.
+
+        >>> Condition(Direction.DOWN, 5.0).words
+        'falling ramps of 5 s'
+        """
+        way = "falling" if self.direction is Direction.DOWN else "rising"
+        return f"{way} ramps of {self.ramp_duration:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionEffect:
+    """The thresholds of a condition as a multiple of the reference's.
+
+    Attributes
+    ----------
+    condition, reference : Condition
+        Which are compared.
+    ratio : float
+        Of the threshold rates.
+    ci_low, ci_high : float
+        95 % confidence interval.
+    """
+
+    condition: Condition
+    reference: Condition
+    ratio: float
+    ci_low: float
+    ci_high: float
+
+    @property
+    def ratio_of_equal_amounts(self) -> float:
+        """The ratio that the same total change at threshold would give."""
+        return self.reference.ramp_duration / self.condition.ramp_duration
+
+    @property
+    def in_words(self) -> str:
+        """What was found, as a sentence."""
+        words = (
+            f"{self.condition.words} have {self.ratio:.2f} x the threshold rate of {self.reference.words} "
+            f"({self.ci_low:.2f} to {self.ci_high:.2f})"
+        )
+        if self.condition.ramp_duration != self.reference.ramp_duration:
+            words += (
+                f"; 1.00 would be a limit on the rate, {self.ratio_of_equal_amounts:.2f} one on the amount "
+                "of change"
+            )
+        return words
+
+
+def condition_of(threshold: Threshold) -> Condition:
+    """Return the condition of a threshold."""
+    return Condition(threshold.direction, threshold.ramp_duration)
+
+
+def conditions_of(thresholds: Iterable[Threshold]) -> tuple[Condition, ...]:
+    """Return the conditions of some thresholds: falling before rising, short before long."""
+    found = {condition_of(threshold) for threshold in thresholds}
+    return tuple(sorted(found, key=lambda c: (c.direction is not Direction.DOWN, c.ramp_duration)))
+
+
+def allowed_references(conditions: Sequence[Condition], options: RateLimitOptions) -> tuple[Condition, ...]:
+    """Return the conditions that a rate limit may be for: all, or those that the options name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    allowed = tuple(
+        condition
+        for condition in conditions
+        if options.direction in (None, condition.direction)
+        and options.ramp_duration in (None, condition.ramp_duration)
+    )
+    if conditions and not allowed:
+        there = ", ".join(condition.words for condition in conditions)
+        wanted = [options.direction.value] if options.direction else []
+        wanted += [f"{options.ramp_duration:g} s"] if options.ramp_duration else []
+        raise InputError(f"no usable threshold of ramps {' over '.join(wanted)}; there are {there}")
+    return allowed
+
+
+def indicators(thresholds: Sequence[Threshold], others: Sequence[Condition]) -> Array:
+    """Return a column of 0 and 1 for each condition other than the reference, shape (n, k)."""
+    own = [condition_of(threshold) for threshold in thresholds]
+    return np.array([[float(c == other) for other in others] for c in own]).reshape(len(own), len(others))
+
+
+def effect_of(
+    pair: tuple[Condition, Condition],
+    ln_ratio: float,
+    model_error: float,
+    residuals: Array,
+    thresholds: Sequence[Threshold],
+) -> ConditionEffect:
+    """Return the effect of a condition with its confidence interval (Student's t over participants).
+
+    The model's standard error assumes the same ratio for everyone. Where three participants or more saw
+    both conditions, the scatter of their own ratios gives another, and the larger one is stated.
+
+    Parameters
+    ----------
+    pair : (Condition, Condition)
+        The condition and the reference.
+    ln_ratio, model_error : float
+        Coefficient of the mixed model and its standard error.
+    residuals : array (n,)
+        ln(threshold) minus the curve of the reference.
+    thresholds : sequence of Threshold
+        What was fitted.
+    """
+    condition, reference = pair
+    own: dict[str, dict[Condition, list[float]]] = {}
+    for value, threshold in zip(residuals.tolist(), thresholds, strict=True):
+        own.setdefault(threshold.participant_id, {}).setdefault(condition_of(threshold), []).append(value)
+    differences = [
+        float(np.mean(seen[condition]) - np.mean(seen[reference]))
+        for seen in own.values()
+        if condition in seen and reference in seen
+    ]
+    error, df = model_error, max(len(differences) - 1, 1)
+    if len(differences) >= LEAST_PARTICIPANTS:
+        error = max(error, float(np.std(differences, ddof=1)) / len(differences) ** 0.5)
+    half = float(special.stdtrit(df, 0.975)) * error
+    low, middle, high = np.exp(np.clip([ln_ratio - half, ln_ratio, ln_ratio + half], -50, 50)).tolist()
+    return ConditionEffect(condition, reference, middle, low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class ThresholdModel:
+    """The mixed model of thresholds of one or several conditions.
+
+    Attributes
+    ----------
+    basis : CurveBasis
+        Of the curve.
+    model : MixedModelFit
+        The curve's coefficients first, then the effects of the conditions.
+    data : GroupedEstimates
+        What it was fitted to.
+    luminance : array (n,)
+        At which each threshold was entered [cd/m^2].
+    reference : Condition or None
+        Whose curve it is; None without thresholds.
+    effects : tuple of ConditionEffect
+        Of the other conditions.
+    """
+
+    basis: CurveBasis
+    model: MixedModelFit
+    data: GroupedEstimates
+    luminance: NDArray[np.float64]
+    reference: Condition | None
+    effects: tuple[ConditionEffect, ...] = ()
+
+
+def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) -> ThresholdModel:
+    """Return the curve of the reference condition, and the other conditions' effects in ln(rate).
+
+    The polynomial of the rate itself has no additive effect in ln(rate): it is fitted to the reference's
+    thresholds alone, the effects come from the polynomial of ln(rate).
+    """
+    conditions = conditions_of(used)
+    if len(conditions) < 2:
+        allowed_references(conditions, options)
+        return _model(used, options, conditions[0] if conditions else None)
+    logarithmic = options
+    if options.form is RateLimitForm.RATE:
+        logarithmic = dataclasses.replace(options, form=RateLimitForm.LN_RATE)
+    allowed = allowed_references(conditions, options)
+    found = _model(used, logarithmic, allowed[0])
+    ratios = {effect.condition: effect.ratio for effect in found.effects if effect.condition in allowed}
+    lowest = min(ratios, key=lambda condition: ratios[condition], default=allowed[0])
+    if ratios.get(lowest, 1.0) < 1.0:
+        found = _model(used, logarithmic, lowest)
+    if options.form is not RateLimitForm.RATE:
+        return found
+    own = [t for t in used if condition_of(t) == found.reference]
+    return dataclasses.replace(_model(own, options, found.reference), effects=found.effects)
+
+
+def _model(
+    used: Sequence[Threshold], options: RateLimitOptions, reference: Condition | None
+) -> ThresholdModel:
+    """Return the mixed model with a given reference."""
+    L = abscissae(used, options)
+    basis = basis_for(L, options)
+    others = [condition for condition in conditions_of(used) if condition != reference]
+    data = _grouped(used, L, basis, indicators(used, others))
+    _require_distinct(data.design, others)
+    model = fit_mixed_model(data)
+    size = basis.degree + 1
+    residuals = data.values - data.design[:, :size] @ model.coefficients[:size]
+    errors = np.sqrt(np.diag(model.covariance))
+    effects = tuple(
+        effect_of((other, reference), float(ln_ratio), float(error), residuals, used)
+        for other, ln_ratio, error in zip(others, model.coefficients[size:], errors[size:], strict=True)
+        if reference is not None
+    )
+    return ThresholdModel(basis, model, data, L, reference, effects)
+
+
+def abscissae(thresholds: Sequence[Threshold], options: RateLimitOptions) -> NDArray[np.float64]:
+    """Return the luminance at which each threshold is entered [cd/m^2].
+
+    Mean and final luminance depend on the threshold itself. To keep its error off the abscissa, they are
+    taken for each level at the geometric mean of the participants' thresholds there.
+    """
+    initial = np.array([t.luminance for t in thresholds])
+    share = {LuminanceAbscissa.INITIAL: 0.0, LuminanceAbscissa.MEAN: 0.5, LuminanceAbscissa.FINAL: 1.0}
+    if not initial.size or options.abscissa is LuminanceAbscissa.INITIAL:
+        return initial
+    change = np.array([(1 if t.direction is Direction.UP else -1) * t.ramp_duration for t in thresholds])
+    _, level = np.unique(np.column_stack([initial, change]), axis=0, return_inverse=True)
+    ln_rates = np.log([t.threshold for t in thresholds])
+    typical = np.exp(np.bincount(level, ln_rates) / np.bincount(level))[level]
+    return np.asarray(initial + share[options.abscissa] * change * typical)
+
+
+def _grouped(
+    thresholds: Sequence[Threshold],
+    luminance: NDArray[np.float64],
+    basis: CurveBasis,
+    conditions: NDArray[np.float64],
+) -> GroupedEstimates:
+    """Return the thresholds as the mixed model takes them."""
+    rates = np.array([t.threshold for t in thresholds])
+    errors = np.array([t.standard_error_ln for t in thresholds])
+    if basis.form is RateLimitForm.RATE:
+        errors = errors * rates  # first order: d(rate) = rate d(ln rate)
+    _, groups = np.unique([t.participant_id for t in thresholds], return_inverse=True)
+    design = np.column_stack([basis.design(luminance), conditions])
+    return GroupedEstimates(basis.ordinate(rates), errors, design, groups.astype(np.int64))
+
+
+def band_df(data: GroupedEstimates) -> float:
+    """Return the degrees of freedom of the band: of the participants, or of one participant's scatter.
+
+    The curve's height is a mean over participants, so its variance is known from P values only.
+    """
+    if data.n_groups > 1:
+        return float(data.n_groups - 1)
+    df = data.values.size - data.design.shape[1]
+    return float(df) if df > 0 else float("inf")
+
+
+def _require_distinct(design: NDArray[np.float64], others: Sequence[Condition]) -> None:
+    """Refuse conditions whose effect cannot be separated from the curve's shape."""
+    if others and np.linalg.matrix_rank(design) < design.shape[1]:
+        raise InputError(
+            f"the effect of {others[0].words} cannot be separated from the curve's shape: the conditions "
+            "share too few luminances; measure them at the same levels, fit them apart, or give a "
+            "lower --degree"
+        )

@@ -1,0 +1,221 @@
+"""The polynomial of the rate limit ΔL(L): its basis, its band, and where it falls."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.recordings.ramp import Direction, Procedure
+
+BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
+MONOTONE_SAMPLES = 1001
+SLIGHT_FALL = 0.01  # share of the rate
+SHORT_FALL = 0.02  # share of the measured range
+LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
+PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
+SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
+WORST_CONDITION = 1e6  # of the design; the covariance squares it, and four of sixteen digits are left
+
+
+class LuminanceAbscissa(enum.Enum):
+    """At which luminance of a ramp its threshold is entered (the paper measured both ends)."""
+
+    INITIAL = "initial"  # the default: the luminance that a brightness change sets out from
+    MEAN = "mean"
+    FINAL = "final"
+
+
+@dataclass(frozen=True, slots=True)
+class RateLimitOptions:
+    """How a rate limit is fitted.
+
+    Attributes
+    ----------
+    form : RateLimitForm
+        What the polynomial describes; ln(rate) over luminance, as the authors' published coefficients.
+    degree : int
+        Of the polynomial; 4 in the paper.
+    band_level : float
+        Confidence of the pointwise band.
+    abscissa : LuminanceAbscissa
+        At which luminance of the ramps their threshold is entered.
+    ramp_duration : float or None
+        Duration of the ramps [s] whose limit is wanted, where there are several.
+    direction : Direction or None
+        Direction of the ramps whose limit is wanted, where there are several. Where neither is given, the
+        condition with the lowest thresholds is taken.
+    procedure : Procedure or None
+        Task whose answers are fitted, where there are several.
+    """
+
+    form: RateLimitForm = RateLimitForm.LN_RATE
+    degree: int = PAPER_DEGREE
+    band_level: float = 0.95
+    abscissa: LuminanceAbscissa = LuminanceAbscissa.INITIAL
+    ramp_duration: float | None = None
+    direction: Direction | None = None
+    procedure: Procedure | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.degree <= 8:
+            raise InputError(f"the degree of the rate limit must lie in 0 to 8, got {self.degree}")
+        if not 0 < self.band_level < 1:
+            raise InputError(f"the band's level must lie between 0 and 1, got {self.band_level:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class CurveBasis:
+    """Legendre polynomials over the measured luminances, and the scale on which the curve is a sum of them.
+
+    Monomials of L in cd/m^2 have a condition number of 1e9 to 1e10 for the paper's luminances, Legendre
+    polynomials one below 5.
+
+    Attributes
+    ----------
+    form : RateLimitForm
+        What the polynomial describes.
+    degree : int
+        Of the polynomial.
+    luminance_range : (float, float)
+        Lowest and highest luminance [cd/m^2], mapped to -1 and 1.
+    """
+
+    form: RateLimitForm
+    degree: int
+    luminance_range: tuple[float, float]
+
+    def design(self, luminance: ArrayLike) -> NDArray[np.float64]:
+        """Return the Legendre polynomials at luminances [cd/m^2], shape (n, degree + 1).
+
+        >>> CurveBasis(RateLimitForm.RATE, 2, (10.0, 90.0)).design([10, 50, 90]).tolist()
+        [[1.0, -1.0, 1.0], [1.0, 0.0, -0.5], [1.0, 1.0, 1.0]]
+        """
+        values = np.asarray(luminance, dtype=np.float64)
+        low, high = self.luminance_range
+        if self.form is RateLimitForm.LOG_LOG:
+            values, low, high = np.log(values), float(np.log(low)), float(np.log(high))
+        position = (2 * values - low - high) / (high - low)
+        return np.asarray(legendre.legvander(position, self.degree), dtype=np.float64)
+
+    def ordinate(self, rate: ArrayLike) -> NDArray[np.float64]:
+        """Return rates [cd/m^2/s] on the polynomial's scale: their logarithm, or as they are for `RATE`."""
+        values = np.asarray(rate, dtype=np.float64)
+        return values if self.form is RateLimitForm.RATE else np.log(values)
+
+    def rate(self, ordinate: ArrayLike) -> NDArray[np.float64]:
+        """Return the rates [cd/m^2/s] for values on the polynomial's scale; never below 0."""
+        values = np.asarray(ordinate, dtype=np.float64)
+        if self.form is RateLimitForm.RATE:
+            return np.maximum(values, 0.0)
+        return np.asarray(np.exp(np.clip(values, -LARGEST_LN, LARGEST_LN)), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class CurveEstimate:
+    """Coefficients of the polynomial, and how well the data know them.
+
+    Attributes
+    ----------
+    coefficients : array (degree + 1,)
+        Legendre coefficients β.
+    covariance : array (degree + 1, degree + 1) or None
+        Of β; None where the data leave it unknown.
+    band_df : float
+        Degrees of freedom of Student's t for the band; infinite for a known covariance.
+    """
+
+    coefficients: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None
+    band_df: float
+
+
+def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
+    """Return the basis for thresholds at these luminances [cd/m^2].
+
+    Raises
+    ------
+    InputError
+        If there are too few different luminances for the degree: one more than the degree up to the paper's,
+        three more above it; or if they crowd together so much that the polynomial is lost in rounding.
+    """
+    distinct = np.unique(np.asarray(luminance, dtype=np.float64))
+    needed = luminances_needed(options.degree)
+    if distinct.size < needed:
+        raise InputError(
+            f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
+            f"got {distinct.size}; measure more levels, or give a lower --degree"
+        )
+    basis = CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
+    condition = float(np.linalg.cond(basis.design(distinct)))
+    if condition > WORST_CONDITION:
+        raise InputError(
+            f"a rate limit of degree {options.degree} is not known from luminances spread as these are, "
+            f"{distinct[0]:.4g} to {distinct[-1]:.4g} cd/m^2: condition number {condition:.1e}, at most "
+            f"{WORST_CONDITION:.0e}; give --form log_log, a lower --degree, or measure levels in between"
+        )
+    return basis
+
+
+def luminances_needed(degree: int) -> int:
+    """Return how many different luminances a polynomial of a degree needs.
+
+    >>> luminances_needed(4), luminances_needed(5)
+    (5, 8)
+    """
+    return max(degree + 1, 2) + (SPARE_LUMINANCES if degree > PAPER_DEGREE else 0)
+
+
+def curve_band(
+    basis: CurveBasis, estimate: CurveEstimate, level: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return luminances [cd/m^2] and the curve's pointwise band at them [cd/m^2/s], lower and upper.
+
+    The half-width is t · sqrt(xᵀ Cov(β) x), t the quantile of Student's t. All three are empty where the
+    covariance is unknown.
+    """
+    if estimate.covariance is None:
+        return np.empty(0), np.empty(0), np.empty(0)
+    low, high = basis.luminance_range
+    luminance = np.linspace(low**0.5, high**0.5, BAND_SAMPLES) ** 2  # denser where the curve is steeper
+    luminance[[0, -1]] = low, high
+    design = basis.design(luminance)
+    variance = np.einsum("ij,jk,ik->i", design, estimate.covariance, design)
+    tail = (1 + level) / 2
+    quantile = float(
+        special.stdtrit(estimate.band_df, tail) if np.isfinite(estimate.band_df) else special.ndtri(tail)
+    )
+    half = quantile * np.sqrt(variance)
+    middle = design @ estimate.coefficients
+    return luminance, basis.rate(middle - half), basis.rate(middle + half)
+
+
+def falling_stretches(
+    basis: CurveBasis, coefficients: NDArray[np.float64]
+) -> tuple[tuple[float, float], ...]:
+    """Return the stretches of luminance [cd/m^2] within the measured range where the curve falls.
+
+    A fall is reported if it is more than 1 % of the rate over more than 2 % of the range: less is within any
+    threshold's error. There a brighter display would have to change more slowly, which no threshold study
+    suggests: an optimizer would take such a dip for a place to stay in.
+
+    >>> rising_then_falling = np.array([0.0, 0.0, -1.0])  # -P_2: its maximum is at the middle, 50
+    >>> falling_stretches(CurveBasis(RateLimitForm.RATE, 2, (10.0, 90.0)), rising_then_falling)
+    ((50.0, 90.0),)
+    """
+    luminance = np.linspace(*basis.luminance_range, MONOTONE_SAMPLES)
+    ordinate = basis.design(luminance) @ coefficients
+    rate = basis.rate(ordinate)
+    falls = np.diff(ordinate) < -1e-12
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(np.int8)))
+    return tuple(
+        (float(luminance[a]), float(luminance[b]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if rate[b] < (1 - SLIGHT_FALL) * rate[a] and b - a > SHORT_FALL * (MONOTONE_SAMPLES - 1)
+    )

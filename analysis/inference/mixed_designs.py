@@ -1,0 +1,245 @@
+"""What a design with participant effects can tell, and what its effects are tested against.
+
+Which columns can be fitted, which of them may differ between participants, and what the likelihood ratio of
+an effect is compared with: with few participants Student's t in place of the normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, special
+
+from evenlight.data_schema.arrays import Array
+
+LEVEL = 0.95  # of every confidence interval
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Which columns of a design can be fitted.
+
+    Attributes
+    ----------
+    fitted : tuple of int
+        A largest set without a column that is a combination of earlier ones.
+    identifiable : tuple of bool
+        Of each column: whether no combination of the others gives it, so that its effect means something.
+    """
+
+    fitted: tuple[int, ...]
+    identifiable: tuple[bool, ...]
+
+
+def require_effects(design: NDArray[np.float64], names: tuple[str, ...], slope_column: int | None) -> None:
+    """Raise `ValueError` if a design (n, k) of fixed effects is not finite, or has no such slope column."""
+    if not np.isfinite(design).all():
+        raise ValueError("the design must be finite, got nan or infinity")
+    if slope_column is not None and not 0 <= slope_column < len(names):
+        raise ValueError(f"slope_column must be one of {len(names)} columns, got {slope_column}")
+
+
+def estimable_columns(design: NDArray[np.float64], intercept: bool) -> Columns:
+    """Return which columns of a design (n, k) can be fitted beside an intercept, or without one.
+
+    >>> estimable_columns(np.array([[0.0, 1.0, 5.0], [1.0, 0.0, 5.0]]), intercept=True)
+    Columns(fitted=(0,), identifiable=(False, False, False))
+    """
+    scale = np.maximum(np.abs(design).max(axis=0, initial=0.0), 1e-300)
+    scaled: Array = design / scale
+    if intercept:
+        scaled = np.column_stack([np.ones(design.shape[0]), scaled])
+    first = int(intercept)
+    corner = np.asarray(np.linalg.qr(scaled, mode="r"))  # of the same rank, column by column, but small
+
+    def rank(columns: list[int]) -> int:
+        return int(np.linalg.matrix_rank(corner[:, columns], tol=1e-8)) if columns else 0
+
+    kept = list(range(first))
+    for j in range(first, scaled.shape[1]):
+        if rank([*kept, j]) > len(kept):
+            kept.append(j)
+    every = list(range(scaled.shape[1]))
+    apart = [rank([i for i in every if i != j]) < len(kept) for j in every]
+    return Columns(tuple(j - first for j in kept[first:]), tuple(apart[first:]))
+
+
+def in_row_space(weights: Array, design: NDArray[np.float64]) -> bool:
+    """Return whether the combination w β of a design's effects is determined: w is a mixture of its rows.
+
+    >>> in_row_space(np.array([1.0, -1.0]), np.array([[1.0, 1.0], [2.0, 2.0]]))
+    False
+    """
+    scale = np.maximum(np.abs(design).max(axis=0), 1e-300)
+    rows, wanted = np.asarray(np.linalg.qr(design / scale, mode="r")), weights / scale
+    rest = wanted - rows.T @ np.linalg.lstsq(rows.T, wanted, rcond=None)[0]
+    return bool(np.abs(rest).max() <= 1e-8 * np.abs(wanted).max())
+
+
+def slope_of(
+    wanted: int | None, design: NDArray[np.float64], groups: NDArray[np.int64], columns: Columns
+) -> int | None:
+    """Return the column with a participant effect, if the data can tell of one.
+
+    None with one participant, or where everybody has one value of the column only.
+    """
+    if wanted is None or wanted not in columns.fitted or groups.max() == 0:
+        return None
+    low, high = np.full(groups.max() + 1, np.inf), np.full(groups.max() + 1, -np.inf)
+    np.minimum.at(low, groups, design[:, wanted])
+    np.maximum.at(high, groups, design[:, wanted])
+    return wanted if (low < high).any() else None
+
+
+def loadings_of(design: NDArray[np.float64], groups: NDArray[np.int64], slope: int | None) -> Array:
+    """Return what the participant effects are multiplied with, (n, q).
+
+    q = 0 with one participant, or with one observation of each: then no effect can be told from chance.
+
+    >>> loadings_of(np.zeros((3, 0)), np.array([0, 0, 1]), None).tolist()
+    [[1.0], [1.0], [1.0]]
+    """
+    ones = np.ones((groups.size, 1))
+    if groups.max() == 0 or np.bincount(groups).max() == 1:
+        return ones[:, :0]
+    return ones if slope is None else np.column_stack([ones, design[:, slope]])
+
+
+def start_of_loadings(n_effects: int, usual: tuple[float, float]) -> list[float]:
+    """Return where a search begins for the rows of Λ: no correlation, and the usual standard deviations.
+
+    Parameters
+    ----------
+    n_effects : int
+        q: 0, 1 for an intercept, 2 for a slope too.
+    usual : (float, float)
+        Standard deviations of intercept and slope between participants.
+
+    >>> start_of_loadings(2, (0.4, 0.3))
+    [0.4, 0.0, 0.3]
+    """
+    return {0: [], 1: [usual[0]], 2: [usual[0], 0.0, usual[1]]}[n_effects]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What a likelihood ratio statistic is compared with.
+
+    In a normal model of m independent units with d degrees of freedom, whose variance is estimated by maximum
+    likelihood, the statistic is an increasing function of Student's t: LR = m ln(1 + t² / d), exactly (e.g.
+    Cox & Hinkley 1974, Theoretical Statistics, section 9.3). Units are participants for an effect that is
+    tested against the differences between participants. `units` None takes t² = LR: a model without an
+    estimated variance of its answers.
+
+    Attributes
+    ----------
+    df : float
+        d.
+    units : float or None
+        m.
+    """
+
+    df: float
+    units: float | None = None
+
+    @property
+    def critical(self) -> float:
+        """Statistic beyond which a two-sided test at 5 % rejects."""
+        t_squared = float(special.stdtrit(self.df, (1 + LEVEL) / 2)) ** 2
+        return t_squared if self.units is None else float(self.units * np.log1p(t_squared / self.df))
+
+    def p_value(self, ratio: float) -> float:
+        """Return the two-sided p value of a likelihood ratio statistic.
+
+        >>> reference = Reference(df=16, units=17)
+        >>> round(reference.p_value(reference.critical), 12)
+        0.05
+        """
+        t_squared = ratio if self.units is None else self.df * np.expm1(min(ratio / self.units, 500.0))
+        return float(2 * special.stdtr(self.df, -np.sqrt(t_squared)))
+
+    @property
+    def quantile(self) -> float:
+        """Standard errors from the estimate to the end of a 95 % confidence interval by curvature."""
+        return float(special.stdtrit(self.df, (1 + LEVEL) / 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What an effect is tested against.
+
+    Attributes
+    ----------
+    groups : array (n,) of int
+        Participant of each observation, 0 to P - 1.
+    informative : int
+        Observations that tell a value: all answers, or the times that are not censored.
+    own_variance : bool
+        Whether the scatter of single observations is estimated (times), or follows from the model (answers).
+    """
+
+    groups: NDArray[np.int64]
+    informative: int
+    own_variance: bool
+
+
+def reference_of(design: NDArray[np.float64], index: int, sample: Sample, varies: bool = False) -> Reference:
+    """Return what the test of one column of a design is compared with.
+
+    An effect that differs between participants, or that depends on who took part, is tested against the
+    differences between participants: Student's t with the participants' degrees of freedom. One that is seen
+    within everybody: with those of the observations that are left. One participant says nothing of others,
+    and is described by the observations alone.
+
+    Parameters
+    ----------
+    design : array (n, k)
+        All columns, with one of ones if the model has an intercept of its own.
+    index : int
+        The column tested.
+    sample : Sample
+        The observations.
+    varies : bool
+        Whether the effect itself differs between participants.
+    """
+    n_groups, k = int(sample.groups.max()) + 1, design.shape[1]
+    if n_groups == 1:
+        return Reference(sample.informative - k, sample.informative if sample.own_variance else None)
+    if varies:
+        return Reference(n_groups - 1, n_groups)
+    between = between_directions(design, sample.groups)
+    if weight_of_people(design, index, sample.groups) > 0.5:
+        return Reference(n_groups - between, n_groups)
+    units = sample.informative - n_groups
+    return Reference(units - (k - between), units if sample.own_variance else None)
+
+
+def weight_of_people(design: NDArray[np.float64], index: int, groups: NDArray[np.int64]) -> float:
+    """Return by how much the differences between participants enter the variance of an effect.
+
+    Var = (σ² + λ σ_u²) / Σ x̃² with what the other columns do not explain of the column, x̃, and
+    λ = Σ_p (Σ x̃ of p)² / Σ x̃². 0: the effect is seen within everybody, and who they are cancels.
+
+    >>> design = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    >>> round(weight_of_people(design, 1, np.array([0, 0, 1, 1])), 12)
+    0.0
+    >>> round(weight_of_people(design, 1, np.array([0, 1, 0, 1])), 12)
+    2.0
+    """
+    own = design @ np.linalg.inv(design.T @ design)[:, index]
+    return float(np.sum(np.bincount(groups, weights=own) ** 2) / (own @ own))
+
+
+def between_directions(design: NDArray[np.float64], groups: NDArray[np.int64]) -> int:
+    """Return how many combinations of a design's columns compare participants rather than their answers.
+
+    >>> design = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    >>> between_directions(design, np.array([0, 0, 1, 1])), between_directions(design, np.array([0, 1, 0, 1]))
+    (1, 2)
+    """
+    sums = np.stack([np.bincount(groups, weights=column) for column in design.T], axis=1)
+    means = sums / np.sqrt(np.bincount(groups))[:, None]
+    shares = linalg.eigh(means.T @ means, design.T @ design, eigvals_only=True)
+    return int(np.sum(shares > 0.5))

@@ -1,0 +1,292 @@
+"""The meter's clock on the computer's: by edges, pings, flash markers or arrivals, whatever there is.
+
+Pings give the line with the most room between all questions and their answers; flash markers are found again
+in the power; arrivals give a line below all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from evenlight.analysis.measurement.played_power.clock_line import (
+    MOST_DRIFT,
+    ClockEstimate,
+    ClockLine,
+    ClockWindows,
+    line_below,
+)
+from evenlight.analysis.measurement.played_power.power_recording import Flips, Recording, Samples
+from evenlight.analysis.measurement.played_power.sync_edges import LATE_FLIP, Changes, fit_edges
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.instrument_logs import FlashMark
+from evenlight.data_schema.recordings.played_power import ClockFit, ClockFlag, ClockMethod
+
+DISAGREEMENT = 0.2  # share of pings that the edges' clock may miss
+VAGUE_DRIFT = 0.001  # a range of drifts wider than this says nothing about a clock with a crystal
+MOST_ODD = 0.2  # share of pings that may contradict the others
+STRETCHES = 200  # of each, the sample that arrived soonest
+SOONEST = -0.001  # [s] the computer's own time stamps are not later than the arrival, but for rounding
+LATEST = 2.0  # [s] nor long before it
+REACH = 0.45  # [s] around the arrivals' clock: less than half the second in which the flashes repeat
+AFTER_LAST = 0.4  # [s] of the last level, which holds for half a second
+FEWEST_MARKS = 3  # of a marker: fewer are no pattern
+FIRST_LAG = 0.005  # [s] where the search for the panel's lag begins
+MOST_LAG = 0.1  # [s]
+CLEAR = 0.8  # share of the power's variance that a marker must explain
+
+
+def fit_clock(recording: Recording) -> ClockFit:
+    """Return the meter's clock on the computer's, by the best that there is.
+
+    Edges of the synchronisation input come first, then pings, then flash markers; then samples that carry the
+    computer's time, or their arrival. What was there and could not be used is in the flags.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was recorded.
+    """
+    samples, flips = recording.samples, recording.flips
+    played = (float(flips.flip[0]), float(flips.flip[-1]))
+    arrivals = fit_arrivals(samples)
+    stretch = arrivals.line.to_meter(played)
+    pings = fit_pings(recording.pings, (stretch[0], stretch[1])) if len(recording.pings) else None
+    flashes = None if pings else fit_flashes(samples, recording.flashes, played, arrivals)
+    flags: tuple[ClockFlag, ...] = ()
+    if recording.log.sync_connected:
+        edges = fit_edges(samples, changes_of(flips), pings or flashes or arrivals)
+        if isinstance(edges, ClockEstimate):
+            return edges.record(_doubts(edges, recording.pings))
+        flags = (edges,)
+    if best := pings or flashes:
+        return best.record(flags)
+    if recording.flashes:
+        flags = (*flags, ClockFlag.FLASHES_NOT_FOUND)
+    if carries_computer_time(samples):
+        return computer_time(samples).record(flags)
+    return arrivals.record(flags)
+
+
+def changes_of(flips: Flips) -> Changes:
+    """Return when the synchronisation line changed with the frames shown."""
+    at = np.flatnonzero(flips.sync[1:] != flips.sync[:-1]) + 1
+    return Changes(flips.flip[at], flips.sync[at])
+
+
+def _doubts(edges: ClockEstimate, pings: Array) -> tuple[ClockFlag, ...]:
+    """Return a flag if the pings disagree with the edges."""
+    if len(pings) == 0 or ClockFlag.DISAGREES in edges.flags:
+        return ()
+    told = edges.line.to_computer(pings[:, 1])
+    off = np.maximum(pings[:, 0] - told, told - pings[:, 2])
+    return (ClockFlag.DISAGREES,) * bool((off > (edges.bound or 0.0) + LATE_FLIP).mean() > DISAGREEMENT)
+
+
+def fit_pings(pings: Array, stretch: tuple[float, float]) -> ClockEstimate:
+    """Return the meter's clock by its pings.
+
+    The meter told its time after the question and before the answer, so each ping is a window that the line
+    goes through, the narrower the quicker the answer came (Cristian 1989). Of the lines that do, the one is
+    taken that stays farthest from the windows' ends: slow pings do not bear on it. The others say how far off
+    it may be.
+
+    Parameters
+    ----------
+    pings : array, (N, 3)
+        Sent, the meter's time, received [s]; at least one.
+    stretch : (float, float)
+        First and last time on the meter's clock at which it is to hold [s].
+    """
+    odd = _windows(pings).missed() if _windows(pings).middle()[1] < 0 else np.zeros(len(pings), dtype=bool)
+    linear = bool(odd.mean() <= MOST_ODD)
+    windows = _windows(pings[~odd]) if linear else _windows(pings)
+    slowest, fastest = windows.drifts()
+    vague = linear and fastest - slowest > VAGUE_DRIFT and slowest <= 0 <= fastest
+    line, room = windows.middle(0.0 if vague else MOST_DRIFT)
+    bound = windows.bound(line, stretch) if linear else float(windows.half_widths.max() - min(room, 0.0))
+    return ClockEstimate(
+        method=ClockMethod.PINGS,
+        line=line,
+        residual_sd=float(np.std(windows.middles - line.to_computer(windows.at))),
+        bound=bound,
+        n_used=len(windows.at),
+        n_rejected=len(pings) - len(windows.at),
+        flags=(ClockFlag.NOT_LINEAR,) * (not linear) + (ClockFlag.OFFSET_ONLY,) * vague,
+    )
+
+
+def _windows(pings: Array) -> ClockWindows:
+    """Return between which times of the computer the meter told its own."""
+    return ClockWindows(at=pings[:, 1], low=pings[:, 0], high=pings[:, 2])
+
+
+def carries_computer_time(samples: Samples) -> bool:
+    """Return whether the samples' times can be the computer's: right before they arrived.
+
+    Parameters
+    ----------
+    samples : Samples
+        Of a meter that cannot be pinged.
+    """
+    delays = samples.received - samples.device_time
+    return bool(delays.min() >= SOONEST and delays.max() <= LATEST)
+
+
+def computer_time(samples: Samples) -> ClockEstimate:
+    """Return the clock of a meter whose samples carry the computer's time: nothing to fit."""
+    line = ClockLine(reference=float(samples.device_time[0]), offset=0.0)
+    flags = (ClockFlag.UNKNOWN_LATENCY,)
+    return ClockEstimate(ClockMethod.COMPUTER_TIME, line, None, None, 0, 0, flags)
+
+
+def fit_arrivals(samples: Samples) -> ClockEstimate:
+    """Return the meter's clock by the arrival of its samples.
+
+    No sample arrives before it was made: the line is below all delays, as close to them as it can be (Moon et
+    al. 1999). How long the fastest sample took remains unknown.
+
+    Parameters
+    ----------
+    samples : Samples
+        Each once.
+    """
+    delays = samples.received - samples.device_time
+    parts = np.array_split(np.arange(len(delays)), min(STRETCHES, len(delays)))
+    soonest = np.array([part[np.argmin(delays[part])] for part in parts])
+    times, lowest = samples.device_time[soonest], delays[soonest]
+    middle = float((samples.device_time[0] + samples.device_time[-1]) / 2)
+    offset, drift = line_below(times, lowest, middle)
+    above = delays - offset - drift * (samples.device_time - middle)
+    flags = (ClockFlag.UNKNOWN_LATENCY,)
+    line = ClockLine(middle, offset, drift)
+    return ClockEstimate(ClockMethod.ARRIVALS, line, float(above.std()), None, len(delays), 0, flags)
+
+
+@dataclass(frozen=True, slots=True)
+class _FlashPlace:
+    """A marker in the power: when it was, on both clocks, and the panel's lag [s]."""
+
+    device: float
+    computer: float
+    lag: float
+
+
+def fit_flashes(
+    samples: Samples, flashes: Sequence[FlashMark], played: tuple[float, float], seed: ClockEstimate
+) -> ClockEstimate | None:
+    """Return the meter's clock by flash markers; None if none is found in the power.
+
+    Each marker is laid over the power where the squared differences are least (the cross-correlation is
+    greatest), together with the lag with which the panel follows. Markers before and after what was played
+    give offset and drift, a single one the offset.
+
+    Parameters
+    ----------
+    samples : Samples
+        Each once.
+    flashes : sequence of FlashMark
+        The markers, in order.
+    played : (float, float)
+        First and last flip, on the computer's clock [s].
+    seed : ClockEstimate
+        The clock by arrivals.
+    """
+    groups = [
+        [mark for mark in flashes if mark.time < played[0]],
+        [mark for mark in flashes if mark.time > played[1]],
+    ]
+    places = [(group, _find(samples, group, seed)) for group in groups if len(group) >= FEWEST_MARKS]
+    found = [place for _, place in places if place is not None]
+    if not found:
+        return None
+    n_used = sum(len(group) for group, place in places if place is not None)
+    first, last = found[0], found[-1]
+    drift = seed.line.drift
+    if len(found) > 1:
+        drift = (last.computer - first.computer) / (last.device - first.device) - 1
+    return ClockEstimate(
+        method=ClockMethod.FLASHES,
+        line=ClockLine(first.device, first.computer - first.device, drift),
+        residual_sd=None,
+        bound=samples.interval / 2 + max(place.lag for place in found),
+        n_used=n_used,
+        n_rejected=len(flashes) - n_used,
+        flags=() if len(found) > 1 else (ClockFlag.OFFSET_ONLY,),
+    )
+
+
+def _find(samples: Samples, marks: Sequence[FlashMark], seed: ClockEstimate) -> _FlashPlace | None:
+    """Return where a marker is in the power, or None if it is not."""
+    times = seed.line.to_computer(samples.device_time)
+    # What was shown before the first mark is not known: the second is the first that is seen to change.
+    first, last = (marks[0].time + marks[1].time) / 2, marks[-1].time + AFTER_LAST
+    near = (times > first - REACH) & (times < last + REACH)
+    times, power = times[near], samples.power[near]
+    if len(times) < 2 * len(marks) or times[0] > first or times[-1] < last:
+        return None
+
+    def unexplained(shift: float, lag: float) -> float:
+        ends = times - shift
+        inside = (ends - samples.interval > first) & (ends < last)
+        if inside.sum() < 2 * len(marks):
+            return 1.0
+        pattern = _response(marks, ends[inside], lag) - _response(marks, ends[inside] - samples.interval, lag)
+        return 1 - _correlation(pattern, power[inside]) ** 2
+
+    grid = np.arange(-REACH, REACH, max(samples.interval / 2, 0.002))
+    start = float(grid[int(np.argmin([unexplained(shift, FIRST_LAG) for shift in grid]))])
+    shift, lag, left = _refined(unexplained, start, samples.interval)
+    if left > 1 - CLEAR:
+        return None
+    middle = (first + last) / 2
+    return _FlashPlace(float(seed.line.to_meter(middle + shift)), middle, lag)
+
+
+def _refined(
+    unexplained: Callable[[float, float], float], shift: float, interval: float
+) -> tuple[float, float, float]:
+    """Return the shift and the lag that leave the least unexplained, near a shift, and how much that is."""
+    lag = float(np.log(FIRST_LAG))
+    first = np.array([(shift, lag), (shift + interval / 2, lag), (shift, lag + 0.7)])
+    best = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
+        lambda place: unexplained(float(place[0]), _lag(float(place[1]))),
+        first[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": first, "xatol": 1e-5, "fatol": 1e-12},
+    )
+    return float(best.x[0]), _lag(best.x[1]), float(best.fun)
+
+
+def _lag(logarithm: float) -> float:
+    """Return a lag that is neither without effect nor longer than the marker's own times [s]."""
+    return float(np.clip(np.exp(logarithm), 1e-5, MOST_LAG))
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """Return the correlation of two series; 0 if one of them does not vary, or it is negative."""
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return max(float(a @ b) / size, 0.0) if size > 0 else 0.0
+
+
+def _response(marks: Sequence[FlashMark], times: Array, lag: float) -> Array:
+    """Return the integral, from the first mark to some times, of a brightness that follows with a lag."""
+    starts = np.array([mark.time for mark in marks])
+    aims = np.array([mark.factor for mark in marks])
+    begun, area, level = [], [], aims[0]
+    total = 0.0
+    for k, (start, aim) in enumerate(zip(starts, aims, strict=True)):
+        begun.append(level)
+        area.append(total)
+        if k + 1 < len(starts):
+            left = np.exp(-(starts[k + 1] - start) / lag)
+            total += aim * (starts[k + 1] - start) + (level - aim) * lag * (1 - left)
+            level = aim + (level - aim) * left
+    place = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
+    since = np.maximum(times - starts[place], 0.0)
+    follows = (np.array(begun)[place] - aims[place]) * lag * (1 - np.exp(-since / lag))
+    return np.asarray(np.array(area)[place] + aims[place] * since + follows)

@@ -1,0 +1,194 @@
+"""The report of a sweep: one page that says what the display is like, and how far that can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from evenlight.analysis.measurement.sweeps.luminance_sweep import LuminanceSweepFit
+from evenlight.analysis.measurement.sweeps.power_sweep import PowerSweepFit
+from evenlight.analysis.measurement.sweeps.sweep_notes import (
+    against_file,
+    brightness_in_words,
+    display_lines,
+    display_warnings,
+    gamma_in_words,
+    interval_in_words,
+    linearity_in_words,
+    power_lines,
+    power_warnings,
+)
+from evenlight.analysis.report import Cell, Picture, Report, Section, Table
+from evenlight.analysis.report_prose import prose
+from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, LuminanceSource, PowerFit
+
+
+def luminance_report(result: LuminanceSweepFit, png: bytes, files: Mapping[str, str]) -> Report:
+    """Return the report of a luminance sweep; `png` is its figure, `files` what else was written."""
+    record, simulated = result.record, result.record.simulated
+    warnings = tuple(_sentence(words) for words in (*display_warnings(record), *result.sweep.warnings))
+    sections = [
+        Section(
+            "The display",
+            (
+                *prose("sweep_measured", manifest=result.sweep.manifest),
+                *_unless_warned(gamma_in_words(record), warnings),
+                *(f"{_sentence(words)}." for words in against_file(result)),
+            ),
+            (_display_table(record),),
+            (Picture(png, prose("sweep_luminance_caption")[0]),),
+            warnings,
+            simulated,
+        ),
+        Section(
+            "Pixel values",
+            (),
+            (_level_table("Pixel values at full brightness.", result.levels, "of the curve"),),
+            simulated=simulated,
+        ),
+    ]
+    if result.brightness:
+        words = _unless_warned(brightness_in_words(record), warnings)
+        table = _level_table("Brightness factors, white.", result.brightness, "in proportion to b")
+        sections.append(Section("Brightness factors", words, (table,), simulated=simulated))
+    sections += [provenance_section({"display model": record.provenance}), files_section(files)]
+    lead = _sentence(display_lines(record)[0]) + "."
+    return Report(f"Luminance of {record.display_name}", lead, tuple(sections), prose("sweep_simulated")[0])
+
+
+def power_report(result: PowerSweepFit, png: bytes, files: Mapping[str, str]) -> Report:
+    """Return the report of a power sweep; `png` is its figure, `files` what else was written."""
+    record = result.record
+    warnings = tuple(_sentence(words) for words in (*power_warnings(record), *result.sweep.warnings))
+    sections = (
+        Section(
+            "The panel",
+            (
+                *prose("sweep_measured", manifest=result.sweep.manifest),
+                *prose("sweep_light", by_meter=record.luminance_source is LuminanceSource.METER),
+                *_unless_warned(linearity_in_words(record), warnings),
+            ),
+            (_power_table(record),),
+            (Picture(png, prose("sweep_power_caption")[0]),),
+            warnings,
+            record.simulated,
+        ),
+        Section("Brightness factors", (), (_power_level_table(result),), simulated=record.simulated),
+        provenance_section({"power model": record.provenance}),
+        files_section(files),
+    )
+    lead = _sentence(power_lines(record)[0]) + "."
+    return Report(f"Power of {record.display_name}", lead, sections, prose("sweep_simulated")[0])
+
+
+def _display_table(fit: DisplayFit) -> Table:
+    """Return the display model with its intervals."""
+    rows: list[tuple[Cell, ...]] = [
+        ("γ", f"{fit.gamma:.4f}", interval_in_words(fit.gamma_interval, 5), "1"),
+        (
+            "peak L_max",
+            f"{fit.peak_luminance:.5g}",
+            interval_in_words(fit.peak_luminance_interval, 5),
+            "cd/m²",
+        ),
+        ("black L_black", f"{fit.black_level:.3g}", interval_in_words(fit.black_level_interval, 3), "cd/m²"),
+        ("reflected L_refl, as given", fit.reflected_luminance, None, "cd/m²"),
+        ("noise of a reading, share", f"{100 * fit.noise_share:.2g}", None, "%"),
+        ("noise of a reading in the dark", f"{fit.noise_floor:.2g}", None, "cd/m²"),
+        ("lack of fit, F", fit.lack_of_fit_f, None, "1"),
+        ("its probability on a gamma display", fit.lack_of_fit_p, None, "1"),
+        *_change_rows("change at the end of the sweep", fit.drift, fit.drift_interval, "%"),
+        *_change_rows("change late in the warm-up", fit.warm_up_change, fit.warm_up_interval, "% in 10 min"),
+        ("readings, and without a value", f"{fit.n_readings} and {fit.n_under_range}", None, "1"),
+    ]
+    return Table(
+        "The display model, with 95 % confidence intervals.",
+        ("quantity", "value", "interval", "unit"),
+        tuple(rows),
+    )
+
+
+def _change_rows(
+    name: str, share: float | None, interval: tuple[float, float] | None, unit: str
+) -> list[tuple[Cell, ...]]:
+    """Return the row of a change in percent; an empty one if it was not measured."""
+    if share is None or interval is None:
+        return [(name, None, None, unit)]
+    low, high = (100 * end for end in interval)
+    return [(name, f"{100 * share:.2f}", f"{low:.2f} to {high:.2f}", unit)]
+
+
+def _level_table(caption: str, rows: tuple[LuminanceLevel, ...], model: str) -> Table:
+    """Return measured levels beside a model."""
+    cells = tuple(
+        (
+            row.pixel_value if row.factor is None else row.factor,
+            row.achieved_factor,
+            row.luminance,
+            row.luminance_sd,
+            row.n_readings,
+            row.n_under_range,
+            row.model_luminance,
+            None if row.deviation is None else f"{100 * row.deviation:.2f}",
+        )
+        for row in rows
+    )
+    level = "L′" if rows and rows[0].factor is None else "b"
+    measured = ("L [cd/m²]", "SD [cd/m²]", "n", "too dark")
+    return Table(caption, (level, "achieved b", *measured, f"L {model} [cd/m²]", "deviation [%]"), cells)
+
+
+def _power_table(fit: PowerFit) -> Table:
+    """Return the power model with its intervals."""
+    rows: list[tuple[Cell, ...]] = [
+        ("base power", f"{fit.base_power:.5g}", interval_in_words(fit.base_power_interval), "W"),
+        (
+            "slope",
+            f"{fit.power_per_luminance:.5g}",
+            interval_in_words(fit.power_per_luminance_interval),
+            "W m²/cd",
+        ),
+        ("luminance at b = 1", f"{fit.peak_luminance:.5g}", None, "cd/m²"),
+        ("reflected L_refl, as given", fit.reflected_luminance, None, "cd/m²"),
+        ("SD around the line", f"{1e3 * fit.residual_sd:.3g}", None, "mW"),
+        ("R²", f"{fit.r_squared:.6f}", None, "1"),
+        ("lack of fit, F", fit.lack_of_fit_f, None, "1"),
+        ("its probability on a linear panel", fit.lack_of_fit_p, None, "1"),
+        ("bend, of the added power", f"{100 * fit.bend:.2f}", None, "%"),
+        ("its probability on a linear panel", fit.bend_p, None, "1"),
+        *_change_rows("power at the end of the sweep", fit.drift, fit.drift_interval, "%"),
+        *_change_rows("luminance then", fit.luminance_drift, fit.luminance_drift_interval, "%"),
+        *_change_rows("change late in the warm-up", fit.warm_up_change, fit.warm_up_interval, "% in 10 min"),
+        ("readings, and left out", f"{fit.n_readings} and {fit.n_left_out}", None, "1"),
+        ("samples, lost, doubled", f"{fit.n_samples}, {fit.n_lost}, {fit.n_duplicated}", None, "1"),
+    ]
+    return Table(
+        "The power model, with 95 % confidence intervals.",
+        ("quantity", "value", "interval", "unit"),
+        tuple(rows),
+    )
+
+
+def _power_level_table(result: PowerSweepFit) -> Table:
+    """Return measured levels beside the line."""
+    rows = tuple(
+        (
+            row.factor, row.achieved_factor, row.luminance, row.luminance_sd, f"{row.power:.5g}",
+            None if row.power_sd is None else f"{1e3 * row.power_sd:.3g}", row.n_readings,
+            f"{1e3 * row.residual:.3g}",
+        )
+        for row in result.levels
+    )  # fmt: skip
+    columns = ("b", "achieved b", "L [cd/m²]", "SD [cd/m²]", "P [W]", "SD [mW]", "n", "P less line [mW]")
+    return Table("Brightness factors, white.", columns, rows)
+
+
+def _unless_warned(words: str, warnings: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a sentence, unless it is among the warnings."""
+    sentence = _sentence(words)
+    return () if sentence in warnings else (f"{sentence}.",)
+
+
+def _sentence(words: str) -> str:
+    """Return words of the terminal as a sentence of the report."""
+    return words[0].upper() + words[1:].replace("^2", "²")

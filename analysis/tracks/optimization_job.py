@@ -1,0 +1,295 @@
+"""What is asked of the optimizer or the controller: the job, its video's loss curves, earlier tracks."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_bytes
+from evenlight.data_schema.tracks.brightness_track import TrackHeader, read_track
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
+from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.optimizer.request import Request
+from evenlight.stimuli.video.coarser_frames import coarser
+from evenlight.stimuli.video.video_source import VideoSource
+
+TRACK = "track.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class OptimizationJob:
+    """What is asked of the optimizer: a video on a display, a budget, and how to go about it.
+
+    Attributes
+    ----------
+    source : VideoSource
+        The video.
+    display : Display
+        What it is shown on.
+    request : Request
+        Budget, power model, rate limit.
+    model, model_name : ContrastModel, str
+        Choices of the contrast model, and what they are called.
+    solver : SolverName
+        Which solver.
+    seed : int
+        Of the solver's start, where it draws one.
+    min_factor : float
+        Lowest brightness factor allowed.
+    calm : float
+        Share of the gain to give up for a calmer track.
+    field_of_view : float or None
+        Degrees that the video's width spans; None shows it pixel for pixel.
+    curves : Path or None
+        Loss curves of an earlier run.
+    effort : AnalysisEffort
+        How much of the video is counted for its loss curves, and on how many cores.
+    others : tuple of VideoSource
+        Clips that share the budget with it.
+    weights, allowances : Path or None
+        Files of the sections that the request has.
+    start : Path or None
+        Track of an earlier result to start from, or its folder; of several clips, the folder of theirs.
+    quiet : bool
+        Whether to show no progress.
+    watch : callable, optional
+        Sees each frame as it is analysed, and yields it.
+    """
+
+    source: VideoSource
+    display: Display
+    request: Request
+    model: ContrastModel = DEFAULT_MODEL
+    model_name: str = "default"
+    solver: SolverName = SolverName.SPLITTING
+    seed: int = 1
+    min_factor: float = 0.2
+    calm: float = 0.0
+    field_of_view: float | None = None
+    curves: Path | None = None
+    effort: AnalysisEffort = FULL_ANALYSIS
+    others: tuple[VideoSource, ...] = ()
+    weights: Path | None = None
+    allowances: Path | None = None
+    start: Path | None = None
+    quiet: bool = False
+    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
+
+
+def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
+    """Return the loss curves of a job's video; some of its frames are kept in `samples`.
+
+    Raises
+    ------
+    InputError
+        If the curves of an earlier run are given, and are of another video, display or model.
+    """
+    with _progress(job) as frames:
+        shown, display = _with_field_of_view(frames, job)
+        watched = samples.watch(job.watch(shown))
+        if job.curves is None:
+            return analyze_frames(
+                watched,
+                job.source.name,
+                display,
+                job.model,
+                factors=brightness_factors(job.min_factor),
+                provenance=provenance_of(job),
+                effort=job.effort,
+            )
+        curves = read_loss_curves(job.curves)
+        _require_same_source(job, curves, display)
+        for _ in watched:  # for the pictures alone
+            pass
+        return curves
+
+
+def _require_same_source(job: OptimizationJob, curves: LossCurves, display: Display) -> None:
+    """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
+    if curves.provenance.inputs.get("video") != job.source.sha256():
+        raise InputError(f"--curves {job.curves}: made of another video than {job.source.name}")
+    if curves.factors[0] != brightness_factors(job.min_factor)[0]:
+        raise InputError(
+            f"--curves {job.curves}: made for factors from {curves.factors[0]:g}, "
+            f"asked is --min-factor {job.min_factor:g}"
+        )
+    if curves.provenance.inputs.get("contrast_model") != sha256_of_record(job.model):
+        raise InputError(f"--curves {job.curves}: made with another contrast model than the one asked for")
+    if curves.tolerance > job.effort.tolerance:
+        raise InputError(
+            f"--curves {job.curves}: made to a tolerance of {curves.tolerance:g}, "
+            f"asked is --tolerance {job.effort.tolerance:g}"
+        )
+    if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
+        display.fingerprint,
+        display.pixels_per_degree,
+    ):
+        raise InputError(
+            f"--curves {job.curves}: made for {curves.display.name!r} at "
+            f"{curves.display.pixels_per_degree:g} pixels per degree, asked is {display.name!r} at "
+            f"{display.pixels_per_degree:g}"
+        )
+
+
+def _with_field_of_view(frames: Iterator[Frame], job: OptimizationJob) -> tuple[Iterable[Frame], Display]:
+    """Return the frames as the display can show them, and the display at their pixels per degree.
+
+    That is the density in the middle of the video. Where the video has more pixels than the display shows in
+    its field of view, it is averaged to as many as the display has.
+    """
+    display = job.display
+    if job.field_of_view is None:
+        return frames, display
+    if not 0 < job.field_of_view < 180:
+        raise InputError(f"--field-of-view must lie between 0 and 180 degrees, got {job.field_of_view:g}")
+    first = next(frames)
+    frames = itertools.chain([first], frames)
+    height, width = first.pixel_values.shape[:2]
+    distance = width / (2 * math.tan(math.radians(job.field_of_view) / 2))
+    density = distance * math.radians(1)
+    if density <= display.pixels_per_degree * (1 + 1e-9):
+        return frames, replace(display, pixels_per_degree=density)
+    narrower = math.floor(width * display.pixels_per_degree / density * (1 + 1e-9))
+    share = narrower / width
+    shape = max(round(height * share), 1), max(narrower, 1)
+    if not job.quiet:
+        Console(stderr=True).print(
+            f"{job.source.name}: {width} x {height} pixels are more than {display.name!r} shows in "
+            f"{job.field_of_view:g} degrees; averaged to {shape[1]} x {shape[0]}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
+    return coarser(frames, shape, display.gamma), replace(display, pixels_per_degree=density * share)
+
+
+@contextmanager
+def _progress(job: OptimizationJob) -> Iterator[Iterator[Frame]]:
+    """Yield the video's frames under a progress bar with the time left."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    off = job.quiet or not console.is_terminal
+    with Progress(*columns, console=console, disable=off, transient=True) as progress:
+        source = job.source
+        yield iter(
+            progress.track(source.frames(), total=source.n_frames, description=f"analysing {source.name}")
+        )
+
+
+def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:
+    """Return what a track was made for: of a video with loss curves, or of all clips that share a budget."""
+    request, display = job.request, job.display
+    return TrackHeader(
+        video=curves.video,
+        display_name=display.name,
+        display_fingerprint=display.fingerprint,
+        power_model=request.power_model.name,
+        rate_limit=request.rate_limit.name,
+        budget=request.budget,
+        budget_unit=request.budget_unit,
+        solver=job.solver.value,
+        provenance=provenance_of(job, clips),
+        rate_limit_procedure=request.rate_limit.procedure,
+    )
+
+
+def provenance_of(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Provenance:
+    """Return where a job's results come from; the seed where the solver draws random numbers."""
+    analysed = clips[0].provenance.inputs.get("video") if clips else None
+    inputs = {"video": analysed or job.source.sha256(), "display": sha256_of_record(job.display)}
+    for number, clip in enumerate(clips[1:], start=2):
+        inputs[f"video_{number}"] = clip.provenance.inputs["video"]
+    inputs["contrast_model"] = sha256_of_record(job.model)
+    if not clips:
+        return provenance_now(inputs=inputs)
+    inputs["power_model"] = sha256_of_record(job.request.power_model)
+    inputs["rate_limit"] = sha256_of_record(job.request.rate_limit)
+    files = {"weights": job.weights, "allowances": job.allowances}
+    inputs |= {name: sha256_of_bytes(path.read_bytes()) for name, path in files.items() if path is not None}
+    if job.start is not None:
+        earlier = [path.read_bytes() for path in track_files(job.start)]
+        inputs["start"] = sha256_of_bytes(b"".join(earlier))
+    return provenance_now(job.seed if job.solver is SolverName.SLSQP else None, inputs)
+
+
+def clip_folder(number: int, video: str) -> str:
+    """Return the name of the folder of a clip that shares its budget, from 1 on.
+
+    >>> clip_folder(2, "films/b.mkv")
+    '02-b'
+    """
+    return f"{number:02d}-{Path(video).stem}"
+
+
+def track_files(path: Path) -> tuple[Path, ...]:
+    """Return the tables of an earlier result: of one video, or of clips that share a budget, in order.
+
+    Parameters
+    ----------
+    path : Path
+        A table, its folder, or the folder of the clips' folders.
+
+    Raises
+    ------
+    InputError
+        If a folder holds neither.
+    """
+    if not path.is_dir():
+        return (path,)
+    if (path / TRACK).is_file():
+        return (path / TRACK,)
+    clips = {file: file.parent.name.partition("-")[0] for file in path.glob(f"[0-9]*-*/{TRACK}")}
+    if not clips:
+        raise InputError(
+            f"--start {path}: expected a folder with {TRACK}, or with the folders 01-NAME, 02-NAME, ... of "
+            f"several clips, got neither"
+        )
+    return tuple(sorted(clips, key=lambda file: (int(clips[file]), file)))
+
+
+def start_factors(path: Path, clips: Sequence[LossCurves]) -> Array:
+    """Return the factors of earlier tracks at each frame's time, clip by clip, (N,).
+
+    Parameters
+    ----------
+    path : Path
+        As in `track_files`.
+    clips : sequence of LossCurves
+        Of each clip to be optimized.
+
+    Raises
+    ------
+    InputError
+        If there is not one track for each clip, or one cannot be used.
+    """
+    files = track_files(path)
+    if len(files) != len(clips):
+        held = "1 track" if len(files) == 1 else f"{len(files)} tracks"
+        asked = "1 video" if len(clips) == 1 else f"{len(clips)} clips"
+        raise InputError(
+            f"--start {path}: holds {held}, asked is an optimization of {asked}; "
+            "give one with a track for each clip, in the same order"
+        )
+    earlier = [read_track(file) for file in files]
+    return np.concatenate(
+        [
+            np.interp(clip.times, track.times, track.factors)
+            for clip, track in zip(clips, earlier, strict=True)
+        ]
+    )

@@ -1,0 +1,149 @@
+"""The files of brightness tracks, offline and online: tables, summaries, figures."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from evenlight.analysis.tracks.control_figures import target_figure, tuning_figure
+from evenlight.analysis.tracks.control_run import ControlJob, ControlledVideo, ControlResult
+from evenlight.analysis.tracks.frame_samples import FrameSamples, thumbnails_of
+from evenlight.analysis.tracks.optimization import Optimization, OptimizedClip, optimize_video
+from evenlight.analysis.tracks.optimization_job import OptimizationJob, clip_folder, loss_curves_of
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData, uses_same_power
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.tracks.brightness_track import OptimizationSummary, write_track
+from evenlight.data_schema.tracks.control import TargetRow
+from evenlight.data_schema.tracks.loss_curves import write_loss_curves
+from evenlight.method.optimizer.evaluate import limit_without_allowances
+
+
+def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
+    """Analyse, optimize, and write every result into a folder.
+
+    Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
+    """
+    result = optimize_video(job)
+    write_optimization(result, job.model, folder)
+    return result.summary
+
+
+def write_optimization(result: Optimization, model: ContrastModel, folder: Path) -> None:
+    """Write the summary, and the loss curves, the track and the figures of each clip.
+
+    Parameters
+    ----------
+    result : Optimization
+        What to write.
+    model : ContrastModel
+        Choices of the contrast model, for the figure of lost contrast.
+    folder : Path
+        For one video, gets `summary.json`, `track.csv`, `track.json`, `loss_curves.npz`, `track.png` and
+        `contrast_map.png`; of several clips the summary, and a folder for each.
+    """
+    write_json_record(folder / "summary.json", result.summary)
+    if len(result.clips) == 1:
+        _write_clip(result.clips[0], model, folder)
+        return
+    for number, clip in enumerate(result.clips, start=1):
+        path = folder / clip_folder(number, clip.problem.curves.video)
+        _write_clip(clip, model, path)
+        write_json_record(path / "summary.json", clip.summary)
+
+
+def _write_clip(clip: OptimizedClip, model: ContrastModel, folder: Path) -> None:
+    """Write the loss curves, the track and the figures of a clip."""
+    folder.mkdir(exist_ok=True)
+    write_loss_curves(folder / "loss_curves.npz", clip.problem.curves)
+    write_track(folder / "track.csv", clip.track)
+    _draw(figure_data_of(clip), clip.samples, clip.problem.curves.display, model, folder)
+
+
+def figure_data_of(clip: OptimizedClip) -> TrackFigureData:
+    """Return the content of the figure of a clip's track."""
+    problem, summary = clip.problem, clip.summary
+    return TrackFigureData(
+        track=clip.track,
+        baseline_factor=problem.baseline_factor,
+        baseline_loss=problem.loss(problem.baseline()),
+        objective=summary.objective,
+        objective_baseline=summary.objective_baseline,
+        thumbnails=thumbnails_of(clip.samples.held),
+        lowest_factor=problem.lowest_factor,
+        achieved=summary.achieved,
+        clips=summary.clips,
+        same_power=uses_same_power(summary),
+        weighing=clip.weighing,
+        fitted_limit=limit_without_allowances(problem, clip.track.factors),
+    )
+
+
+def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[TargetRow]]:
+    """Analyse a video, run the controller over it, and write every result into a folder.
+
+    Parameters
+    ----------
+    asked : ControlJob
+        What is asked.
+    folder : Path
+        For `track.csv`, `track.json`, `summary.json`, `control.json`, `loss_curves.npz`, the figures; and
+        `tuning.json`, `target_sweep.csv` where they are asked for.
+
+    Returns
+    -------
+    ControlResult, list of TargetRow
+        What came of it, and of each other target.
+    """
+    samples, began = FrameSamples(), time.perf_counter()
+    curves = loss_curves_of(asked.work, samples)
+    video = ControlledVideo(curves, asked, time.perf_counter() - began)
+    done = video.controlled()
+    write_loss_curves(folder / "loss_curves.npz", curves)
+    write_track(folder / "track.csv", done.track)
+    write_json_record(folder / "summary.json", done.summary)
+    write_json_record(folder / "control.json", done.control)
+    data = TrackFigureData(
+        track=done.track,
+        baseline_factor=done.summary.baseline_factor,
+        baseline_loss=done.baseline_loss,
+        objective=done.summary.objective,
+        objective_baseline=done.summary.objective_baseline,
+        thumbnails=thumbnails_of(samples.held),
+        lowest_factor=asked.settings.lowest_factor,
+        achieved=done.summary.achieved,
+        same_power=uses_same_power(done.summary),
+    )
+    _draw(data, samples, done.display, asked.work.model, folder)
+    if done.tuning is not None and done.tuning_runs is not None:
+        write_json_record(folder / "tuning.json", done.tuning)
+        write_png(folder / "tuning.png", tuning_figure(done.tuning, curves.times, done.tuning_runs))
+    rows = video.sweep(done.settings) if asked.sweep else []
+    if rows:
+        write_rows(folder / "target_sweep.csv", TargetRow, rows)
+        figure = target_figure(rows, curves.video, (curves.n_frames, asked.settings.lowest_factor))
+        write_png(folder / "target_sweep.png", figure)
+    return done, rows
+
+
+def _draw(
+    data: TrackFigureData, samples: FrameSamples, display: Display, model: ContrastModel, folder: Path
+) -> None:
+    """Draw the track over time, and where contrast is lost in the frame in which it matters most."""
+    write_png(folder / "track.png", track_figure(data))
+    track = data.track
+    difference = np.abs(data.baseline_loss - track.contrast_loss)
+    index, pixels = max(samples.held, key=lambda held: float(difference[held[0]]))
+    ours, constant = (
+        contrast_map(pixels, float(factor), display, model)
+        for factor in (track.factors[index], data.baseline_factor)
+    )
+    name = f"{track.header.video} at {track.times[index]:.1f} s"
+    write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))

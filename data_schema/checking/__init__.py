@@ -1,0 +1,1 @@
+"""Checking files, data sets and folders of results (`evenlight validate`)."""

@@ -1,0 +1,148 @@
+"""Checking a data set: each of its files, and whether they agree with each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from evenlight.data_schema.checking.file_checks import CheckedFile
+from evenlight.data_schema.checking.session_checks import (
+    check_column_descriptions,
+    check_session,
+    check_sweep,
+)
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping, shown
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.recordings.dataset_layout import (
+    DESCRIPTION,
+    MANIFEST,
+    PARTICIPANTS,
+    SWEEPS,
+)
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.storage.text_files import read_json, read_text
+
+SUBJECT = re.compile("sub-[0-9A-Za-z]+")
+SESSION = re.compile("ses-[0-9A-Za-z]+")
+PERSONAL = re.compile("name|birth|dob|mail|phone|address|initials", re.IGNORECASE)
+
+
+def is_dataset(folder: Path) -> bool:
+    """Return whether a folder looks like a data set."""
+    return any((folder / name).is_file() for name in (DESCRIPTION, PARTICIPANTS)) or any(
+        folder.glob(f"sub-*/ses-*/{MANIFEST}")
+    )
+
+
+def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
+    """Yield every file of a data set that was checked, with the problems in it and with the others.
+
+    The description comes first, then the sessions, the sweeps, and the list of participants.
+    """
+    yield _check_description(dataset)
+    simulated: dict[str, bool] = {}
+    for folder in _folders(dataset, SUBJECT):
+        sessions = _folders(folder, SESSION)
+        if not sessions:
+            yield CheckedFile.blamed(folder, "participant", "holds no session folder (ses-*)")
+        for session in sessions:
+            for checked in check_session(dataset, session):
+                if isinstance(checked.record, SessionManifest):
+                    simulated[folder.name] = checked.record.simulated
+                yield checked
+    sweeps = sorted(path for path in (dataset / SWEEPS).glob("*") if path.is_dir())
+    for sweep in sweeps:
+        yield from check_sweep(sweep)
+    columns = dataset / PARTICIPANTS
+    if simulated or columns.exists() or not sweeps:  # a sweep has no participants
+        yield _check_participants(dataset, simulated)
+        yield check_column_descriptions(columns.with_suffix(".json"), ["participant_id"])
+
+
+def _folders(parent: Path, pattern: re.Pattern[str]) -> list[Path]:
+    """Return the folders of a name, in order."""
+    return sorted(path for path in parent.iterdir() if path.is_dir() and pattern.fullmatch(path.name))
+
+
+def _check_description(dataset: Path) -> CheckedFile:
+    """Return the description of a data set, as BIDS asks for it."""
+    path = dataset / DESCRIPTION
+    checked = CheckedFile(path, "description of a data set")
+    try:
+        content = read_json(path, "the description of a data set")
+        if not isinstance(content, dict):
+            raise InputError(f"{path}: expected Name, BIDSVersion and more, got {shown(content)}")
+        for key in ("Name", "BIDSVersion"):
+            if not isinstance(content.get(key), str) or not content[key]:
+                checked.blame(f"{key}: expected text, got {shown(content.get(key))}")
+        if "provenance" in content:
+            record_from_mapping(Provenance, content["provenance"], f"{path}: provenance")
+    except InputError as error:
+        checked.problems.append(str(error))
+    return checked
+
+
+def _check_participants(dataset: Path, simulated: dict[str, bool]) -> CheckedFile:
+    """Return the list of participants, compared with the folders and their manifests."""
+    path = dataset / PARTICIPANTS
+    checked = CheckedFile(path, "list of participants")
+    try:
+        rows = list(_participant_rows(checked))
+    except InputError as error:
+        checked.problems.append(str(error))
+        return checked
+    listed: dict[str, int] = {}
+    for line, row in rows:
+        name = row["participant_id"]
+        if not SUBJECT.fullmatch(name):
+            checked.blame(f"participant_id: expected sub- and letters or digits, got {shown(name)}", line)
+        elif listed.setdefault(name, line) != line:
+            checked.blame(f"participant_id: {name!r} is there already, in line {listed[name]}", line)
+        listed_as, true = row.get("simulated"), simulated.get(name)
+        if listed_as is not None and true is not None and listed_as != str(true).lower():
+            checked.blame(
+                f"simulated: expected {str(true).lower()!r}, as in {MANIFEST}, got {listed_as!r}", line
+            )
+    _compare_names(checked, listed, [folder.name for folder in _folders(dataset, SUBJECT)])
+    return checked
+
+
+def _participant_rows(checked: CheckedFile) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield the rows of the list of participants; BIDS leaves all columns but the first to its writer."""
+    lines = read_text(checked.path, "the list of participants").split("\n")
+    header = lines[0].split("\t")
+    for column in personal_columns(header):
+        checked.blame(f"column {column!r}: expected no personal data; take the column out", 1)
+    if header[0] != "participant_id":
+        raise InputError(
+            f"{checked.path}, line 1: expected the first column participant_id, got {shown(header[0])}"
+        )
+    for number, line in enumerate(lines[1:], start=2):
+        cells = line.split("\t")
+        if not line:
+            continue
+        if len(cells) != len(header):
+            checked.blame(f"expected {len(header)} cells, got {len(cells)}", number)
+        yield number, dict(zip(header, cells, strict=False))
+
+
+def personal_columns(header: Iterable[str]) -> list[str]:
+    """Return the columns of a table whose names suggest personal data.
+
+    >>> personal_columns(["participant_id", "full_name", "age_band", "birthday"])
+    ['full_name', 'birthday']
+    """
+    return [column for column in header if PERSONAL.search(column)]
+
+
+def _compare_names(checked: CheckedFile, listed: dict[str, int], folders: Iterable[str]) -> None:
+    """Note participants that have a folder and no row; a row without a folder is one of a roster."""
+    folders = list(folders)
+    for name in folders:
+        if name not in listed:
+            checked.blame(f"{name!r} has a folder and is not listed")
+    for name, line in listed.items():
+        if name not in folders:
+            checked.notes.append(f"{checked.path}, line {line}: {name!r} is listed and has no session yet")

@@ -1,0 +1,290 @@
+"""Checking a session or a sweep: manifest, trials or readings, and whether they agree with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from evenlight.data_schema.checking.file_checks import CheckedFile, check_file
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
+from evenlight.data_schema.record_kinds import (
+    FRAMES_OF_TASK,
+    KIND_OF,
+    READINGS_OF_SWEEP,
+    TRIALS_OF_TASK,
+    RecordKind,
+)
+from evenlight.data_schema.recordings.dataset_layout import (
+    FRAMES,
+    MANIFEST,
+    READINGS,
+    SWEEP_MANIFEST,
+    TRIALS,
+    behaviour_file,
+)
+from evenlight.data_schema.recordings.ramp import TrialFlag
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.sweep import SweepManifest
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.storage.tables import columns_of, csv_rows, plain_cell
+from evenlight.data_schema.storage.text_files import read_json
+
+ROUNDING = 1e-6  # relative, of a luminance
+
+
+def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
+    """Yield the files of a session: its manifest, its trials, and their export as a table."""
+    if not (folder / MANIFEST).is_file():
+        yield CheckedFile.blamed(folder / MANIFEST, "session manifest", "no such file; every session has one")
+        return
+    checked = check_file(folder / MANIFEST, KIND_OF[SessionManifest])
+    manifest = checked.record
+    if manifest is not None:
+        _compare_with_folders(checked, manifest, folder)
+    trials = _check_trials(folder, manifest)
+    yield checked
+    yield trials
+    if (folder / FRAMES).is_file():
+        yield _check_frames(folder, trials, FRAMES_OF_TASK.get(manifest.task) if manifest else None)
+    if isinstance(manifest, SessionManifest):
+        yield from _check_export(dataset, manifest, trials)
+
+
+def _compare_with_folders(checked: CheckedFile, manifest: SessionManifest, folder: Path) -> None:
+    """Note where a manifest names another participant or session than its folders."""
+    for key, got, right in (
+        ("participant_id", manifest.participant_id, folder.parent.name.removeprefix("sub-")),
+        ("session_id", manifest.session_id, folder.name.removeprefix("ses-")),
+    ):
+        if got != right:
+            checked.blame(f"{key}: expected {right!r}, as in the folder's name, got {got!r}")
+
+
+def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile:
+    """Return the trials of a session with their problems; unchecked those of a task without a record."""
+    kind = TRIALS_OF_TASK.get(manifest.task) if manifest else None
+    if kind is None:
+        return CheckedFile(folder / TRIALS, "")
+    if not (folder / TRIALS).is_file():
+        checked = CheckedFile(folder / TRIALS, kind.words)
+        if manifest and manifest.status is SessionStatus.COMPLETE and manifest.n_trials:
+            checked.blame(f"no such file; the session is complete with {manifest.n_trials} trials")
+        else:
+            checked.notes.append(f"{checked.path}: no such file; the session has no trial yet")
+        return checked
+    checked = check_file(folder / TRIALS, kind)
+    _find_repeated(checked, "trial_index")
+    if manifest is not None:
+        _compare_with_manifest(checked, manifest)
+    return checked
+
+
+def _check_frames(folder: Path, trials: CheckedFile, kind: RecordKind | None) -> CheckedFile:
+    """Return the frame logs of a session: every trial that counts its frames has one for each interval."""
+    if kind is None:
+        return CheckedFile(folder / FRAMES, "")
+    checked = check_file(folder / FRAMES, kind)
+    logged = {(log.trial_index, log.attempt, log.interval) for _, log in checked.records}
+    for line, trial in trials.records:
+        if trial.n_frames is None:
+            continue
+        for interval in range(1, trial.intervals + 1):
+            if (trial.trial_index, trial.attempt, interval) not in logged:
+                checked.blame(
+                    f"no frames of trial {trial.trial_index}, attempt {trial.attempt}, interval {interval}, "
+                    f"which line {line} of {TRIALS} has"
+                )
+    return checked
+
+
+def _find_repeated(checked: CheckedFile, key: str) -> None:
+    """Note numbers of trials or readings that are there twice."""
+    first: dict[int, int] = {}
+    for line, record in checked.records:
+        index = getattr(record, key)
+        earlier = first.setdefault(index, line)
+        if earlier != line:
+            checked.blame(f"{key}: {index} is there already, in line {earlier}", line)
+
+
+def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> None:
+    """Note trials that are not of their session, and how many there are."""
+    for line, trial in checked.records:
+        for key in ("participant_id", "session_id", "simulated"):
+            got, right = getattr(trial, key), getattr(manifest, key)
+            if got != right:
+                checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
+        brightest = manifest.display.peak_luminance + manifest.display.reflected_luminance
+        highest = _brightest_of(trial)
+        if highest > brightest * (1 + ROUNDING):
+            checked.blame(
+                f"luminance: expected at most {brightest:g} cd/m^2, which the session's display reaches, "
+                f"got {highest:g}",
+                line,
+            )
+        _compare_with_stimuli(checked, line, trial, manifest)
+    count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
+    flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
+    if manifest.status is SessionStatus.COMPLETE and not planned - flagged <= count <= planned:
+        checked.blame(f"expected {planned} usable trials, because the session is complete, got {count}")
+    elif count > planned:
+        checked.blame(f"expected at most {planned} trials, as in {MANIFEST}, got {count}")
+    elif manifest.status is not SessionStatus.COMPLETE:
+        checked.notes.append(
+            f"{checked.path}: the session is {manifest.status.value}, with {count} of {planned} trials"
+        )
+    if flagged:
+        checked.notes.append(f"{checked.path}: {flagged} trial(s) are flagged and left out of the analysis")
+
+
+def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest: SessionManifest) -> None:
+    """Note where a trial of a viewing experiment is not of the sequences that the manifest has."""
+    sequence, stimuli = getattr(trial, "sequence", None), {each.name: each for each in manifest.stimuli}
+    if sequence is None:
+        return
+    if sequence not in stimuli:
+        checked.blame(
+            f"sequence: expected one of {', '.join(stimuli)}, as in {MANIFEST}, got {sequence!r}", line
+        )
+        return
+    stimulus, version = stimuli[sequence], getattr(trial, "version", Version.OURS)
+    expected = {"baseline_factor": stimulus.baseline_factor}
+    expected["mean_factor"] = stimulus.mean_factor if version is Version.OURS else stimulus.baseline_factor
+    if version is Version.BASELINE:
+        expected["factor"] = stimulus.baseline_factor
+    for key, right in expected.items():
+        got = getattr(trial, key, right)
+        if abs(got - right) > ROUNDING:
+            checked.blame(
+                f"{key}: expected {right:g}, as {sequence!r} has it in {MANIFEST}, got {got:g}", line
+            )
+
+
+def _brightest_of(trial: Any) -> float:
+    """Return the highest luminance that a trial names, 0 if it names none [cd/m^2]."""
+    names = ("initial_luminance", "final_luminance", "background_luminance")
+    return max(float(getattr(trial, name, 0.0)) for name in names)
+
+
+def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:
+    """Yield the exported table of a session and the description of its columns."""
+    path = behaviour_file(dataset, manifest.participant_id, manifest.session_id, manifest.task)
+    kind = TRIALS_OF_TASK.get(manifest.task)
+    if kind is None:
+        return
+    if not path.is_file():
+        if manifest.status is SessionStatus.COMPLETE and trials.records:
+            yield CheckedFile.blamed(
+                path, "exported trials", f"no such file; {TRIALS} is to be exported there"
+            )
+        return
+    yield _check_exported_rows(path, kind.record, trials)
+    yield check_column_descriptions(path.with_suffix(".json"), columns_of(kind.record))
+
+
+def _check_exported_rows(path: Path, cls: type[Any], trials: CheckedFile) -> CheckedFile:
+    """Return the exported table, compared with the trials that it was made from."""
+    checked = _check_table(path, cls)
+    if checked.problems or trials.problems:
+        return checked
+    if len(checked.records) != len(trials.records):
+        checked.blame(f"expected {len(trials.records)} rows, as {TRIALS}, got {len(checked.records)}")
+    for (line, row), (other, trial) in zip(checked.records, trials.records, strict=False):
+        if row != trial:
+            keys = [key for key in row.__slots__ if getattr(row, key) != getattr(trial, key)]
+            checked.blame(f"{', '.join(keys)}: not as in line {other} of {TRIALS}", line)
+    return checked
+
+
+def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
+    """Return a table of records with tabs between its cells, as BIDS has them."""
+    checked = CheckedFile(path, "exported trials")
+    columns, names, kinds = columns_of(cls), list(keys_of(cls)[0].values()), type_hints(cls)
+    note = checked.problems.append
+    try:
+        for line, cells in csv_rows(path, columns, "exported trials", "\t", lambda error: note(str(error))):
+            where = f"{path}, line {line}"
+            try:
+                row = {
+                    key: plain_cell(kinds[name], cell, f"{where}: {key}")
+                    for key, name, cell in zip(columns, names, cells, strict=True)
+                }
+                checked.records.append((line, record_from_mapping(cls, row, where)))
+            except InputError as error:
+                note(str(error))
+    except InputError as error:
+        note(str(error))
+    return checked
+
+
+def check_column_descriptions(path: Path, columns: list[str]) -> CheckedFile:
+    """Return the file that describes the columns of an exported table."""
+    checked = CheckedFile(path, "description of columns")
+    try:
+        content = read_json(path, "a description of columns")
+    except InputError as error:
+        checked.problems.append(str(error))
+        return checked
+    if not isinstance(content, dict):
+        checked.blame(f"expected a table of columns and what they mean, got {shown(content)}")
+        return checked
+    for column in columns:
+        if column not in content:
+            checked.blame(f"the column {column!r} is not described")
+    return checked
+
+
+def check_sweep(folder: Path) -> Iterator[CheckedFile]:
+    """Yield the files of a sweep that were checked: its manifest and its readings."""
+    if not (folder / SWEEP_MANIFEST).is_file():
+        yield CheckedFile.blamed(
+            folder / SWEEP_MANIFEST, "sweep manifest", "no such file; every sweep has one"
+        )
+        return
+    checked = check_file(folder / SWEEP_MANIFEST, KIND_OF[SweepManifest])
+    manifest = checked.record
+    if isinstance(manifest, SweepManifest) and folder.name != f"{manifest.task}_{manifest.session_id}":
+        checked.blame(
+            f"expected the task and session of its folder {folder.name!r}, got {manifest.task!r} and "
+            f"{manifest.session_id!r}"
+        )
+    yield checked
+    if isinstance(manifest, SweepManifest):
+        yield _check_readings(folder / READINGS, manifest)
+
+
+def _check_readings(path: Path, manifest: SweepManifest) -> CheckedFile:
+    """Return the readings of a sweep, compared with its manifest."""
+    kind = READINGS_OF_SWEEP[manifest.task]
+    if not path.is_file():
+        checked = CheckedFile(path, kind.words)
+        checked.notes.append(f"{path}: no such file; the sweep has no reading yet")
+        if manifest.status is SessionStatus.COMPLETE:
+            checked.blame(f"no such file; the sweep is complete with {manifest.n_readings} readings")
+        return checked
+    checked = check_file(path, kind)
+    _find_repeated(checked, "index")
+    before = 0.0
+    for line, reading in checked.records:
+        if reading.begun < before:
+            checked.blame(f"begun_s: {reading.begun:g} s is before the reading above had ended", line)
+        before = reading.ended
+        _compare_with_design(checked, line, reading.factor, manifest)
+    count, planned = len({reading.index for _, reading in checked.records}), manifest.n_readings
+    if count > planned or (manifest.status is SessionStatus.COMPLETE and count < planned):
+        checked.blame(f"expected {planned} readings, as in {SWEEP_MANIFEST}, got {count}")
+    elif manifest.status is not SessionStatus.COMPLETE:
+        checked.notes.append(
+            f"{path}: the sweep is {manifest.status.value}, with {count} of {planned} readings"
+        )
+    return checked
+
+
+def _compare_with_design(
+    checked: CheckedFile, line: int, factor: float | None, manifest: SweepManifest
+) -> None:
+    """Note a reading at a brightness factor that the design has not; full brightness warms every panel up."""
+    if factor not in (None, 1.0, *manifest.design.factors):
+        checked.blame(f"factor: expected one of the design's, got {factor:g}", line)

@@ -1,0 +1,69 @@
+"""The command `evenlight validate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+
+if TYPE_CHECKING:
+    from evenlight.data_schema.checking.file_checks import CheckedFile
+
+MOST_SHOWN = 20  # problems of one file, files not checked: a thousand of the same do not help
+
+
+def validate(
+    path: Annotated[Path, typer.Argument(help="Data set, folder of results, or a single file.")],
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show the problems only.")] = False,
+) -> None:
+    """Check files against data_schema; end with 1 if something is wrong with them."""
+    from evenlight.data_schema.checking.validation import KNOWN
+    from evenlight.data_schema.checking.validation import validate as checked_files
+
+    ok, wrong, problems = 0, 0, 0
+    unknown = []
+    for checked in checked_files(path):
+        if not checked.words:
+            unknown.append(f"not checked  {checked.path}")
+            continue
+        ok, wrong = (ok, wrong + 1) if checked.problems else (ok + 1, wrong)
+        problems += len(checked.problems)
+        _show(checked, quiet)
+    if not ok and not wrong:
+        raise InputError(f"{path}: nothing that Evenlight knows; expected {KNOWN}")
+    if not quiet:
+        _show_some(unknown, "not checked  and {} files more")
+        found = f"{_count(problems, 'problem')} in {_count(wrong, 'file')}" if problems else "no problem"
+        typer.echo(f"{found}; {ok} ok, {len(unknown)} not checked")
+    if problems:
+        raise typer.Exit(1)
+
+
+def _show(checked: CheckedFile, quiet: bool) -> None:
+    """Show what was found in one file."""
+    _show_some(
+        [f"problem      {problem}" for problem in checked.problems],
+        f"problem      {checked.path}: and {{}} problems more",
+    )
+    if quiet:
+        return
+    if not checked.problems:
+        typer.echo(f"ok           {checked.path} ({checked.words})")
+    for note in checked.notes:
+        typer.echo(f"note         {note}")
+
+
+def _show_some(lines: list[str], rest: str) -> None:
+    """Show lines, and how many there would be more."""
+    for line in lines[:MOST_SHOWN]:
+        typer.echo(line)
+    if len(lines) > MOST_SHOWN:
+        typer.echo(rest.format(len(lines) - MOST_SHOWN))
+
+
+def _count(number: int, thing: str) -> str:
+    """Return how many things there are, in words."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

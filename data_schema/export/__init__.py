@@ -1,0 +1,1 @@
+"""Data sets in the layouts of BIDS and Psych-DS (`evenlight export`)."""

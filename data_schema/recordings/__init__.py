@@ -1,0 +1,1 @@
+"""What experiments and instruments record: designs, sessions, trials, sweeps, power."""

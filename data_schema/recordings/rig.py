@@ -1,0 +1,156 @@
+"""The rig: display, distance, refresh rate, keys and what makes the brightness, as one file of a lab."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from evenlight.data_schema.quantities import check_limits, described, quantity
+
+# Names of keys as PsychoPy has them; a name that no key has would never be answered with.
+KEY = (
+    "^([a-z0-9]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
+    "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
+)
+METER = "^(none|simulated|manual|[a-z0-9]+:.*)$"  # an instrument: its driver and address
+SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
+
+
+class Dither(enum.Enum):
+    """How a luminance between two codes of the display is drawn."""
+
+    NOISY_BIT = "noisy_bit"  # fresh noise for each pixel and frame (Allard & Faubert 2008)
+    ORDERED = "ordered"  # 8 x 8 threshold matrix (Bayer 1973)
+    NONE = "none"  # rounding: a slow ramp becomes a few visible jumps
+
+
+class Actuator(enum.Enum):
+    """What makes the brightness."""
+
+    PIXELS = "pixels"
+    BACKLIGHT = "backlight"
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of a rig, by PsychoPy's names."""
+
+    yes: str = described("answers that the brightness changed", default="y", pattern=KEY)
+    no: str = described("answers that it did not", default="n", pattern=KEY)
+    first: str = described("answers that it changed in the first interval", default="left", pattern=KEY)
+    second: str = described("answers that it changed in the second interval", default="right", pattern=KEY)
+    proceed: str = described("to the next page", default="space", pattern=KEY)
+    pause: str = described("pauses at any time, and stops from there", default="escape", pattern=KEY)
+    ratings: tuple[str, ...] = described(
+        "ratings from 1 (low) to 5 (high)", default=("1", "2", "3", "4", "5"), pattern=KEY
+    )
+    found: str = described("a ring was found", default="space", pattern=KEY)
+    orientations: tuple[str, ...] = described(
+        "where the ring's gap is: right, upper right, up, ... counter-clockwise, as the numeric pad has them",
+        default=("num_6", "num_9", "num_8", "num_7", "num_4", "num_1", "num_2", "num_3"),
+        pattern=KEY,
+    )
+    turn_left: str = described("looks to the left", default="left", pattern=KEY)
+    turn_right: str = described("looks to the right", default="right", pattern=KEY)
+    turn_up: str = described("looks up", default="up", pattern=KEY)
+    turn_down: str = described("looks down", default="down", pattern=KEY)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if len(self.ratings) != 5 or len(self.orientations) != 8:
+            raise ValueError(
+                f"need 5 keys for ratings and 8 for orientations, got {len(self.ratings)} and "
+                f"{len(self.orientations)}"
+            )
+        turns = ("turn_left", "turn_right", "turn_up", "turn_down")
+        # The keys that are asked for at the same time; the key that goes on may also say "found".
+        together = {
+            "yes, no, proceed": (self.yes, self.no, self.proceed),
+            "first, second, proceed": (self.first, self.second, self.proceed),
+            "ratings": self.ratings,
+            "orientations": self.orientations,
+            ", ".join((*turns, "found")): (*(getattr(self, turn) for turn in turns), self.found),
+        }
+        for group, keys in together.items():
+            names = (*keys, self.pause)
+            if len(set(names)) < len(names):
+                raise ValueError(f"the keys {group} and pause must differ, got {', '.join(names)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What a session runs on."""
+
+    name: str = described("name of the rig")
+    display: str = described("its calibrated display: a preset, or a toml file (relative to the rig's own)")
+    viewing_distance: float = quantity("m", "distance from eye to display", above=0.0, maximum=100.0)
+    refresh_rate: float = quantity(
+        "Hz", "refresh rate of the display", minimum=SLOWEST_DISPLAY, maximum=1000.0
+    )
+    screen: int = quantity("1", "which screen of the computer, from 0", minimum=0, default=0)
+    full_screen: bool = described("true if the window fills the screen", default=True)
+    window_size: tuple[int, int] = quantity(
+        "pixels",
+        "width and height of a window that does not fill the screen",
+        minimum=64,
+        default=(1280, 720),
+    )
+    bits: int = quantity(
+        "1", "bits of each colour channel: 8, or 10 if display and driver have them", default=8
+    )
+    dither: Dither = described("how luminances between two codes are drawn", default=Dither.NOISY_BIT)
+    actuator: Actuator = described("what makes the brightness", default=Actuator.PIXELS)
+    backlight: str = described(
+        "none, simulated, sysfs:NAME for /sys/class/backlight/NAME, ddc:NUMBER for a monitor "
+        "over DDC/CI, or board:PORT",
+        default="none",
+        pattern="^(none|simulated|simulated:(ddc|board)|sysfs:[^/]+|ddc:[0-9]+|board:.+)$",
+    )
+    backlight_curve: str = described(
+        "its measured luminance over the factor it is set to, a table of a luminance sweep "
+        "(relative to the rig's file); empty if it is linear in light",
+        default="",
+    )
+    luminance_meter: str = described(
+        "none, simulated, manual, or DRIVER:ADDRESS as `evenlight measure list` has them, "
+        "e.g. ls100:/dev/ttyUSB0; simulated:DRIVER is the driver on an emulated instrument",
+        default="none",
+        pattern=METER,
+    )
+    power_meter: str = described(
+        "none, simulated, or DRIVER:ADDRESS as for the luminance meter", default="none", pattern=METER
+    )
+    calibration_age_limit: float | None = quantity(
+        "d",
+        "age beyond which a measured display or power model is refused; null for no limit",
+        above=0.0,
+        default=None,
+        key="calibration_age_limit_days",
+    )
+    pixels_per_degree: float | None = quantity(
+        "1/deg",
+        "pixels per degree of a display that has no file yet; else its file has them",
+        above=0.0,
+        default=None,
+    )
+    language: str = described("language of the pages shown, e.g. en", default="en", pattern="^[A-Za-z0-9-]+$")
+    keys: Keys = field(default_factory=Keys, metadata={"doc": "what is pressed"})
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.bits not in (8, 10):
+            raise ValueError(f"bits must be 8 or 10, got {self.bits}")
+        if not self.display:
+            raise ValueError(
+                "display must name a calibrated display, a preset or a toml file; without its luminances "
+                "no ramp can be drawn"
+            )
+        if self.actuator is Actuator.BACKLIGHT and self.backlight == "none":
+            raise ValueError("the actuator is the backlight, so backlight must name one, got 'none'")
+        if self.actuator is Actuator.BACKLIGHT and self.backlight.startswith(("ddc:", "simulated:ddc")):
+            raise ValueError(
+                "a backlight over DDC/CI takes about 7 settings a second, too few for brightness that goes "
+                "smoothly: let pixels be the actuator; sweeps measure the backlight all the same"
+            )
+        if self.backlight_curve and self.backlight == "none":
+            raise ValueError("backlight_curve is of a backlight, so backlight must name one, got 'none'")

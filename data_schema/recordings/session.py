@@ -1,0 +1,112 @@
+"""A session: its manifest, written before its first trial, and the log of what happened."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.search import SearchDesign
+from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign, Stimulus
+
+Design = RampDesign | RatingDesign | ComparisonDesign | SearchDesign
+DESIGN_OF_TASK: dict[str, type[Design]] = {
+    "ramp": RampDesign,
+    "rating": RatingDesign,
+    "comparison": ComparisonDesign,
+    "search": SearchDesign,
+}
+
+
+class SessionStatus(enum.Enum):
+    """How far a session got."""
+
+    RUNNING = "running"
+    COMPLETE = "complete"
+    ABORTED = "aborted"
+    DECLINED = "declined"  # without consent: no trial was shown, and none will be
+
+
+@dataclass(frozen=True, slots=True)
+class SessionManifest:
+    """What a session is: who, which task and design, on which display."""
+
+    participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
+    session_id: str = described("session", pattern="^[0-9A-Za-z]+$")
+    task: str = described("experiment: ramp, rating, comparison or search")
+    simulated: bool = described("true if a simulated observer answers")
+    status: SessionStatus = described("how far the session got")
+    n_trials: int = quantity(
+        "1",
+        "usable trials that the design asks for; practice and trials shown again are not counted",
+        minimum=0,
+    )
+    display: Display = described("display it ran on")
+    design: Design = described("what was shown, and how")
+    provenance: Provenance = described("how the file was made")
+    order_index: int = quantity(
+        "1",
+        "row of the counterbalanced order of blocks: the participant's place in the data set",
+        minimum=0,
+        default=0,
+    )
+    rig: Rig | None = described("what it ran on; null from a simulation without a rig", default=None)
+    pages: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "SHA-256 of each page of instructions, by its name"}
+    )
+    apparatus: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "what window, driver and keyboard say of themselves"}
+    )
+    started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
+    stimuli: tuple[Stimulus, ...] = described(
+        "sequences of a viewing experiment, with their tracks", default=()
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        expected = DESIGN_OF_TASK.get(self.task)
+        if expected is not None and not isinstance(self.design, expected):
+            raise ValueError(
+                f"the design of the task {self.task!r} must be a {expected.__name__}, got a "
+                f"{type(self.design).__name__}"
+            )
+
+
+class EventKind(enum.Enum):
+    """What happened in a session."""
+
+    STARTED = "started"
+    RESUMED = "resumed"
+    PAGE_SHOWN = "page_shown"
+    CONSENT_GIVEN = "consent_given"
+    CONSENT_DECLINED = "consent_declined"
+    TRIAL_BEGUN = "trial_begun"
+    TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
+    TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
+    CHANGED = "changed"  # apparatus, software or pages are others than the manifest says
+    READING_FAILED = "reading_failed"  # of an instrument; tried again, or the reason for the stop
+    OLD_CALIBRATION = "old_calibration"  # used because the operator asked for it
+    LINE_TORN = "line_torn"  # what a crash left of a line; its text is kept here
+    PAUSED = "paused"
+    CONTINUED = "continued"
+    STOPPED = "stopped"  # by the experimenter or the participant
+    COMPLETED = "completed"
+
+
+@dataclass(frozen=True, slots=True)
+class SessionEvent:
+    """One event of a session, as one line of `events.jsonl`."""
+
+    kind: EventKind = described("what happened")
+    time: float = quantity("s", "since the session began", minimum=0.0)
+    utc: str = described("when, UTC (ISO 8601); empty without a clock", default="")
+    trial_index: int | None = quantity("1", "trial in which it happened, if in one", minimum=0, default=None)
+    attempt: int | None = quantity("1", "attempt at that trial", minimum=1, default=None)
+    detail: str = described("more about it: the page's name, the torn line, the reason", default="")
+
+    def __post_init__(self) -> None:
+        check_limits(self)

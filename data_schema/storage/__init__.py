@@ -1,0 +1,1 @@
+"""Reading and writing files: text and tables, logs that only grow, results that appear whole."""

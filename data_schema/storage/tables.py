@@ -1,0 +1,175 @@
+"""CSV tables: rows of cells, and tables of records."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import re
+import types
+import typing
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import (
+    keys_of,
+    mapping_from_record,
+    record_from_mapping,
+    shown,
+    type_hints,
+    unknown_key,
+)
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.storage.text_files import read_text
+from evenlight.data_schema.storage.whole_files import write_whole
+
+Record = TypeVar("Record")
+MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table as CSV: numbers in full precision, an empty cell for None."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    return stream.getvalue()
+
+
+def _raise(error: InputError) -> None:
+    raise error
+
+
+def csv_rows(
+    path: Path,
+    columns: Sequence[str],
+    what: str,
+    delimiter: str = ",",
+    torn: Callable[[InputError], None] = _raise,
+    optional: Collection[str] = (),
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of a table with their line numbers; the cells are in the order of `columns`.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its columns may be in any order.
+    columns : sequence of str
+        The columns that it must have, and no other.
+    what : str
+        What it should be, for the error.
+    delimiter : str, optional
+        What divides the cells.
+    torn : callable, optional
+        What to do about a row that has not as many cells as the header; else it is raised.
+    optional : collection of str, optional
+        Columns that may be missing, as in files of older versions; their cells are empty then.
+
+    Raises
+    ------
+    InputError
+        If it is no table of these columns, or a row has not as many cells as the header.
+    """
+    reader = csv.reader(io.StringIO(read_text(path, what), newline=""), delimiter=delimiter)
+    try:
+        header = next(reader, [])
+        order = _column_places(header, columns, f"{path}: ", what, optional)
+        for cells in reader:
+            if not cells:
+                continue  # an empty line, as some editors leave at the end
+            where = f"{path}, line {reader.line_num}"
+            if len(cells) != len(header):
+                got = f"expected {len(header)} cells, got {len(cells)}; the table is torn"
+                torn(InputError(f"{where}: {got}"))
+                continue
+            yield reader.line_num, ["" if place is None else cells[place] for place in order]
+    except csv.Error as error:
+        raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
+
+
+def _column_places(
+    header: list[str], columns: Sequence[str], where: str, what: str, optional: Collection[str]
+) -> list[int | None]:
+    """Return where each column is in a header, or raise `InputError` if they are not the same columns."""
+    if not header:
+        raise InputError(f"{where}is empty; expected {what} with the columns {','.join(columns)}")
+    for name in header:
+        if name not in columns:
+            problem = unknown_key(name, columns).replace("key", "column", 1)
+            raise InputError(f"{where}{problem}")
+        if header.count(name) > 1:
+            raise InputError(f"{where}the column {shown(name)} is there twice")
+    for name in columns:
+        if name not in header and name not in optional:
+            raise InputError(f"{where}the column {name!r} of {what} is missing")
+    return [header.index(name) if name in header else None for name in columns]
+
+
+def write_rows(path: Path, cls: type[Any], records: Iterable[Any]) -> None:
+    """Write records of one class as a CSV table, one row each."""
+    write_whole(path, csv_text(columns_of(cls), (list(mapping_from_record(r).values()) for r in records)))
+
+
+def columns_of(cls: type[Any]) -> list[str]:
+    """Return the columns of a table of records: their file keys."""
+    return [file_key(field) for field in dataclasses.fields(cls)]
+
+
+def read_rows(cls: type[Record], path: Path) -> list[Record]:
+    """Return the records of a CSV table whose columns are the record's keys, in any order.
+
+    Columns with a default may be missing, and their cells empty.
+    """
+    rows = csv_rows(path, columns_of(cls), f"a table of {cls.__name__} rows", optional=optional_columns(cls))
+    return [
+        record_from_mapping(cls, plain_cells(cls, cells, f"{path}, line {line}"), f"{path}, line {line}")
+        for line, cells in rows
+    ]
+
+
+def optional_columns(cls: type[Any]) -> frozenset[str]:
+    """Return the columns of a table of records that have a default."""
+    known, required = keys_of(cls)
+    return frozenset(known) - frozenset(required)
+
+
+def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, Any]:
+    """Return the cells of a row, in the order of a record's fields, as the plain values they stand for.
+
+    An empty cell of a column with a default stands for that.
+    """
+    kinds, optional = type_hints(cls), optional_columns(cls)
+    return {
+        file_key(field): plain_cell(kinds[field.name], text, f"{where}: {file_key(field)}")
+        for field, text in zip(dataclasses.fields(cls), cells, strict=True)
+        if text or file_key(field) not in optional
+    }
+
+
+def number_in(text: str, where: str) -> float:
+    """Return the number in a cell of a table."""
+    try:
+        if re.search("[0-9]", text) and "_" not in text:  # "nan", "inf" and "1_0" are numbers to Python only
+            return float(text)
+    except ValueError:
+        pass
+    raise InputError(f"{where}: expected a number, got {shown(text)}")
+
+
+def plain_cell(kind: Any, text: str, where: str) -> Any:
+    """Return a cell's text as the plain value of its column's type."""
+    if isinstance(kind, types.UnionType):
+        if text in MISSING:
+            return None
+        kind = next(k for k in typing.get_args(kind) if k is not type(None))
+    if kind is float:
+        return number_in(text, where)
+    try:
+        if kind is bool:
+            return {"True": True, "False": False, "true": True, "false": False}[text]
+        return int(text) if kind is int else text
+    except (ValueError, KeyError):
+        names = {int: "a whole number", bool: "true or false"}
+        raise InputError(f"{where}: expected {names[kind]}, got {shown(text)}") from None

@@ -1,0 +1,200 @@
+"""JSON and TOML files of records, and in which line of them a key stands."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.storage.whole_files import write_whole
+
+Record = TypeVar("Record")
+Place = tuple[str | int, ...]  # keys and list indices, from the outermost in
+_JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
+_TOML_TABLE = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
+_TOML_KEY = re.compile(r"\s*([A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')\s*=")
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return a file's text, or raise an `InputError` that names the file and what was expected in it.
+
+    A byte order mark, as editors of other systems leave it, is taken off.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; expected {what}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder; expected {what}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text; expected {what}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {what}") from error
+
+
+def read_json(path: Path, what: str) -> Any:
+    """Return the content of a JSON file."""
+    return parse_json(read_text(path, what), str(path), what)
+
+
+def parse_json(text: str, where: str, what: str) -> Any:
+    """Return the content of a JSON text, checked strictly.
+
+    NaN and Infinity, which Python's parser takes though JSON has none, are refused, and so is a key that is
+    there twice, of which it would take the last.
+
+    Raises
+    ------
+    InputError
+        If the text is not JSON; it says in which line.
+    """
+    try:
+        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{where}: not valid JSON{_at(error.lineno, text)} ({error.msg}); expected {what}"
+        ) from None
+    except _NotANumberError as error:
+        line = _at(line_of_token(text, str(error)), text)
+        raise InputError(
+            f"{where}: not valid JSON{line} ({error} is no number of JSON); expected {what}"
+        ) from None
+    except RecursionError:
+        raise InputError(f"{where}: not usable JSON (nested too deep); expected {what}") from None
+    except ValueError as error:
+        raise InputError(f"{where}: not valid JSON ({error}); expected {what}") from None
+
+
+class _NotANumberError(ValueError):
+    """NaN, Infinity or -Infinity in JSON."""
+
+
+def _refuse_constant(name: str) -> Any:
+    """Refuse what Python's JSON parser calls a constant."""
+    raise _NotANumberError(name)
+
+
+def _at(line: int | None, text: str) -> str:
+    """Return where in a text a problem is; nothing where the text is a single line."""
+    return f" at line {line}" if line and text.count("\n") > 1 else ""
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object's keys and values, or refuse a key that is there twice."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is there twice")
+    return content
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a JSON file, whole, with numbers in full precision; NaN is refused, as JSON has none."""
+    write_whole(path, json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def read_json_record(cls: type[Record], path: Path) -> Record:
+    """Return the record that a JSON file holds."""
+    return record_from_mapping(cls, read_json(path, f"a {cls.__name__} in JSON"), str(path))
+
+
+def write_json_record(path: Path, record: Any) -> None:
+    """Write a record as a JSON file."""
+    write_json(path, mapping_from_record(record))
+
+
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Return the content of a TOML file."""
+    text = read_text(path, what)
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: not usable TOML (nested too deep); expected {what}") from None
+    except ValueError as error:  # a number of thousands of digits is one, and no TOMLDecodeError
+        raise InputError(f"{path}: not valid TOML: {error}; expected {what}") from None
+
+
+def read_toml_record(cls: type[Record], path: Path) -> Record:
+    """Return the record that a TOML file holds."""
+    return record_from_mapping(cls, read_toml(path, f"a {cls.__name__} in TOML"), str(path))
+
+
+def write_toml_record(path: Path, record: Any) -> None:
+    """Write a record as a TOML file; TOML has no null, so None is left out."""
+    import tomli_w
+
+    write_whole(path, tomli_w.dumps(_without_none(mapping_from_record(record))))
+
+
+def _without_none(value: Any) -> Any:
+    """Return nested mappings without the keys whose value is None."""
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return value
+
+
+def json_line_numbers(text: str) -> dict[Place, int]:
+    r"""Return the line in which each key and list item of a JSON text begins; the text must be valid.
+
+    >>> json_line_numbers('{"a": 1,\n "b": [2,\n 3]}')
+    {('a',): 1, ('b',): 2, ('b', 0): 2, ('b', 1): 3}
+    """
+    lines: dict[Place, int] = {}
+    place: list[str | int] = []  # of the value that comes next
+    number, last = 1, 0
+    tokens = [(match.start(), match[0]) for match in _JSON_TOKEN.finditer(text)]
+    for position, (start, token) in enumerate(tokens):
+        number, last = number + text.count("\n", last, start), start
+        follows = tokens[position + 1][1] if position + 1 < len(tokens) else ""
+        if place and isinstance(place[-1], int) and token not in ",]":
+            lines.setdefault(tuple(place), number)
+        if token.startswith('"') and follows == ":":
+            place[-1] = json.loads(token)
+            lines[tuple(place)] = number
+        elif token in "{[":
+            place.append("" if token == "{" else 0)
+        elif token in "}]":
+            place.pop()
+        elif token == "," and isinstance(place[-1], int):
+            place[-1] += 1
+    return lines
+
+
+def line_of_token(text: str, token: str) -> int | None:
+    r"""Return the line of a bare word in a JSON text, such as NaN; None if it is not there outside texts.
+
+    >>> line_of_token('["NaN",\n NaN]', "NaN")
+    2
+    """
+    start = next((match.start() for match in _JSON_TOKEN.finditer(text) if match[0] == token), None)
+    return None if start is None else text.count("\n", 0, start) + 1
+
+
+def toml_line_numbers(text: str) -> dict[Place, int]:
+    r"""Return the line of each key of a TOML text, of tables in brackets too.
+
+    >>> toml_line_numbers('a = 1\n[t]\nb = 2')
+    {('a',): 1, ('t',): 2, ('t', 'b'): 3}
+    """
+    lines: dict[Place, int] = {}
+    table: Place = ()
+    for number, line in enumerate(text.split("\n"), start=1):
+        if match := _TOML_TABLE.match(line):
+            table = tuple(part.strip().strip("\"'") for part in match[1].split("."))
+            lines[table] = number
+        elif match := _TOML_KEY.match(line):
+            lines.setdefault((*table, match[1].strip("\"'")), number)
+    return lines
+
+
+def line_of(place: Place, lines: dict[Place, int]) -> int | None:
+    """Return the line of a place, or of the nearest one around it that is known.
+
+    >>> line_of(("display", "gamma"), {("display",): 7})
+    7
+    """
+    return next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), None)

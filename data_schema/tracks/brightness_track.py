@@ -1,0 +1,286 @@
+"""The brightness track: one factor per frame, with what it does to contrast, luminance and power.
+
+Sections of a video that count more or less, or in which brightness may change faster or not at all, are at
+the end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import (
+    Array,
+    array_shapes,
+    as_in,
+    check_limits,
+    described,
+    file_key,
+    one_line,
+    quantity,
+    read_only,
+    rises,
+)
+from evenlight.data_schema.recordings.ramp import Procedure
+from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in
+from evenlight.data_schema.storage.text_files import read_json_record, write_json
+from evenlight.data_schema.storage.whole_files import write_whole
+
+PROCEDURE = "what the participants of the rate limit were asked"
+LARGEST_WEIGHT = (
+    1e6  # weights or multiples of the rate limit: beyond, a section means "no other" or "no limit"
+)
+
+
+class BudgetUnit(enum.Enum):
+    """What a budget counts."""
+
+    FACTOR = "factor"  # mean brightness factor, as in the paper
+    POWER = "power"  # share of the power at full brightness
+    WATT = "watt"  # mean power
+
+
+@dataclass(frozen=True, slots=True)
+class TrackHeader:
+    """What a brightness track was made for, and how; the sidecar `track.json`."""
+
+    video: str = described("name of the video")
+    display_name: str = described("display that it was made for")
+    display_fingerprint: str = described("identity of that display's photometry")
+    power_model: str = described("name of the power model")
+    rate_limit: str = described("name of the rate limit")
+    budget: float = quantity("1", "the budget, in its unit", above=0.0)
+    budget_unit: BudgetUnit = described("what the budget counts")
+    solver: str = described("which solver made it")
+    provenance: Provenance = described("how the file was made")
+    rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class BrightnessTrack:
+    """A brightness factor for each of N frames; the columns of `track.csv`."""
+
+    times: Array = quantity("s", "when the frame appears", key="time_s", shape=("N",))
+    factors: Array = quantity("1", "brightness factor b", above=0.0, maximum=1.0, key="factor", shape=("N",))
+    contrast_loss: Array = quantity(
+        "1", "contrast loss 𝓛_c of the dimmed frame", minimum=0.0, maximum=1.0, shape=("N",)
+    )
+    mean_luminance: Array = quantity(
+        "cd/m^2", "mean luminance of the dimmed frame, reflected light included", minimum=0.0, shape=("N",)
+    )
+    rate: Array = quantity(
+        "cd/m^2/s",
+        "luminance change per second that the modulation makes from this frame to the next; "
+        "signed, 0 in the last frame",
+        shape=("N",),
+    )
+    rate_limit: Array = quantity(
+        "cd/m^2/s", "what that change may be at most, in either direction (ΔL)", minimum=0.0, shape=("N",)
+    )
+    power: Array = quantity("W", "power of the display while the frame is shown", minimum=0.0, shape=("N",))
+    header: TrackHeader = described("what the track was made for, and how")
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        check_limits(self)
+        if len({len(getattr(self, name)) for name in _ARRAYS}) != 1 or len(self.times) == 0:
+            raise ValueError("the columns of a track must be equally long and hold at least one frame")
+        if not rises(self.times):
+            raise ValueError("time_s must rise from frame to frame")
+
+    def __repr__(self) -> str:
+        return one_line(self, self.header.video, self.times, factor=self.factors)
+
+
+_ARRAYS = tuple(array_shapes(BrightnessTrack))
+TRACK_COLUMNS = ("frame", *(file_key(f) for f in dataclasses.fields(BrightnessTrack) if f.name in _ARRAYS))
+
+
+def track_columns(track: BrightnessTrack) -> dict[str, Any]:
+    """Return the columns of `track.csv` by name: the number of each frame, and arrays (N,)."""
+    arrays = [getattr(track, name) for name in _ARRAYS]
+    return dict(zip(TRACK_COLUMNS, [range(len(track.times)), *arrays], strict=True))
+
+
+def write_track(path: Path, track: BrightnessTrack) -> None:
+    """Write a track as a csv table, and its header as a json file of the same name beside it."""
+    columns = [column.tolist() for column in list(track_columns(track).values())[1:]]
+    rows = ([i, *cells] for i, cells in enumerate(zip(*columns, strict=True)))
+    write_json(path.with_suffix(".json"), mapping_from_record(track.header))
+    write_whole(path, csv_text(TRACK_COLUMNS, rows))
+
+
+def read_track(path: Path) -> BrightnessTrack:
+    """Return the track of a csv table and its json header; raise `InputError` if either is unusable."""
+    header = read_json_record(TrackHeader, path.with_suffix(".json"))
+    rows = csv_rows(path, TRACK_COLUMNS, "a brightness track (csv)")
+    table = []
+    for frame, (line, cells) in enumerate(rows):
+        where = f"{path}, line {line}"
+        if cells[0] != str(frame):
+            raise InputError(f"{where}: frame: expected {frame}, the frames from 0 on, got {cells[0]!r}")
+        table.append(
+            [number_in(cell, f"{where}: {name}") for name, cell in zip(TRACK_COLUMNS, cells, strict=True)]
+        )
+    if not table:
+        raise InputError(f"{path}: expected a row for each frame, got none; the table is empty or torn")
+    columns = read_only(table).T[1:]  # the number of the frame is its place
+    try:
+        return BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class OptimizationSummary:
+    """What an optimization achieved; the keys of `summary.json`."""
+
+    video: str = as_in(TrackHeader, "video")
+    display: str = described("name of the display")
+    rate_limit: str = as_in(TrackHeader, "rate_limit")
+    power_model: str = as_in(TrackHeader, "power_model")
+    frames: int = quantity("1", "number of frames", minimum=1)
+    duration: float = quantity("s", "duration of the video", above=0.0)
+    budget: float = quantity(
+        "1", "what was asked, in budget_unit; one of several clips has that of all", above=0.0
+    )
+    budget_unit: BudgetUnit = described("what the budget counts")
+    achieved: float = quantity("1", "what the track has, in the budget's unit", above=0.0)
+    objective: float = quantity(
+        "1", "mean absolute difference of contrast loss between two frames of the track", minimum=0.0
+    )
+    objective_baseline: float = quantity("1", "the same for constant dimming at equal power", minimum=0.0)
+    lower_bound: float = quantity(
+        "1", "no track within the limits has a smaller objective; 0 for one of several clips", minimum=0.0
+    )
+    max_rate_ratio: float = quantity(
+        "1", "largest ratio of a step's rate to its limit; at most 1", minimum=0.0
+    )
+    mean_contrast_loss: float = quantity("1", "mean contrast loss of the track", minimum=0.0)
+    mean_contrast_loss_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
+    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0)
+    baseline_factor: float = quantity("1", "factor of constant dimming at equal power", above=0.0)
+    mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
+    baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
+    full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
+    limit_curve: str = described(
+        "curve of the rate limit that was obeyed: fitted or safe (the lower edge of its band)"
+    )
+    modulated: str = described("luminance that the rate limit was about: frame_mean or white_field")
+    lowest_factor: float = quantity("1", "lowest brightness factor allowed", above=0.0, maximum=1.0)
+    pixels_per_degree: float = quantity("1", "pixels of the video per degree of the visual field", above=0.0)
+    contrast_model: str = described("choices of the contrast model, by name or file")
+    simulated: bool = described("true if the rate limit rests on simulated participants")
+    frames_without_contrast: int = quantity(
+        "1", "frames in which nothing is visible even undimmed; they have nothing to lose", minimum=0
+    )
+    solver: str = described("which solver made the track")
+    iterations: int = quantity(
+        "1", "iterations of the solver; for one of several clips, those of all", minimum=0
+    )
+    calm: float = quantity(
+        "1", "share of the gain that may be given up, at most, for a calmer track", minimum=0.0, maximum=1.0
+    )
+    solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
+    curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
+    bound_s: float = quantity("s", "time that the lower bound took", minimum=0.0, key="bound_s")
+    seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
+    versions: dict[str, str] = described(
+        "versions of Evenlight and of the packages that the numbers depend on"
+    )
+    provenance: Provenance = described("how the file was made")
+    rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
+    curves_tolerance: float = quantity(
+        "1",
+        "error of the loss curves that was accepted for not counting all of every frame",
+        minimum=0.0,
+        default=0.0,
+    )
+    counted: float = quantity(
+        "1", "share of the pixels that was counted for the loss curves", minimum=0.0, maximum=1.0, default=1.0
+    )
+    curves_computed_on: str = described(
+        "what computed the loss curves: cpu, or gpu and its name", default="cpu"
+    )
+    clips: int = quantity("1", "number of clips that share the budget", minimum=1, default=1)
+    weighted: bool = described(
+        "true if frames count differently in the objective, its baseline's and the bound", default=False
+    )
+    largest_allowance: float | None = quantity(
+        "1",
+        "largest multiple of the rate limit that a step of the video may reach",
+        minimum=0.0,
+        default=None,
+    )
+    max_rate_ratio_fitted: float | None = quantity(
+        "1",
+        "largest ratio of a step's rate to the limit without allowances; null in older files",
+        minimum=0.0,
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.lower_bound > self.objective:
+            raise ValueError(
+                f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class WeightSection:
+    """How much the frames of a section count in the objective; a row of `*.weights.csv`."""
+
+    start: float = quantity(
+        "s", "where the section begins; a frame that appears then belongs to it", minimum=0.0, key="start_s"
+    )
+    end: float = quantity("s", "where it ends; a frame that appears then is outside", above=0.0, key="end_s")
+    weight: float = quantity(
+        "1",
+        "how much each of its frames counts; frames outside all sections have 1",
+        minimum=0.0,
+        maximum=LARGEST_WEIGHT,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        _require_length(self.start, self.end)
+
+
+@dataclass(frozen=True, slots=True)
+class AllowanceSection:
+    """How many times the fitted rate limit a section allows. A row of `*.allowances.csv`."""
+
+    start: float = quantity(
+        "s",
+        "where the section begins; the step to a frame that appears then belongs to it",
+        minimum=0.0,
+        key="start_s",
+    )
+    end: float = as_in(WeightSection, "end")
+    allowance: float = quantity(
+        "1",
+        "multiple of the rate limit: 0 holds brightness still, 1 allows what was fitted",
+        minimum=0.0,
+        maximum=LARGEST_WEIGHT,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        _require_length(self.start, self.end)
+
+
+def _require_length(start: float, end: float) -> None:
+    """Raise `ValueError` if a section does not end after it begins."""
+    if not start < end:
+        raise ValueError(f"need start_s < end_s, got {start:g} and {end:g}")

@@ -1,0 +1,286 @@
+"""What the online controller did, with a video or live in a walk: settings, steadiness, tuned gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+
+ONLINE = "pid"  # the solver of tracks that were not planned
+
+
+@dataclass(frozen=True, slots=True)
+class LoopReport:
+    """Gains of the controller, how far its loop is from ringing, and what it does with the content."""
+
+    proportional: float = quantity("1", "proportional gain K_p", minimum=0.0)
+    integral: float = quantity("1", "integral gain K_i", minimum=0.0)
+    derivative: float = quantity("1", "derivative gain K_d", minimum=0.0)
+    stable_slope: float | None = quantity(
+        "1",
+        "slope of the loss over the factor up to which the loop is stable; null for gains of 0",
+        minimum=0.0,
+    )
+    gain_margin_db: float | None = quantity(
+        "dB", "gain margin in dB, at the slope of the content; null where there is none"
+    )
+    phase_margin: float | None = quantity(
+        "deg", "phase margin at the slope of the content; null where there is none"
+    )
+    sensitivity_peak: float | None = quantity(
+        "1", "largest amplification of a wave in the content's loss; null for an unstable loop"
+    )
+    sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
+    rms_error: float = quantity("1", "root mean square of loss - target over time", minimum=0.0)
+    share_limited: float = quantity(
+        "1",
+        "share of the time in which the rate limit or a bound held the factor back",
+        minimum=0.0,
+        maximum=1.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TuningReport:
+    """Gains tuned on some content, with margins of stability; the file `tuning.json`."""
+
+    video: str = described("name of the video that the gains were tuned on")
+    target_loss: float = quantity("1", "target c_r: contrast loss to hold", minimum=0.0, maximum=1.0)
+    gain_rate: float = quantity("Hz", "frame rate that the gains are for", above=0.0)
+    frame_rate: float = quantity("Hz", "frame rate of the video, which the margins are for", above=0.0)
+    quantile: float = quantity(
+        "1",
+        "quantile of the frames, by the steepest slope of their loss, that the margins are for",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    slope: float = quantity("1", "slope of the loss at that quantile", above=0.0)
+    steepest_slope: float = quantity("1", "steepest slope of any frame", minimum=0.0)
+    least_gain_margin_db: float = quantity("dB", "least gain margin to be kept, in dB", minimum=0.0)
+    least_phase_margin: float = quantity("deg", "least phase margin to be kept", minimum=0.0)
+    before: LoopReport = described("the loop with the gains that were given")
+    after: LoopReport = described("the loop with the gains that were found")
+    tries: int = quantity("1", "runs over the content that the search took", minimum=0)
+    provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TargetRow:
+    """A video under the controller with one target; a row of `target_sweep.csv`."""
+
+    target_loss: float = as_in(TuningReport, "target_loss")
+    mean_factor: float = quantity("1", "mean brightness factor over time", above=0.0, maximum=1.0)
+    mean_loss: float = quantity("1", "mean contrast loss over time", minimum=0.0, maximum=1.0)
+    sd_loss: float = as_in(LoopReport, "sd_loss")
+    sd_loss_constant: float = quantity("1", "the same, for constant dimming by mean_factor", minimum=0.0)
+    share_limited: float = as_in(LoopReport, "share_limited")
+    mean_power: float = quantity("W", "mean power over time", minimum=0.0)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSummary:
+    """How the online controller held the contrast loss of a video; the file `control.json`."""
+
+    video: str = described("name of the video")
+    target_loss: float = quantity(
+        "1", "target c_r: contrast loss to hold, with a governor at the beginning", minimum=0.0, maximum=1.0
+    )
+    final_target_loss: float = quantity(
+        "1", "the target at the end; the same without a governor", minimum=0.0, maximum=1.0
+    )
+    proportional: float = as_in(LoopReport, "proportional")
+    integral: float = as_in(LoopReport, "integral")
+    derivative: float = as_in(LoopReport, "derivative")
+    gain_rate: float | None = quantity("Hz", "frame rate that the gains are for; null: the video's")
+    start_factor: float = quantity("1", "brightness factor of the first frame", above=0.0, maximum=1.0)
+    mean_loss: float = as_in(TargetRow, "mean_loss")
+    sd_loss: float = as_in(LoopReport, "sd_loss")
+    sd_loss_constant: float = as_in(TargetRow, "sd_loss_constant")
+    mean_factor: float = as_in(TargetRow, "mean_factor")
+    mean_power: float = as_in(TargetRow, "mean_power")
+    share_limited: float = as_in(LoopReport, "share_limited")
+    provenance: Provenance = described("how the file was made")
+    budget: float | None = quantity(
+        "1", "the governor's budget, in budget_unit; null without a governor", above=0.0, default=None
+    )
+    budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
+    horizon: float | None = quantity(
+        "s", "horizon of the governor, over which the budget is to be met on average", above=0.0, default=None
+    )
+    horizon_error: float | None = quantity(
+        "1",
+        "largest difference of the mean over a whole horizon from the budget; null for a shorter video",
+        minimum=0.0,
+        default=None,
+    )
+    share_budget_held: float | None = quantity(
+        "1",
+        "share of the time in which a bound kept the governor from its budget",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    horizon_excess: float | None = quantity(
+        "1",
+        "largest mean over a whole horizon less the budget, 0 if none is above it; null for a shorter video",
+        minimum=0.0,
+        default=None,
+    )
+    steered_horizon: float | None = quantity(
+        "s",
+        "horizon that the governor steers by: longer than the one asked for if that holds too few frames",
+        above=0.0,
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRefresh:
+    """A refresh of the display under the live controller; a row of `live_control.csv`."""
+
+    refresh: int = quantity("1", "number of the refresh, from 0 on", minimum=0)
+    flip_time: float = quantity("s", "when it appeared, since the first", minimum=0.0)
+    factor: float = quantity("1", "brightness factor b that it was shown with", above=0.0, maximum=1.0)
+    contrast_loss: float | None = quantity(
+        "1",
+        "contrast loss that the controller knew last; empty before the first",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    measured_refresh: int | None = quantity(
+        "1", "refresh whose picture was measured for it", minimum=0, default=None
+    )
+    measured_factor: float | None = quantity(
+        "1",
+        "brightness factor at which it was measured: the one due by the time of the answer",
+        above=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    mean_luminance: float | None = quantity(
+        "cd/m^2", "mean luminance of the picture at factor 1", minimum=0.0, default=None
+    )
+    rate: float | None = quantity(
+        "cd/m^2/s",
+        "luminance change per second that the modulation made from the refresh before, at the "
+        "mean luminance of both pictures; signed, empty at the first",
+        default=None,
+    )
+    rate_limit: float | None = quantity(
+        "cd/m^2/s", "what that change may be at most, in either direction", minimum=0.0, default=None
+    )
+    target_loss: float | None = quantity(
+        "1",
+        "target c_r: contrast loss to hold, which a budget moves; empty before the first loss has set it",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    power: float | None = quantity(
+        "W",
+        "power of the panel with this picture, by the power model; empty without a budget in power or watt",
+        minimum=0.0,
+        default=None,
+    )
+    full_power: float | None = quantity("W", "the same at factor 1", minimum=0.0, default=None)
+    budget_held: bool | None = described(
+        "true if a bound kept the factor from where the budget would have it; empty without a budget",
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveControl:
+    """What dimmed a walk; the file `live_control.json` beside the rows of its refreshes."""
+
+    scene: str = described("scene that was walked in")
+    display: Display = described("display that it was shown on")
+    simulated: bool = described("true if no person sat at the keys")
+    target_loss: float | None = quantity(
+        "1",
+        "target c_r: contrast loss to hold, with a budget at the beginning; null if no loss "
+        "was measured to set it",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    proportional: float = as_in(LoopReport, "proportional")
+    integral: float = as_in(LoopReport, "integral")
+    derivative: float = as_in(LoopReport, "derivative")
+    gain_rate: float | None = quantity(
+        "Hz", "frame rate that the gains are for; null: the display's", above=0.0
+    )
+    lowest_factor: float = quantity("1", "lowest brightness factor", above=0.0, maximum=1.0)
+    highest_factor: float = quantity("1", "highest brightness factor", above=0.0, maximum=1.0)
+    rate_limit: str = described("name of the rate limit")
+    limit_curve: str = described("fitted, or safe: the lower edge of the limit's band")
+    measured_by: str = described("what measured the loss")
+    mean_loss: float | None = quantity(
+        "1", "mean contrast loss over the time in which it was known", minimum=0.0, maximum=1.0
+    )
+    mean_factor: float | None = quantity("1", "mean brightness factor over time", minimum=0.0, maximum=1.0)
+    provenance: Provenance = described("how the files were made")
+    budget: float | None = as_in(ControlSummary, "budget")
+    budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
+    horizon: float | None = as_in(ControlSummary, "horizon")
+    power_model: str | None = described("power model of a budget in power or watt", default=None)
+    mean_power: float | None = quantity("W", "mean power over time, by that model", minimum=0.0, default=None)
+    horizon_error: float | None = quantity(
+        "1",
+        "largest difference of the mean over a whole horizon from the budget; null for a shorter walk",
+        minimum=0.0,
+        default=None,
+    )
+    horizon_excess: float | None = quantity(
+        "1",
+        "largest mean over a whole horizon less the budget, 0 if none is above it; null for a shorter walk",
+        minimum=0.0,
+        default=None,
+    )
+    final_target_loss: float | None = quantity(
+        "1", "target at the end", minimum=0.0, maximum=1.0, default=None
+    )
+    steered_horizon: float | None = quantity(
+        "s",
+        "horizon that the governor steered by: longer than the one asked for if that holds "
+        "fewer than 200 answers; null without two answers",
+        above=0.0,
+        default=None,
+    )
+    achieved: float | None = quantity(
+        "1", "mean over time, in budget_unit; null without a budget", minimum=0.0, default=None
+    )
+    share_budget_held: float | None = quantity(
+        "1",
+        "share of the time in which a bound kept the factor from where the budget would have it",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    max_rate_ratio: float | None = quantity(
+        "1",
+        "largest ratio of a rate to its limit; null without two refreshes, or if infinite",
+        minimum=0.0,
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)

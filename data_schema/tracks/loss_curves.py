@@ -1,0 +1,171 @@
+"""Contrast loss of every frame as a function of the brightness factor, and what else the optimizer needs."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import (
+    Array,
+    array_shapes,
+    as_in,
+    check_limits,
+    described,
+    one_line,
+    quantity,
+    read_only,
+    rises,
+)
+from evenlight.data_schema.storage.whole_files import write_whole
+
+OPTIONAL_ARRAYS = {"counted"}  # missing in files of earlier versions: every frame was counted whole
+COMPUTED_ON = "what computed them: cpu, or gpu and its name"
+TOLERANCE = "largest error of contrast loss that was accepted for not counting all of every frame"
+
+
+@dataclass(frozen=True, slots=True)
+class CurvesHeader:
+    """What loss curves were made for, and how; the `header` of their npz file, in JSON."""
+
+    video: str = described("name of the video")
+    display: Display = described("display that it is shown on")
+    provenance: Provenance = described("how the file was made")
+    tolerance: float = quantity("1", TOLERANCE, minimum=0.0, default=0.0)
+    computed_on: str = described(COMPUTED_ON, default="cpu")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class LossCurves:
+    """The contrast-loss curves of N frames at K brightness factors."""
+
+    video: str = as_in(CurvesHeader, "video")
+    display: Display = described("display that it is shown on; pixels_per_degree as used in the analysis")
+    times: Array = quantity("s", "when each frame appears", shape=("N",))
+    durations: Array = quantity("s", "how long each frame is shown", above=0.0, shape=("N",))
+    factors: Array = quantity(
+        "1", "brightness factors b of the knots, rising to 1", above=0.0, maximum=1.0, shape=("K",)
+    )
+    loss: Array = quantity(
+        "1",
+        "contrast loss 𝓛_c of each frame at each factor; 0 at factor 1",
+        minimum=0.0,
+        maximum=1.0,
+        shape=("N", "K"),
+    )
+    visible_contrast: Array = quantity(
+        "1",
+        "visible contrast C_v of the undimmed frame; 0 if nothing is visible, then the loss is 0",
+        minimum=0.0,
+        maximum=1.0,
+        shape=("N",),
+    )
+    mean_luminance: Array = quantity(
+        "cd/m^2",
+        "Ī, mean luminance that the display emits at factor 1, reflected light excluded",
+        minimum=0.0,
+        shape=("N",),
+    )
+    channel_means: Array = quantity(
+        "1", "means of the linear red, green and blue channels", minimum=0.0, maximum=1.0, shape=("N", "3")
+    )
+    provenance: Provenance = described("how the file was made")
+    tolerance: float = as_in(CurvesHeader, "tolerance")
+    counted: Array = quantity(
+        "1",
+        "share of each frame's pixels, over all bands, that was counted (the rest was "
+        "interpolated between frames); 0 for a frame like the one before it, 1 if not given",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+        shape=("N",),
+    )
+    computed_on: str = as_in(CurvesHeader, "computed_on")
+
+    def __post_init__(self) -> None:
+        if self.counted is None:
+            object.__setattr__(self, "counted", [1.0] * len(self.times))
+        for name in ARRAY_SHAPES:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        check_limits(self)
+        n, k = len(self.times), len(self.factors)
+        for name, axes in ARRAY_SHAPES.items():
+            shape = tuple({"N": n, "K": k}.get(axis, 3) for axis in axes)
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} must have the shape {shape}, got {getattr(self, name).shape}")
+        if n == 0:
+            raise ValueError("loss curves need at least one frame, got none")
+        if not rises(self.times):
+            raise ValueError("times_s must rise from frame to frame")
+        if k < 2 or not rises(self.factors) or self.factors[-1] != 1:
+            raise ValueError("factors must rise to 1 with at least two knots")
+
+    def __repr__(self) -> str:
+        return one_line(self, self.video, self.times, factors=self.factors, loss=self.loss)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames N."""
+        return len(self.times)
+
+
+ARRAY_SHAPES = array_shapes(LossCurves)  # N frames, K brightness factors
+
+
+def write_loss_curves(path: Path, curves: LossCurves) -> None:
+    """Write loss curves as a compressed npz file, whole."""
+    import numpy as np
+
+    made_for = CurvesHeader(
+        curves.video, curves.display, curves.provenance, curves.tolerance, curves.computed_on
+    )
+    header = mapping_from_record(made_for)
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in ARRAY_SHAPES}
+    )
+    write_whole(path, stream.getvalue())
+
+
+def read_loss_curves(path: Path) -> LossCurves:
+    """Return the loss curves of an npz file; raise `InputError` if it holds none."""
+    what = "loss curves (npz)"
+    try:
+        header, arrays = _npz_content(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; expected {what}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder; expected {what}") from None
+    except KeyError as error:
+        raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
+    except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
+    made_for = record_from_mapping(CurvesHeader, header, f"{path}: header")
+    try:
+        return LossCurves(
+            made_for.video, made_for.display, **arrays,
+            provenance=made_for.provenance, tolerance=made_for.tolerance, computed_on=made_for.computed_on,
+        )  # fmt: skip
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _npz_content(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return the header and the arrays of an npz file of loss curves."""
+    import numpy as np
+
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        held = {name for name in ARRAY_SHAPES if name in content or name not in OPTIONAL_ARRAYS}
+        return json.loads(str(content["header"])), {name: content[name] for name in held}

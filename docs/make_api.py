@@ -1,0 +1,109 @@
+"""Writes docs/api.md from the docstrings of the public names: `python docs/make_api.py`."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import evenlight
+
+PAGE = Path(__file__).with_name("api.md")
+GROUPS = {
+    "What goes in": (
+        "open_video", "Frame", "load_display", "load_power_model", "load_rate_limit", "Display", "PowerModel",
+        "RateLimit",
+    ),
+    "A brightness track": ("optimize", "Track", "load", "loss_curves", "LossCurves", "frame_loss"),
+    "Online": ("OnlineController",),
+    "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
+    "Errors": ("InputError",),
+}  # fmt: skip
+HEAD = """# The Python interface
+
+`import evenlight` gives these names; each is loaded when it is first used. Quantities are in cd/m², s, Hz, W,
+degrees and cycles per degree; arrays are NumPy's, tables are pandas'. Bad input raises `InputError`, with one
+line that says what was wrong, what was got, and what would be right. Three short scripts stand in
+[examples/](../examples/). This page is generated from the docstrings (`python docs/make_api.py`).
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    missing = set(evenlight.__all__) ^ {name for names in GROUPS.values() for name in names}
+    assert not missing, f"names in one of evenlight.__all__ and docs/make_api.py only: {sorted(missing)}"
+    parts = [HEAD]
+    for title, names in GROUPS.items():
+        parts.append(f"## {title}\n")
+        parts += [_entry(name, getattr(evenlight, name)) for name in names]
+    return "\n".join(parts)
+
+
+def _entry(name: str, thing: Any) -> str:
+    """Return what is said of a function or a class."""
+    is_record = dataclasses.is_dataclass(thing)
+    shown = name if is_record or name == "InputError" else _signature(name, thing)
+    parts = [f"### `{name}`\n", f"```python\n{shown}\n```\n" if shown != name else "", _text(thing)]
+    if is_record:
+        parts.append(_fields(thing))
+    if inspect.isclass(thing) and not issubclass(thing, Exception):
+        own = [(n, m) for n, m in vars(thing).items() if not n.startswith("_") and _documented(m)]
+        for method, member in own:
+            if isinstance(member, property):
+                parts.append(f"**`.{method}`**: {_text(member.fget)}")
+            else:
+                parts.append(f"**`.{_signature(method, member)}`**: {_text(member)}")
+    return "\n".join(part for part in parts if part)
+
+
+def _documented(member: Any) -> bool:
+    """Return whether a member of a class is a method or property with a docstring."""
+    found = member.fget if isinstance(member, property) else member
+    return inspect.isfunction(found) and bool(found.__doc__)
+
+
+def _signature(name: str, thing: Any) -> str:
+    """Return the call with its arguments, without types: those stand in the docstring."""
+    signature = inspect.signature(thing)
+    plain = [p.replace(annotation=p.empty) for p in signature.parameters.values() if p.name != "self"]
+    text = name + str(signature.replace(parameters=plain, return_annotation=signature.empty))
+    if len(text) <= 100:
+        return text
+    arguments = str(signature.replace(parameters=plain, return_annotation=signature.empty))[1:-1]
+    return f"{name}(\n    " + ",\n    ".join(re.split(r", (?![^()]*\))", arguments)) + ",\n)"
+
+
+def _fields(record: Any) -> str:
+    """Return the fields of a record, with the unit and the words that are declared with each."""
+    rows = ["| field | unit | meaning |", "|---|---|---|"]
+    for field in dataclasses.fields(record):
+        doc, unit = field.metadata.get("doc"), field.metadata.get("unit", "")
+        if doc:
+            rows.append(f"| `{field.name}` | {unit if unit != '1' else ''} | {doc} |")
+    return "\n".join(rows) + "\n" if len(rows) > 2 else ""
+
+
+def _text(thing: Any) -> str:
+    """Return a numpy docstring as Markdown."""
+    lines = inspect.cleandoc(thing.__doc__ or "").splitlines()
+    out: list[str] = []
+    section = ""
+    for number, line in enumerate(lines):
+        if set(line) == {"-"} and len(line) > 2:
+            continue
+        if number + 1 < len(lines) and set(lines[number + 1]) == {"-"} and len(lines[number + 1]) > 2:
+            section = line
+            out += ["", f"*{line}*", ""]
+        elif section in ("Parameters", "Attributes", "Returns", "Raises") and line:
+            out.append(f"  {line.strip()}" if line.startswith(" ") else f"- `{line}`  ")
+        elif line.startswith((">>>", "...")) or (section == "Examples" and line):
+            out.append(f"    {line}")
+        else:
+            out.append(line)
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).strip() + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())

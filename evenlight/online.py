@@ -1,0 +1,222 @@
+"""The online controller as an object: for a render loop of one's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.inputs import contrast_model_of, display_of, power_model_of, rate_limit_of
+from evenlight.method.choices import LimitCurve
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.one_factor import OneFactorLoss
+from evenlight.method.online.controller import (
+    Controller,
+    ControllerSettings,
+    ControllerState,
+    FrameMeasurement,
+    SteeredTarget,
+)
+from evenlight.method.online.frame_costs import ContentCosts, FrameCost, first_factor
+from evenlight.method.online.governor import HORIZON, GovernorSettings, GovernorState, governor_of
+from evenlight.method.power import power_per_factor
+from evenlight.method.rate_limit import scalar_rate_limit
+
+Named = str | PathLike[str]
+
+
+class OnlineController:
+    """Dims frames as they come, knowing nothing of the frames to come (Section 6).
+
+    Each frame is analysed before it is shown; its contrast loss at the brightness of the frame before is what
+    a PID controller holds at the target. No step is faster than the rate limit. With a budget, a governor
+    moves the target so that the mean over the horizon meets it.
+
+    Parameters
+    ----------
+    target_loss : float, optional
+        c_r, the contrast loss to hold, in [0, 1]. Without it the first target is what the first frame loses
+        where it meets the budget.
+    budget : float, optional
+        The mean over the horizon, in `budget_unit`. Give this, a target, or both.
+    budget_unit : {"factor", "power", "watt"}
+        Mean factor, share of the power at full brightness, or watt.
+    horizon : float
+        Over which the mean is to meet the budget [s].
+    display, power_model, rate_limit, contrast_model : str, path or record
+        Presets by name, files by path, or the records themselves.
+    frames_per_second : float
+        Of the loop, where `step` is not told how long each frame is shown [Hz].
+    lowest_factor : float
+        Lowest brightness factor.
+    start_factor : float, optional
+        Factor of the first frame; else where it has the target loss.
+    proportional, integral, derivative : float
+        K_p, K_i, K_d of the paper, per frame of 1 / `gain_rate`.
+    gain_rate : float
+        Frame rate that K_i and K_d are meant for [Hz].
+    limit_curve : {"fitted", "safe"}
+        The fitted rate limit, or the lower edge of its band.
+
+    Attributes
+    ----------
+    factor : float or None
+        b of the frame that was analysed last; None before the first.
+    loss : float or None
+        Its contrast loss, at the factor of the frame before.
+    target_loss : float
+        c_r now.
+
+    Raises
+    ------
+    InputError
+        If neither a target nor a budget is given, a value is out of its range, a preset or file is not there,
+        or the rate limit was fitted on another display.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> controller = OnlineController(target_loss=0.05, frames_per_second=90)
+    >>> checks = np.indices((64, 64)).sum(axis=0) // 8 % 2 * 0.2 + 0.4
+    >>> frame = np.repeat(checks[:, :, None], 3, axis=2)
+    >>> 0.2 <= controller.step(frame) <= 1
+    True
+    """
+
+    def __init__(
+        self,
+        target_loss: float | None = None,
+        *,
+        budget: float | None = None,
+        budget_unit: str = "factor",
+        horizon: float = HORIZON,
+        display: Named | Display = "varjo-xr3",
+        power_model: Named | PowerModel = "surace2025",
+        rate_limit: Named | RateLimit = "surace2025",
+        contrast_model: Named | ContrastModel = "default",
+        frames_per_second: float = 60.0,
+        lowest_factor: float = 0.2,
+        start_factor: float | None = None,
+        proportional: float = 0.2,
+        integral: float = 0.01,
+        derivative: float = 0.05,
+        gain_rate: float = 90.0,
+        limit_curve: str = "fitted",
+    ) -> None:
+        if target_loss is None and budget is None:
+            raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
+        if not frames_per_second > 0:
+            raise InputError(f"frames_per_second must be above 0 Hz, got {frames_per_second:g}")
+        self._display = display_of(display)
+        self._model = contrast_model_of(contrast_model)
+        self._power = power_model_of(power_model)
+        limit = rate_limit_of(rate_limit, self._display)
+        try:
+            settings = ControllerSettings(
+                target_loss=target_loss or 0.0, proportional=proportional, integral=integral,
+                derivative=derivative, gain_rate=gain_rate, lowest_factor=lowest_factor,
+            )  # fmt: skip
+            unit = BudgetUnit(budget_unit)
+            self._budget = None if budget is None else GovernorSettings(budget, unit, horizon)
+            curve = LimitCurve(limit_curve)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        if start_factor is not None and not lowest_factor <= start_factor <= 1:
+            raise InputError(f"start_factor must lie in {lowest_factor:g} to 1, got {start_factor:g}")
+        self._controller = Controller(
+            settings, scalar_rate_limit(limit, self._display.reflected_luminance, curve)
+        )
+        self._target_is_given = target_loss is not None
+        self._start, self._duration = start_factor, 1 / frames_per_second
+        self._state: ControllerState | None = None
+        self._measure: OneFactorLoss | None = None
+        self._light = FrameLight(self._display, self._model.pixel_to_luminance)
+        self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
+        self._cost: FrameCost | None = None
+        self._governed: GovernorState | None = None
+        self.factor: float | None = None
+        self.loss: float | None = None
+        self.target_loss = settings.target_loss
+
+    def __repr__(self) -> str:
+        now = "before the first frame" if self.factor is None else f"factor {self.factor:.3f}"
+        return f"<OnlineController: target loss {self.target_loss:.3g}, {now}>"
+
+    def step(self, frame: Frame | NDArray[Any], duration: float | None = None) -> float:
+        """Return the brightness factor b that a frame is to be shown with.
+
+        Parameters
+        ----------
+        frame : array, (height, width, 3), uint8, uint16, float32 or float64, or Frame
+            The undimmed frame: gamma-encoded R, G, B over the integer's full range, or in [0, 1].
+        duration : float, optional
+            How long it will be shown [s]; else 1 / `frames_per_second`, or that of the `Frame`.
+
+        Returns
+        -------
+        float
+            b, in [`lowest_factor`, 1]. Dim in linear light: D = b · I.
+        """
+        if not isinstance(frame, Frame):
+            frame = Frame(0.0, duration or self._duration, np.asarray(frame))
+        seconds = frame.duration if duration is None else duration
+        if self._state is None or self._measure is None:
+            self._state = self._begun(frame, seconds)
+        else:
+            seen = self._measure.of(frame.pixel_values, self._state.factor)
+            aim = self._aim(self._state, seen.loss)
+            told = FrameMeasurement(seen.loss, seen.mean_luminance, seconds)
+            self._state, self.loss = self._controller.step(self._state, told, aim), seen.loss
+        self.factor = self._state.factor
+        if self._costs is not None:
+            slope = power_per_factor(
+                self._power, self._light.luminance_and_means(frame.pixel_values)[1][None]
+            )
+            self._cost = self._costs.of(float(slope[0]), seconds)
+        return self.factor
+
+    def _begun(self, frame: Frame, seconds: float) -> ControllerState:
+        """Return the state at the first frame, and set the first target if none is given."""
+        settings, shape = self._controller.settings, frame.pixel_values.shape[:2]
+        lowest, highest = settings.lowest_factor, settings.highest_factor
+        knots = brightness_factors(lowest)
+        curves = analyze_frames([frame], "the first frame", self._display, self._model, knots)
+        start = self._start
+        if not self._target_is_given and self._budget is not None:
+            slope = float(power_per_factor(self._power, curves.channel_means)[0])
+            fair = first_factor(self._budget, self._power, slope, (lowest, highest))
+            start = fair if start is None else start
+            self.target_loss = float(loss_and_slope(curves, np.array([fair]))[0][0])
+            settings = replace(settings, target_loss=self.target_loss)
+            self._controller = replace(self._controller, settings=settings)
+        if start is None:
+            start = float(factor_at_loss(curves, np.array([settings.target_loss]))[0])
+        start = min(max(start, lowest), highest)
+        self.loss = float(loss_and_slope(curves, np.array([start]))[0][0])
+        self._measure = OneFactorLoss((shape[0], shape[1]), self._display, self._model, lowest)
+        return self._controller.start(
+            start, FrameMeasurement(self.loss, float(curves.mean_luminance[0]), seconds)
+        )
+
+    def _aim(self, shown: ControllerState, loss: float) -> SteeredTarget | None:
+        """Return where the governor moves the target to after a frame was shown; None without a budget."""
+        if self._budget is None or self._cost is None:
+            return None
+        governor = governor_of(self._controller, self._budget)
+        if self._governed is None:
+            self._governed = governor.start(self.target_loss, shown.factor, loss)
+        self._governed, aim = governor.step(self._governed, shown, loss, self._cost.excess(shown.factor))
+        self.target_loss = aim.target_loss
+        return aim

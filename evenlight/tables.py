@@ -1,0 +1,302 @@
+"""Statistics of somebody else's trials: from a plain table to thresholds, a rate limit, findings."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import pandas as pd
+
+from evenlight.analysis.calibration.calibration import Calibration, calibrate
+from evenlight.analysis.calibration.calibration_files import write_calibration
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.dataset_findings import DEFAULT_SLOWING, AnalysisOptions, task_findings
+from evenlight.analysis.findings import Findings, write_findings
+from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
+from evenlight.analysis.ramp_loading import RampData
+from evenlight.analysis.session_loading import task_data_of
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.ramp import RampTrial
+from evenlight.data_schema.recordings.search import SearchTrial
+from evenlight.data_schema.recordings.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.inputs import Named, display_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
+TRIALS: dict[str, type[Any]] = {"rating": RatingTrial, "comparison": ComparisonTrial, "search": SearchTrial}
+# Columns that statistics do not read, and that another laboratory's table need not have.
+NOT_READ: dict[str, dict[str, Any]] = {
+    "rating": {"repetition": 1, "mean_factor": 1.0},
+    "comparison": {"repetition": 1, "mean_factor": 1.0, "baseline_factor": 1.0},
+    "search": {
+        "ring_place": 1, "ring_azimuth_deg": 0.0, "ring_altitude_deg": 0.0, "ring_gap_arcmin": 1.0,
+        "ring_contrast": 0.0, "shown_contrast": 0.0, "background_luminance_cd_m2": 1.0, "gap_pixels": 1.0,
+        "time_limit_s": 30.0, "ring_orientation_deg": 0, "reported_orientation_deg": None,
+    },
+}  # fmt: skip
+ANSWERS = {True: "yes", False: "no", "1": "yes", "0": "no"}  # True is 1
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RampFit:
+    """What ramps and their answers say: thresholds of each participant, and the rate limit of all.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Everything that was fitted.
+    """
+
+    calibration: Calibration
+
+    def __repr__(self) -> str:
+        who, n = self.calibration.data.participant_ids, len(self.calibration.thresholds)
+        kind = "simulated participants" if self.calibration.data.simulated else "participants"
+        return f"<RampFit of {len(who)} {kind}: {n} thresholds, {self.rate_limit!r}>"
+
+    @property
+    def thresholds(self) -> pd.DataFrame:
+        """The columns of `thresholds.csv`: a row for each participant and level, with credible intervals."""
+        return pd.DataFrame([mapping_from_record(fit.threshold) for fit in self.calibration.thresholds])
+
+    @property
+    def rate_limit(self) -> RateLimit:
+        """ΔL(L), the fastest change of luminance allowed, for `optimize` and `OnlineController`."""
+        fitted = self.calibration.rate_limit.limit
+        return dataclasses.replace(fitted, simulated=self.calibration.data.simulated)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the results should know."""
+        return self.calibration.warnings
+
+    def save(self, folder: Named) -> None:
+        """Write `thresholds.csv`, `rate_limit.json` and `fit_summary.json` into a folder."""
+        with results_folder(Path(folder)) as made:
+            write_calibration(self.calibration, made, provenance_now())
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Analysis:
+    """What the statistics of one task found.
+
+    Attributes
+    ----------
+    findings : Findings
+        Numbers, figures and words, as `evenlight analyze` writes them.
+    """
+
+    findings: Findings
+
+    def __repr__(self) -> str:
+        return f"<Analysis of {self.findings.name}: {len(self.findings.statistics)} numbers; {self.lead}>"
+
+    @property
+    def lead(self) -> str:
+        """What came out, in a sentence or two."""
+        return self.findings.lead
+
+    @property
+    def statistics(self) -> pd.DataFrame:
+        """Every number with its interval, test and p value: the columns of `*_statistics.csv`."""
+        return pd.DataFrame([mapping_from_record(row) for row in self.findings.statistics])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the data, but does not forbid their use."""
+        return self.findings.warnings
+
+    def save(self, folder: Named) -> None:
+        """Write the statistics as CSV, and each figure as PNG with the numbers it draws."""
+        with results_folder(Path(folder)) as made:
+            write_findings(made, self.findings)
+
+
+def fit_ramps(
+    table: pd.DataFrame | Iterable[Mapping[str, Any]] | Mapping[str, Any],
+    *,
+    display: Named | Display = "varjo-xr3",
+    simulated: bool = False,
+    options: RateLimitOptions | None = None,
+) -> RampFit:
+    """Fit psychometric functions and the rate limit to a table of luminance ramps (Section 3.4).
+
+    Parameters
+    ----------
+    table : DataFrame, or what pandas makes one of
+        One row for each ramp and its answer. Columns: `participant_id` (letters and digits),
+        `luminance_cd_m2` before the ramp, `rate_cd_m2_s` (0 in a catch trial), and `response` ("yes" or "no",
+        true or false, 1 or 0; of two intervals "first" or "second", with `ramp_interval` 1 or 2). Optional:
+        `direction` ("down" or "up"; down), `duration_s` (5), `screen` ("white" or "gray"; white), `factor`
+        (luminance over the display's peak), and any other column of `trials.tsv`.
+    display : str, path or Display
+        What the ramps were shown on: the rate limit holds for it alone.
+    simulated : bool
+        Whether simulated participants answered; thresholds, rate limit and tracks say so.
+    options : RateLimitOptions, optional
+        Form and degree of the rate limit.
+
+    Returns
+    -------
+    RampFit
+
+    Raises
+    ------
+    InputError
+        If a column is missing, a row cannot be (which names the row), or there are too few levels.
+    """
+    panel = display_of(display)
+    rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
+    trials = [
+        _record(RampTrial, _ramp_row(row, panel), number, {}, simulated) for number, row in enumerate(rows)
+    ]
+    kept = tuple(trial for trial in trials if trial.usable)
+    if not kept:
+        raise InputError("the table holds no ramp that counts: expected a row for each ramp and its answer")
+    data = RampData("ramp", (), simulated, sha256="", warnings=(), rows=kept, display=panel)
+    return RampFit(calibrate(data, options))
+
+
+def analyze(
+    table: pd.DataFrame | Iterable[Mapping[str, Any]] | Mapping[str, Any],
+    task: str | None = None,
+    *,
+    simulated: bool = False,
+    seed: int = 1,
+    margin: float = DEFAULT_MARGIN,
+    slowing: float = DEFAULT_SLOWING,
+) -> Analysis:
+    """Compute the statistics of ratings, comparisons or search times in a plain table.
+
+    Parameters
+    ----------
+    table : DataFrame, or what pandas makes one of
+        One row for each answer. All have `participant_id` (letters and digits) and `sequence`. Ratings:
+        `version` ("ours" or "baseline") and `rating`; optional `place_in_pair` (1 if shown before the other
+        version; else the order of rows). Comparisons: `ours_interval` (1 or 2) and `response` ("first" or
+        "second"). Searches: `keypoint`, `version`, `factor` (brightness factor there), `found`,
+        `search_time_s`; optional `time_limit_s` (30), `ring_orientation_deg` and `reported_orientation_deg`.
+        Other columns of `trials.tsv` may be there.
+    task : {"rating", "comparison", "search"}, optional
+        Else the columns tell.
+    simulated : bool
+        Whether simulated participants answered.
+    seed : int
+        Seed of permutations and bootstrap samples.
+    margin : float
+        Comparison: shares within 0.5 ± margin count as no difference.
+    slowing : float
+        Search: times that are longer by less than this share count as no slowing.
+
+    Returns
+    -------
+    Analysis
+
+    Raises
+    ------
+    InputError
+        If a column is missing, a row cannot be (which names the row), or the rows cannot be analysed.
+    """
+    rows = _rows_of(table, ("participant_id", "sequence"))
+    task = task or _task_of(rows[0])
+    if task not in TRIALS:
+        raise InputError(f"task must be one of {', '.join(TRIALS)}, got {task!r}")
+    if task == "rating":
+        rows = _with_places(rows)
+    if task == "search" and not any("reported_orientation_deg" in row for row in rows):
+        rows = [row | {"reported_orientation_deg": 0 if row.get("found") else None} for row in rows]
+    trials = [
+        _record(TRIALS[task], row, number, NOT_READ[task], simulated) for number, row in enumerate(rows)
+    ]
+    options = AnalysisOptions(seed=seed, margin=margin, slowing=slowing)
+    return Analysis(task_findings(task_data_of(task, trials, simulated), options))
+
+
+def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Return the rows of a table as mappings of plain values, without empty cells."""
+    frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
+    missing = [name for name in needed if name not in frame]
+    if missing:
+        has = ", ".join(map(str, frame.columns)) or "none"
+        raise InputError(f"the table has no column {', '.join(missing)}; its columns are {has}")
+    if frame.empty:
+        raise InputError("the table has no row; expected one for each answer")
+    rows = []
+    for row in frame.to_dict("records"):
+        plain = {str(key): getattr(value, "item", lambda v=value: v)() for key, value in row.items()}
+        rows.append({key: value for key, value in plain.items() if not pd.isna(value)})
+    return rows
+
+
+def _record(
+    cls: type[Trial], row: dict[str, Any], number: int, defaults: Mapping[str, Any], simulated: bool
+) -> Trial:
+    """Return the trial of a row; what is not in it and not needed has a default."""
+    known = {file_key(field): field for field in dataclasses.fields(cls)}
+    required = {
+        key for key, field in known.items()
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    }  # fmt: skip
+    filled = {"session_id": "01", "trial_index": number, "response_time_s": None, **defaults}
+    values = {key: value for key, value in filled.items() if key in required}
+    values |= {key: value for key, value in row.items() if key in known}
+    values |= {"simulated": simulated, "participant_id": _identifier(row.get("participant_id"))}
+    missing = sorted(required - set(values))
+    if missing:
+        raise InputError(f"row {number} of the table: no {', '.join(missing)}")
+    return record_from_mapping(cls, values, f"row {number} of the table")
+
+
+def _identifier(value: Any) -> str:
+    """Return a participant's identifier as text: 1.0, as pandas reads a column with gaps, is 1."""
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def _ramp_row(row: dict[str, Any], display: Display) -> dict[str, Any]:
+    """Return the columns of a ramp's record, with what follows from the others."""
+    luminance, rate = float(row.get("luminance_cd_m2", 0.0)), float(row.get("rate_cd_m2_s", 0.0))
+    duration, direction = float(row.get("duration_s", 5.0)), row.get("direction", "down")
+    answer = row.get("response")
+    way = 1.0 if direction == "up" else -1.0
+    derived = {
+        "screen": "white",
+        "factor": min(luminance / display.peak_luminance, 1.0),
+        "initial_luminance_cd_m2": luminance,
+        "final_luminance_cd_m2": luminance + way * rate * duration,
+        "duration_s": duration,
+        "is_catch": rate == 0,
+        "procedure": "two_interval" if "ramp_interval" in row else "yes_no",
+    }
+    return derived | row | {"response": ANSWERS.get(answer, answer), "rate_cd_m2_s": rate}
+
+
+def _task_of(row: Mapping[str, Any]) -> str:
+    """Return the task that the columns of a row tell."""
+    told = {"rating": "rating", "ours_interval": "comparison", "search_time_s": "search"}
+    found = [task for column, task in told.items() if column in row]
+    if len(found) != 1:
+        raise InputError(f"the columns do not tell the task: expected one of {', '.join(told)}, or give task")
+    return found[0]
+
+
+def _with_places(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return ratings with their place in the pair, from the order of rows where it is not given."""
+    seen: dict[tuple[Any, Any], list[Any]] = {}
+    placed = []
+    for row in rows:
+        versions = seen.setdefault((row.get("participant_id"), row.get("sequence")), [])
+        if row.get("version") not in versions:
+            versions.append(row.get("version"))
+        placed.append({"place_in_pair": versions.index(row.get("version")) + 1} | row)
+    return placed

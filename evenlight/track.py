@@ -1,0 +1,432 @@
+"""From a video and a budget to a brightness track, as an object that answers questions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from os import fspath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evenlight.analysis.earlier_results import files_in, remove_earlier_track
+from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.optimization import optimize_curves, optimize_video
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData, uses_same_power
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    read_track,
+    track_columns,
+    write_track,
+)
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from evenlight.inputs import (
+    Frames,
+    Named,
+    contrast_model_of,
+    display_of,
+    power_model_of,
+    rate_limit_of,
+    video_of,
+)
+from evenlight.method.choices import AnalysisEffort, LimitCurve, ModulatedLuminance, SolverName
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.one_factor import OneFactorLoss
+from evenlight.method.optimizer.request import Request, require_possible
+from evenlight.stimuli.video.video_source import VideoSource
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+LOWEST_FACTORS = 0.001, 0.99
+TRACK, SUMMARY, CURVES, FIGURE = "track.csv", "summary.json", "loss_curves.npz", "track.png"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Track:
+    """A brightness track: what `optimize` returns and `load` reads.
+
+    Attributes
+    ----------
+    track : BrightnessTrack
+        The columns of `track.csv`, as arrays.
+    summary : OptimizationSummary
+        The keys of `summary.json`: budget, objective, bound, rates, power, how it was made.
+    curves : LossCurves
+        Contrast loss of every frame at every brightness factor.
+    """
+
+    track: BrightnessTrack
+    summary: OptimizationSummary
+    curves: LossCurves
+
+    def __repr__(self) -> str:
+        s = self.summary
+        gain = 1 - self.objective / self.objective_baseline if self.objective_baseline > 0 else 0.0
+        return (
+            f"<Track of {s.video!r}: {s.frames} frames, {s.duration:.4g} s, mean factor {s.mean_factor:.3f}, "
+            f"{s.mean_power:.3g} W; loss differs by {self.objective:.4f} between two frames, "
+            f"{gain:.0%} less than constant dimming>"
+        )
+
+    def __len__(self) -> int:
+        return len(self.track.factors)
+
+    @property
+    def factors(self) -> Array:
+        """b, the brightness factor of each frame, (N,)."""
+        return self.track.factors
+
+    @property
+    def times(self) -> Array:
+        """When each frame appears [s], (N,)."""
+        return self.track.times
+
+    @property
+    def baseline(self) -> float:
+        """The factor of constant dimming at equal power."""
+        return self.summary.baseline_factor
+
+    @property
+    def objective(self) -> float:
+        """Mean absolute difference of contrast loss between two frames (Eq. 6)."""
+        return self.summary.objective
+
+    @property
+    def objective_baseline(self) -> float:
+        """The same, of constant dimming at equal power."""
+        return self.summary.objective_baseline
+
+    @property
+    def gap(self) -> float:
+        """Share of the objective that a better track could gain at most, in [0, 1]; 1 if not certified."""
+        return 1 - self.summary.lower_bound / self.objective if self.objective > 0 else 0.0
+
+    def loss(self, factors: ArrayLike | None = None) -> Array:
+        """Return the contrast loss 𝓛_c of each frame, (N,).
+
+        Parameters
+        ----------
+        factors : float or array_like, (N,), optional
+            Brightness factors to compute it at, in [lowest factor, 1]; else those of the track.
+
+        Examples
+        --------
+        `track.loss(track.baseline)` is the loss under constant dimming at equal power.
+        """
+        if factors is None:
+            return self.track.contrast_loss
+        return loss_and_slope(self.curves, _checked_factors(factors, self.curves))[0]
+
+    def power(self) -> Array:
+        """Return the power of the display in each frame [W], (N,)."""
+        return self.track.power
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the columns of `track.csv`, one row for each frame, as a pandas table."""
+        import pandas as pd
+
+        return pd.DataFrame(track_columns(self.track))
+
+    def plot(self) -> Figure:
+        """Return the figure `track.png` without the pictures of frames: factor, loss, rate over time."""
+        data = TrackFigureData(
+            track=self.track,
+            baseline_factor=self.baseline,
+            baseline_loss=self.loss(self.baseline),
+            objective=self.objective,
+            objective_baseline=self.objective_baseline,
+            lowest_factor=self.summary.lowest_factor,
+            achieved=self.summary.achieved,
+            clips=self.summary.clips,
+            same_power=uses_same_power(self.summary),
+        )
+        return track_figure(data)
+
+    def save(self, folder: Named) -> None:
+        """Write `track.csv`, `track.json`, `summary.json`, `loss_curves.npz` and `track.png` into a folder.
+
+        The folder is made if need be; files of an earlier track in it are replaced.
+        """
+        with results_folder(Path(folder)) as made:
+            write_track(made / TRACK, self.track)
+            write_json_record(made / SUMMARY, self.summary)
+            write_loss_curves(made / CURVES, self.curves)
+            write_png(made / FIGURE, self.plot())
+            written = files_in(made)
+        remove_earlier_track(Path(folder), written)
+
+
+def load(folder: Named) -> Track:
+    """Return the track in a folder that `Track.save` or `evenlight optimize` has written.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged.
+    """
+    path = Path(folder)
+    if not path.is_dir():
+        raise InputError(
+            f"{path}: no such folder; give one that `Track.save` or `evenlight optimize` has written"
+        )
+    return Track(
+        read_track(path / TRACK),
+        read_json_record(OptimizationSummary, path / SUMMARY),
+        read_loss_curves(path / CURVES),
+    )
+
+
+def optimize(
+    video: Named | VideoSource | Frames | LossCurves,
+    budget: float,
+    *,
+    budget_unit: str = "factor",
+    display: Named | Display = "varjo-xr3",
+    power_model: Named | PowerModel = "surace2025",
+    rate_limit: Named | RateLimit = "surace2025",
+    contrast_model: Named | ContrastModel = "default",
+    frames_per_second: float | None = None,
+    field_of_view: float | None = None,
+    lowest_factor: float = 0.2,
+    limit_curve: str = "fitted",
+    modulated: str = "frame_mean",
+    solver: str = "splitting",
+    calm: float = 0.0,
+    tolerance: float = 0.001,
+    jobs: int = 1,
+    other_display_ok: bool = False,
+    seed: int = 1,
+) -> Track:
+    """Return the brightness track of a video under a power budget (Eq. 6).
+
+    Parameters
+    ----------
+    video : str, path, video of `open_video`, iterable of frames, or LossCurves
+        A file, a folder of images, the name of a built-in sequence; arrays (height, width, 3) of gamma-
+        encoded R, G, B (uint8 or uint16 over their full range, floats in [0, 1]) or `Frame` objects; or the
+        curves of an earlier analysis, which serve for other budgets, power models and rate limits too.
+    budget : float
+        In `budget_unit`.
+    budget_unit : {"factor", "power", "watt"}
+        Mean factor, share of the power at full brightness, or watt.
+    display, power_model, rate_limit, contrast_model : str, path or record
+        Presets by name, files by path, or the records themselves.
+    frames_per_second : float, optional
+        Of arrays, of a folder of images, or of a built-in sequence; 25 if not given [Hz].
+    field_of_view : float, optional
+        What the video's width spans [degrees]; else it is shown pixel for pixel.
+    lowest_factor : float
+        Lowest brightness factor.
+    limit_curve : {"fitted", "safe"}
+        The fitted rate limit, or the lower edge of its band.
+    modulated : {"frame_mean", "white_field"}
+        Whose luminance the rate limit is about.
+    solver : {"splitting", "slsqp", "highs", "clarabel"}
+        The fast one, the paper's, or a general one (short clips).
+    calm : float
+        Share of the gain to give up for a calmer track, in [0, 1].
+    tolerance : float
+        Error of contrast loss to accept for counting fine detail only where it changes.
+    jobs : int
+        Frames to analyse at a time, each on a core; 0 for all cores.
+    other_display_ok : bool
+        Whether a rate limit that was fitted on another display will do.
+    seed : int
+        Of the start of `slsqp`.
+
+    Returns
+    -------
+    Track
+        Budget met to 1e-6, no step faster than the rate limit, no worse than constant dimming.
+
+    Raises
+    ------
+    InputError
+        If something cannot be used: the message names it and says what would be right.
+    """
+    shown = video.display if isinstance(video, LossCurves) else display_of(display)
+    with _named_errors():
+        request = Request(
+            budget, BudgetUnit(budget_unit), power_model_of(power_model),
+            rate_limit_of(rate_limit, shown, other_display_ok), LimitCurve(limit_curve),
+            ModulatedLuminance(modulated),
+        )  # fmt: skip
+        require_possible(request, lowest_factor)
+        job = OptimizationJob(
+            source=_AnalysedVideo(video)
+            if isinstance(video, LossCurves)
+            else video_of(video, frames_per_second),
+            display=shown,
+            request=request,
+            model=contrast_model_of(contrast_model),
+            model_name=_name_of(contrast_model),
+            solver=SolverName(solver),
+            seed=seed,
+            min_factor=_checked("lowest_factor", lowest_factor, *LOWEST_FACTORS),
+            calm=_checked("calm", calm, 0.0, 1.0),
+            field_of_view=field_of_view,
+            effort=AnalysisEffort(_checked("tolerance", tolerance, 0.0, 1.0), jobs),
+            quiet=True,
+        )
+    made = (
+        optimize_curves(job, [video], [FrameSamples()])
+        if isinstance(video, LossCurves)
+        else optimize_video(job)
+    )
+    return Track(made.clips[0].track, made.summary, made.clips[0].problem.curves)
+
+
+def loss_curves(
+    video: Named | VideoSource | Frames,
+    *,
+    display: Named | Display = "varjo-xr3",
+    contrast_model: Named | ContrastModel = "default",
+    frames_per_second: float | None = None,
+    lowest_factor: float = 0.2,
+    tolerance: float = 0.001,
+    jobs: int = 1,
+) -> LossCurves:
+    """Return the contrast loss of every frame of a video at every brightness factor, for several budgets.
+
+    Parameters
+    ----------
+    video, display, contrast_model, frames_per_second, lowest_factor, tolerance, jobs
+        As in `optimize`. The video is taken pixel for pixel.
+
+    Returns
+    -------
+    LossCurves
+        Of N frames; `loss` is (N, K) at its K `factors`.
+    """
+    source, panel = video_of(video, frames_per_second), display_of(display)
+    model = contrast_model_of(contrast_model)
+    inputs = {
+        "video": source.sha256(),
+        "display": sha256_of_record(panel),
+        "contrast_model": sha256_of_record(model),
+    }
+    knots = brightness_factors(_checked("lowest_factor", lowest_factor, *LOWEST_FACTORS))
+    return analyze_frames(
+        source.frames(), source.name, panel, model, knots,
+        provenance_now(inputs=inputs), AnalysisEffort(_checked("tolerance", tolerance, 0.0, 1.0), jobs),
+    )  # fmt: skip
+
+
+def frame_loss(
+    pixel_values: ArrayLike,
+    factors: ArrayLike,
+    *,
+    display: Named | Display = "varjo-xr3",
+    contrast_model: Named | ContrastModel = "default",
+) -> Array:
+    """Return the contrast loss 𝓛_c of one frame at brightness factors (Eqs. 1 to 5).
+
+    Parameters
+    ----------
+    pixel_values : array_like, (height, width, 3), uint8, uint16 or float in [0, 1]
+        Gamma-encoded R, G, B; integers over their full range.
+    factors : array_like, any shape
+        b, in (0, 1].
+    display, contrast_model : str, path or record
+        As in `optimize`.
+
+    Returns
+    -------
+    array, the shape of `factors`
+        Share of the visible contrast that is lost, in [0, 1].
+
+    Examples
+    --------
+    >>> checks = np.indices((64, 64)).sum(axis=0)[:, :, None] // 8 % 2 * np.full(3, 0.2) + 0.4
+    >>> float(frame_loss(checks, 1.0))
+    0.0
+    """
+    frame, wanted = _frame_of(pixel_values), np.asarray(factors, dtype=np.float64)
+    if not (wanted.size and wanted.min() > 0 and wanted.max() <= 1):
+        raise InputError("factors must hold at least one number, and all must lie above 0 and not above 1")
+    height, width, _ = frame.pixel_values.shape
+    measure = OneFactorLoss(
+        (height, width), display_of(display), contrast_model_of(contrast_model), float(wanted.min())
+    )
+    return np.array([measure.of(frame.pixel_values, float(b)).loss for b in wanted.flat]).reshape(
+        wanted.shape
+    )
+
+
+class _AnalysedVideo:
+    """The video of loss curves, whose frames are not at hand."""
+
+    def __init__(self, curves: LossCurves) -> None:
+        self.name, self.n_frames = curves.video, curves.n_frames
+        self._sha256 = curves.provenance.inputs.get("video", "unknown")
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield no frame."""
+        return iter(())
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the video that was analysed."""
+        return self._sha256
+
+
+def _name_of(given: Named | ContrastModel) -> str:
+    """Return what a summary calls a contrast model."""
+    return "given" if isinstance(given, ContrastModel) else fspath(given)
+
+
+def _checked(name: str, value: float, low: float, high: float) -> float:
+    """Return the value of an argument, if it lies within its limits."""
+    if not low <= value <= high:
+        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {value:g}")
+    return value
+
+
+def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:
+    """Return the factor of each frame, (N,), if the curves reach them."""
+    try:
+        given = np.broadcast_to(np.asarray(factors, dtype=np.float64), (curves.n_frames,))
+    except ValueError:
+        raise InputError(
+            f"factors must be one number or one for each of the {curves.n_frames} frames"
+        ) from None
+    lowest = float(curves.factors[0])
+    if not (given.min() >= lowest * (1 - 1e-9) and given.max() <= 1):
+        raise InputError(f"factors must lie in {lowest:g} to 1, got {given.min():g} to {given.max():g}")
+    return given
+
+
+def _frame_of(pixel_values: ArrayLike) -> Frame:
+    """Return the frame of an array."""
+    with _named_errors():
+        return Frame(0.0, 1.0, np.asarray(pixel_values))
+
+
+@contextmanager
+def _named_errors() -> Iterator[None]:
+    """Turn what an enum or a record refuses into the one error of this interface."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(str(error)) from error

@@ -1,0 +1,1 @@
+"""Playing on a window: videos with their tracks, measured power, and walks that are dimmed live."""

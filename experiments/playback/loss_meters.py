@@ -1,0 +1,317 @@
+"""What measures the contrast loss of the picture that a window shows, while it shows it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import Device
+from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
+from evenlight.stimuli.dithering import GRID_LEVELS
+from evenlight.stimuli.scenes.drawing import graphics_state
+from evenlight.stimuli.scenes.drawing.graphics_scene import set_uniforms
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.drawing.shaders import WHOLE_VERTEX
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from evenlight.method.gpu.frame_loss import GpuLoss
+
+CODES = 1024  # levels of the renderer's codes
+ONE_STRIP_IN = 4  # strips of rows that the processor counts, others each time (bench online: the error)
+BLOCK = 16  # columns and rows of pixels that are added up at one place
+SUM_FRAGMENT = f"""
+#version 330
+uniform usampler2D codes;
+uniform float gamma;
+out vec4 total;
+void main() {{
+    ivec2 first = ivec2(gl_FragCoord.xy) * {BLOCK};
+    ivec2 end = min(first + {BLOCK}, textureSize(codes, 0));
+    total = vec4(0.0);
+    for (int y = first.y; y < end.y; y++)
+        for (int x = first.x; x < end.x; x++) {{
+            vec3 encoded = vec3(texelFetch(codes, ivec2(x, y), 0).rgb) / {GRID_LEVELS - 1}.0;
+            total.rgb += pow(encoded, vec3(gamma));
+        }}
+}}
+"""
+
+
+class MeasuredLoss(Protocol):
+    """What is known of a picture."""
+
+    @property
+    def loss(self) -> float:
+        """𝓛_c at the factor asked for, in [0, 1]."""
+
+
+class LossMeter(Protocol):
+    """Measures the picture that was drawn last; its loss is waited for by nothing."""
+
+    @property
+    def name(self) -> str:
+        """What measures: "cpu", or "gpu" and the renderer's name."""
+
+    def mean_luminance(self) -> float:
+        """Return its Ī at factor 1 [cd/m^2], before it is shown."""
+
+    def channel_means(self) -> NDArray[np.float64]:
+        """Return the means of the linear R, G, B channels of the picture whose Ī was asked for last, (3,)."""
+
+    def begin(self, factor: float) -> bool:
+        """Begin to measure at a factor; return False, and do nothing, while another is under way."""
+
+    def result(self) -> MeasuredLoss | None:
+        """Return what came of the one under way, or None as long as there is none."""
+
+    def close(self) -> None:
+        """Let go of what it holds."""
+
+
+def open_meter(
+    context: moderngl.Context,
+    pictures: SceneRenderer,
+    display: Display,
+    *,
+    lowest_factor: float,
+    device: Device,
+    patient: bool,
+) -> LossMeter:
+    """Return a meter of the pictures of a renderer.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of the window, and of the renderer.
+    pictures : SceneRenderer
+        Draws the pictures.
+    display : Display
+        What shows them.
+    lowest_factor : float
+        That will be asked for.
+    device : Device
+        What measures. By itself it takes a graphics processor with compute shaders that is no program.
+    patient : bool
+        Whether results are waited for: where time is simulated, the same must come out every time.
+
+    Raises
+    ------
+    InputError
+        If the graphics processor is asked for, and has no compute shaders.
+    """
+    light = PictureLuminance(context, pictures, display)
+    if _on_gpu(context, device):
+        from evenlight.method.gpu.frame_loss import GpuLoss
+
+        width, height = pictures.size
+        with graphics_state.own(context):
+            loss = GpuLoss(context, (height, width), display, lowest_factor=lowest_factor)
+        return GpuMeter(context, pictures, loss, light, patient=patient)
+    return ProcessorMeter(pictures, display, lowest_factor, light, patient=patient)
+
+
+def _on_gpu(context: moderngl.Context, device: Device) -> bool:
+    """Return whether the graphics processor is to measure."""
+    if device is Device.CPU:
+        return False
+    from evenlight.method.gpu.context import is_software, renderer_name, require_compute
+
+    try:
+        require_compute(context)
+    except InputError:
+        if device is Device.GPU:
+            raise
+        return False
+    return device is Device.GPU or not is_software(renderer_name(context))
+
+
+class _LightMeter:
+    """The part of a loss meter that both kinds share: the luminance of the picture drawn last."""
+
+    _light: PictureLuminance
+
+    def mean_luminance(self) -> float:
+        """Return Ī of the picture drawn last."""
+        return self._light.mean()
+
+    def channel_means(self) -> NDArray[np.float64]:
+        """Return the means of its channels."""
+        return self._light.channel_means()
+
+
+class ProcessorMeter(_LightMeter):
+    """Measures on the processor, in a thread beside the one that draws.
+
+    Of the fine bands of large pictures every fourth strip of rows counts, each time others, so that over four
+    times all do.
+
+    Parameters
+    ----------
+    pictures : SceneRenderer
+        Draws the pictures.
+    display : Display
+        What shows them.
+    lowest_factor : float
+        That will be asked for.
+    light : PictureLuminance
+        Of the pictures.
+    patient : bool
+        Whether `result` waits.
+    """
+
+    def __init__(
+        self,
+        pictures: SceneRenderer,
+        display: Display,
+        lowest_factor: float,
+        light: PictureLuminance,
+        *,
+        patient: bool,
+    ) -> None:
+        from evenlight.method.contrast.one_factor import OneFactorLoss
+
+        width, height = pictures.size
+        self._pictures, self._light, self._patient = pictures, light, patient
+        self._turn = 0
+        self._loss = OneFactorLoss(
+            (height, width), display, lowest_factor=lowest_factor, one_strip_in=ONE_STRIP_IN
+        )
+        self._thread = ThreadPoolExecutor(1, "contrast loss")
+        self._under_way: Future[MeasuredLoss] | None = None
+
+    @property
+    def name(self) -> str:
+        """What measures."""
+        return "cpu"
+
+    def begin(self, factor: float) -> bool:
+        """Read the picture back, and hand it to the thread."""
+        if self._under_way is not None:
+            return False
+        pixels = self._pictures.pixel_values()
+        self._under_way = self._thread.submit(self._loss.of, pixels, factor, self._turn)
+        self._turn += 1
+        return True
+
+    def result(self) -> MeasuredLoss | None:
+        """Return what the thread found, if it is done."""
+        waiting = self._under_way
+        if waiting is None or not (self._patient or waiting.done()):
+            return None
+        self._under_way = None
+        return waiting.result()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(cancel_futures=True)
+
+
+class GpuMeter(_LightMeter):
+    """Measures by compute shaders in the window's context, from the texture that is shown.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of the window.
+    pictures : SceneRenderer
+        Draws the pictures.
+    loss : GpuLoss
+        For pictures of that size.
+    light : PictureLuminance
+        Of the pictures.
+    patient : bool
+        Whether `result` waits.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        pictures: SceneRenderer,
+        loss: GpuLoss,
+        light: PictureLuminance,
+        *,
+        patient: bool,
+    ) -> None:
+        self._context, self._pictures, self._loss, self._light = context, pictures, loss, light
+        self._patient, self._under_way = patient, False
+
+    @property
+    def name(self) -> str:
+        """What measures, and its name."""
+        from evenlight.method.gpu.context import renderer_name
+
+        return f"gpu: {renderer_name(self._context)}"
+
+    def begin(self, factor: float) -> bool:
+        """Begin with the texture of codes."""
+        from evenlight.method.gpu.pyramid import FrameTexture, TextureContent
+
+        if self._under_way:
+            return False
+        frame = FrameTexture(self._pictures.codes, TextureContent.LEVELS, CODES, from_below=True)
+        with graphics_state.own(self._context):
+            self._loss.start(frame, factor)
+        self._under_way = True
+        return True
+
+    def result(self) -> MeasuredLoss | None:
+        """Return the answer, if the graphics processor has come to it."""
+        if not self._under_way or not (self._patient or self._loss.ready()):
+            return None
+        self._under_way = False
+        with graphics_state.own(self._context):
+            return self._loss.result()
+
+    def close(self) -> None:
+        """Textures and buffers go with the window."""
+
+
+class PictureLuminance:
+    """Adds up a renderer's codes where they are; what is read back is four numbers for 256 pixels.
+
+    To read it is to wait until the picture is drawn, which the display must do as well.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of the window, and of the renderer.
+    pictures : SceneRenderer
+        Draws the pictures.
+    display : Display
+        What shows them.
+    """
+
+    def __init__(self, context: moderngl.Context, pictures: SceneRenderer, display: Display) -> None:
+        self._context, self._pictures, self._display = context, pictures, display
+        width, height = pictures.size
+        blocks = -(-width // BLOCK), -(-height // BLOCK)
+        with graphics_state.own(context):
+            self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
+            program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=SUM_FRAGMENT)
+            self._adder = context.vertex_array(program, [])
+            set_uniforms(self._adder, codes=0, gamma=display.gamma)
+        self._means: Array = np.zeros(3)
+
+    def mean(self) -> float:
+        """Return Ī at factor 1 of the picture drawn last [cd/m^2]."""
+        width, height = self._pictures.size
+        with graphics_state.own(self._context):
+            self._sums.use()
+            self._pictures.codes.use(0)
+            self._adder.render(vertices=3)
+            sums = np.frombuffer(self._sums.read(components=4, dtype="f4"), np.float32).reshape(-1, 4)
+        self._means = sums[:, :3].sum(axis=0, dtype=np.float64) / (width * height)
+        share = float(self._means @ LUMINANCE_WEIGHTS)
+        return self._display.black_level + (self._display.peak_luminance - self._display.black_level) * share
+
+    def channel_means(self) -> Array:
+        """Return the means of the linear R, G, B channels of the picture that `mean` saw last, (3,)."""
+        return self._means

@@ -1,0 +1,314 @@
+"""Plays a video in its versions, time and again, with a power meter in the panel's supply.
+
+Before and after it three flashes mark the time, for a meter without a synchronisation input.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import typer
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.recordings.dataset_layout import BACKLIGHT_SETTINGS
+from evenlight.data_schema.recordings.instrument_logs import BacklightSetting, PlayedFlip, PowerLog
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.storage.append_log import AppendedRows
+from evenlight.experiments.calibration_age import require_young, utc_now
+from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions
+from evenlight.experiments.playback.play_video import video_request
+from evenlight.experiments.playback.player import Dimming, Playback, PlaybackDevices, Player, open_devices
+from evenlight.experiments.playback.power_recording import RATES, PowerRecording
+from evenlight.experiments.sessions.dataset import make_folder
+from evenlight.experiments.showing import Screen
+from evenlight.experiments.stage import PausePressed
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.rig import is_simulated, open_power_meter
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.preset_files import load_power_model
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.ramp import frame_count
+
+if TYPE_CHECKING:
+    import moderngl
+
+DEFAULT_PASSES = 3
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
+SEED = 1  # of a simulated meter's noise
+WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
+PATCH = 64  # [pixels] of the corner that a photodiode looks at
+FLASHES = 3
+FLASH_SECONDS = 0.5  # bright, and dark between
+DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
+
+
+@dataclass(frozen=True, slots=True)
+class PowerMeasurement:
+    """How power is measured.
+
+    Attributes
+    ----------
+    folder : Path
+        Where samples, clocks and flips go.
+    sample_rate : float or None
+        Of the meter [Hz]; None for the highest up to 1000 that it has.
+    sync_patch : bool
+        Whether a corner of the picture changes between black and white with every frame, for a photodiode on
+        the meter's synchronisation input.
+    track_sha256 : str
+        Of the track.
+    simulated : bool
+        Whether time goes with the flips.
+    """
+
+    folder: Path
+    sample_rate: float | None
+    sync_patch: bool
+    track_sha256: str
+    simulated: bool
+
+
+def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
+    """Play a video in every version in turn and record the power; return the folder of the samples.
+
+    Raises
+    ------
+    InputError
+        If video, track, display and meter do not go together, or an option cannot be.
+    InstrumentError
+        If the meter fails; what came before is in the folder.
+    """
+    asked = video_request(screen)
+    rig = asked.rig
+    require_power_meter(rig, sync_patch=options.sync_patch)
+    if screen.power_model is not None:
+        model = load_power_model(screen.power_model)  # a slip is told before anything is played
+        if not screen.simulate:
+            require_young(model, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
+    folder = require_output(screen.out)
+    measurement = PowerMeasurement(
+        folder=folder,
+        sample_rate=options.sample_rate_hz,
+        sync_patch=options.sync_patch,
+        track_sha256=asked.loaded.sha256,
+        simulated=screen.simulate,
+    )
+    order = measured_order(options.passes or DEFAULT_PASSES)
+    playback = asked.playback([dimming.value for dimming in order])
+    turns = itertools.count(1)
+
+    def say(words: str) -> None:
+        turn = next(turns)
+        if not screen.quiet:
+            typer.echo(f"measuring {words}, {turn} of {len(order)}")
+
+    try:
+        with ExitStack() as stack:
+            settings = None
+            if rig.backlight != "none":
+                settings = stack.enter_context(AppendedRows(folder / BACKLIGHT_SETTINGS, BacklightSetting))
+            noted = None if settings is None else lambda setting: settings.append([setting], to_disk=False)
+            opened = open_devices(rig, asked.display, simulated=screen.simulate, any_rate=False, noted=noted)
+            devices = stack.enter_context(opened)
+            whole = play_measured(devices, Player(devices, playback, say), playback, measurement)
+    except BaseException as error:
+        if isinstance(error, Exception | SystemExit):
+            raise
+        print(
+            f"evenlight: interrupted; `evenlight fit {folder} --out FOLDER` analyses what was recorded",
+            file=sys.stderr,
+        )
+        sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+    if not whole:
+        print("evenlight: ended before its end; what was measured until then follows", file=sys.stderr)
+    return folder
+
+
+def require_power_meter(rig: Rig, *, sync_patch: bool) -> None:
+    """Refuse a rig without a power meter, and a mark for a meter that cannot see it."""
+    if rig.power_meter == "none":
+        raise InputError(
+            f"the rig {rig.name!r} names no power meter, and --measure-power needs one: add `power_meter`, "
+            "as `evenlight measure list` has them"
+        )
+    if sync_patch and not _has_sync(rig.power_meter):
+        raise InputError(
+            f"--sync-patch is for a photodiode on a meter's synchronisation input, and {rig.power_meter} has "
+            "none; without it the clocks are compared by flashes"
+        )
+
+
+def _has_sync(power_meter: str) -> bool:
+    """Return whether a power meter has a synchronisation input.
+
+    >>> _has_sync("board:/dev/ttyACM0"), _has_sync("simulated:scpi")
+    (True, False)
+    """
+    return bool(WITH_SYNC & set(power_meter.split(":")[: 2 if is_simulated(power_meter) else 1][-1:]))
+
+
+def require_output(folder: Path | None) -> Path:
+    """Return the folder of a measurement, made; refuse one with other things in it."""
+    if folder is None:
+        raise InputError("--measure-power needs --out: a new folder for samples, table, figure and report")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            f"{folder}: holds something already, and measurements are never overwritten; give a new folder "
+            "with --out"
+        )
+    make_folder(folder)
+    return folder
+
+
+def measured_order(passes: int) -> tuple[Dimming, ...]:
+    """Return the versions in the order in which they are played: each time round begins with another.
+
+    So a slow drift of the panel falls on all versions alike.
+
+    >>> [dimming.value for dimming in measured_order(2)]
+    ['ours', 'baseline', 'full', 'baseline', 'full', 'ours']
+    """
+    versions = (Dimming.OURS, Dimming.BASELINE, Dimming.FULL)
+    turns = [turn % len(versions) for turn in range(passes)]
+    return tuple(version for turn in turns for version in (*versions[turn:], *versions[:turn]))
+
+
+def play_measured(
+    devices: PlaybackDevices, player: Player, playback: Playback, measurement: PowerMeasurement
+) -> bool:
+    """Play a video in the order of its playback and record its power; return whether it came to its end.
+
+    Raises
+    ------
+    InputError
+        If the folder holds a measurement already.
+    InstrumentError
+        If the meter fails; what came before is in the folder.
+    """
+    rig, window = devices.rig, devices.window
+    with ExitStack() as stack:
+        simulation = None
+        if measurement.simulated or is_simulated(rig.power_meter):
+            simulation = _simulation(devices)
+        rehearsed = measurement.simulated and not is_simulated(rig.power_meter)
+        name = "simulated" if rehearsed else rig.power_meter
+        meter = stack.enter_context(open_power_meter(name, window.now, simulation))
+        log = _log(playback, devices, measurement, meter.apparatus())
+        panel = simulation.panel if simulation else None
+        recording = stack.enter_context(
+            PowerRecording(measurement.folder, log, measurement.sample_rate, meter, window.now, panel)
+        )
+        player.observe(_Watcher(recording, playback.order, measurement.sync_patch))
+        try:
+            flash(player.showing, player.fields, recording)
+            whole = player.play()
+            if whole:
+                flash(player.showing, player.fields, recording)
+        except PausePressed:
+            whole = False
+        except InstrumentError as error:
+            words = f"`evenlight fit {measurement.folder} --out FOLDER` analyses what was recorded until then"
+            raise InstrumentError(f"{error}; {words}", error.fault, error.code) from None
+        return whole
+
+
+class _Watcher:
+    """Tells a recording what each refresh showed."""
+
+    def __init__(self, recording: PowerRecording, order: Sequence[Dimming], patch: bool) -> None:
+        self._recording, self._order, self._patch = recording, order, patch
+        self._pass = -1
+
+    def begin(self) -> None:
+        """Take note that the video begins, once more."""
+        self._pass += 1
+        self._recording.compare_clocks()
+
+    def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
+        """Draw the corner that a photodiode looks at."""
+        level = self._recording.next_sync(self._pass, video_frame)
+        if self._patch:
+            framebuffer.clear(*(float(level),) * 3, 1.0, viewport=(0, 0, PATCH, PATCH))
+
+    def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
+        """Record a refresh."""
+        version = self._order[self._pass].value
+        shown = (flip, video_frame, factor, achieved, self._recording.sync)
+        self._recording.showed(PlayedFlip(self._pass, version, *shown))
+
+
+def _simulation(devices: PlaybackDevices) -> Simulation:
+    """Return a simulated panel that is dimmed by its backlight, and has the display's luminances."""
+    window, display = devices.window, devices.display
+    physics = PanelPhysics(
+        peak_luminance=display.peak_luminance, black_level=display.black_level, gamma=display.gamma
+    )
+    panel = SimulatedPanel(physics, window.now)
+    return Simulation(panel, np.random.default_rng(SEED), window.now, lambda seconds: None)
+
+
+def _log(
+    playback: Playback, devices: PlaybackDevices, measurement: PowerMeasurement, meter: dict[str, str]
+) -> PowerLog:
+    """Return what a measurement is."""
+    rig = devices.rig
+    said = devices.window.apparatus() | {f"power meter: {key}": value for key, value in meter.items()}
+    simulated = measurement.simulated or any(is_simulated(n) for n in (rig.power_meter, rig.backlight))
+    return PowerLog(
+        simulated=simulated,
+        video=playback.video.name,
+        duration=playback.duration,
+        passes=tuple(dimming.value for dimming in playback.order),
+        refresh_rate=devices.rig.refresh_rate,
+        sample_rate=measurement.sample_rate or RATES[0],
+        mean_factor=float(np.mean(playback.factors[Dimming.OURS])),
+        baseline_factor=float(playback.factors[Dimming.BASELINE][0]),
+        sync_connected=measurement.sync_patch or (simulated and _has_sync(rig.power_meter)),
+        apparatus=said,
+        provenance=provenance_now(inputs={"track": measurement.track_sha256}),
+        started="" if measurement.simulated else utc_now(),
+    )
+
+
+class FlashWatcher(Protocol):
+    """Who takes note of the flashes."""
+
+    def flashed(self, factor: float) -> None:
+        """Take note of a brightness factor right after it first appeared."""
+
+    def take_samples(self) -> None:
+        """Take what a meter has measured meanwhile, after every refresh."""
+
+
+def flash(on: Screen, fields: FieldRenderer, watcher: FlashWatcher) -> None:
+    """Show three flashes of white, dark before and after each.
+
+    Parameters
+    ----------
+    on : Screen
+        What is shown on.
+    fields : FieldRenderer
+        Draws the field.
+    watcher : FlashWatcher
+        Who takes note of them.
+    """
+    refresh = 0
+    for factor in (*(DARK, BRIGHT) * FLASHES, DARK):
+        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
+            pixels = on.brightness.of_picture(factor)
+            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
+            on.show(fields, Field(white), refresh)
+            refresh += 1
+            if number == 0:
+                watcher.flashed(factor)
+            else:
+                watcher.take_samples()

@@ -1,0 +1,217 @@
+"""Plays a video with its track, as `evenlight play` is asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.experiments.calibration_age import require_young
+from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
+from evenlight.experiments.playback.player import (
+    Dimming,
+    Pass,
+    Playback,
+    Player,
+    open_devices,
+    require_log_file,
+    write_log,
+)
+from evenlight.experiments.playback.video_and_track import (
+    LoadedTrack,
+    frame_durations,
+    load_track,
+    require_display,
+    require_fit,
+)
+from evenlight.hardware.rig_files import load_rig
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.sequences import built_in_sequence, is_sequence
+from evenlight.stimuli.video.video_source import VideoSource, size_of
+
+SMALLEST_WINDOW = 64  # [pixels]
+FREE_RUNNING = 1.1  # times as many refreshes as the display makes
+
+
+def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
+    """Play a video with its track, and say how it went; whatever ends it, the log is written.
+
+    Raises
+    ------
+    InputError
+        If video, track and display do not go together, or an option cannot be.
+    """
+    if options.loop and screen.simulate:
+        raise InputError("--loop goes on until somebody presses escape, and with --simulate nobody does")
+    if options.log is not None:
+        require_log_file(options.log)
+    asked = video_request(screen)
+    version = options.version or PlayedVersion.OURS
+    if not screen.quiet and version in (PlayedVersion.BASELINE, PlayedVersion.BOTH):
+        typer.echo(
+            f"baseline: constant factor {asked.loaded.baseline:.4g}, {asked.loaded.source_of_baseline}"
+        )
+    versions = ("ours", "baseline") if version is PlayedVersion.BOTH else (version.value,)
+    playback = replace(asked.playback(versions), loop=options.loop, captions=options.label)
+
+    def say(words: str) -> None:
+        if not screen.quiet:
+            typer.echo(f"showing {words}")
+
+    any_rate = screen.rig is None
+    with open_devices(asked.rig, asked.display, simulated=screen.simulate, any_rate=any_rate) as devices:
+        player = Player(devices, playback, say)
+        try:
+            whole = player.play()
+        finally:
+            if options.log is not None and player.passes:
+                write_log(options.log, player.passes, devices.rig.refresh_rate)
+    if not screen.quiet:
+        for one in player.passes:
+            typer.echo(_said(one, playback, devices.rig.refresh_rate))
+        if not whole:
+            typer.echo("ended before its end")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VideoRequest:
+    """A video, its track, and what they are shown on.
+
+    Attributes
+    ----------
+    video : VideoSource
+        The video.
+    loaded : LoadedTrack
+        Its track, and the baseline.
+    rig : Rig
+        The rig.
+    display : Display
+        The rig's display.
+    screenshots : Path or None
+        Folder for a picture of the screen.
+    """
+
+    video: VideoSource
+    loaded: LoadedTrack
+    rig: Rig
+    display: Display
+    screenshots: Path | None
+
+    def playback(self, versions: Sequence[str]) -> Playback:
+        """Return the video with the factors of each version, and the versions in their order."""
+        loaded = self.loaded
+        factors, full = np.asarray(loaded.track.factors), np.ones(len(loaded.track.factors))
+        return Playback(
+            video=self.video,
+            times=np.asarray(loaded.track.times),
+            duration=float(frame_durations(loaded.track).sum() + loaded.track.times[0]),
+            factors={Dimming.OURS: factors, Dimming.BASELINE: loaded.baseline * full, Dimming.FULL: full},
+            order=tuple(Dimming(version) for version in versions),
+            screenshots=self.screenshots,
+        )
+
+
+def video_request(screen: ScreenOptions) -> VideoRequest:
+    """Return what some options ask for; refuse what does not go together.
+
+    Raises
+    ------
+    InputError
+        If there is no track, it is not the video's or the display's, or the calibration is too old.
+    """
+    if screen.track is None:
+        raise InputError("play needs a TRACK: the folder that `evenlight optimize` wrote, or its track.csv")
+    loaded = load_track(screen.track)
+    video, pixels = video_of(screen.video, loaded.track, screen.size)
+    require_fit(video, loaded.track)
+    rig, display = rig_of(screen.rig, screen.display, loaded.track.header.display_name, pixels)
+    if not screen.other_display_ok:
+        require_display(loaded.track, display)
+    if screen.rig is not None and not screen.simulate:
+        require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
+    return VideoRequest(video, loaded, rig, display, screen.screenshots)
+
+
+def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[VideoSource, tuple[int, int]]:
+    """Return a video, and its width and height; what has no frame rate of its own gets the track's.
+
+    Parameters
+    ----------
+    name : str
+        A file, a folder of images, or a built-in sequence.
+    track : BrightnessTrack
+        Its track.
+    size : str or None
+        Of a built-in sequence, as 640x360.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    step = float(frame_durations(track).mean())
+    path = Path(name)
+    if is_sequence(name) and (path.suffix == ".json" or not path.exists()):
+        sequence = built_in_sequence(name, size_in(size), len(track.times) * step, 1 / step)
+        return sequence, (sequence.format.width, sequence.format.height)
+    if size is not None:
+        raise InputError(f"--size is for built-in sequences; {name} has a size of its own")
+    video = open_video(name, 1 / step if path.is_dir() else None)
+    return video, size_of(video)
+
+
+def rig_of(
+    name: str | None, display: str | None, otherwise: str, size: tuple[int, int]
+) -> tuple[Rig, Display]:
+    """Return a rig and its display; without a rig, a window of the picture's size on the first screen.
+
+    Parameters
+    ----------
+    name : str or None
+        Of the rig: a toml file or a preset.
+    display : str or None
+        A preset or a toml file; None for the rig's.
+    otherwise : str
+        The display where neither is given: the track's.
+    size : (int, int)
+        Width and height of the picture [pixels].
+    """
+    if name is not None:
+        rig, its_display = load_rig(name)
+        return rig, load_display(display or its_display)
+    try:
+        panel = load_display(display or otherwise)
+    except InputError as error:
+        raise InputError(f"{error}; say with --display or --rig what it is shown on") from None
+    width, height = (max(SMALLEST_WINDOW, pixels) for pixels in size)
+    window = Rig("window", panel.name, 0.6, 60.0, full_screen=False, window_size=(width, height))
+    return window, panel
+
+
+def _said(one: Pass, playback: Playback, refresh_rate: float) -> str:
+    """Return how a pass went, in one line."""
+    shown = one.shown
+    names = " and ".join(dict.fromkeys(one.versions))
+    words = (
+        f"{playback.video.name}, {names}: {len(set(shown.video_frames))} of {len(playback.times)} frames in "
+        f"{len(shown.flip_times)} refreshes at {refresh_rate:.4g} Hz, {shown.frames_dropped} dropped"
+    )
+    seconds = shown.flip_times[-1] + 1 / refresh_rate
+    if len(shown.flip_times) > FREE_RUNNING * seconds * refresh_rate:
+        words += " (the flips waited for no display)"
+    if not shown.probe_luminance:
+        return words
+    pairs = zip(shown.probe_luminance, shown.probe_intended, strict=True)
+    error = max(abs(drawn - intended) for drawn, intended in pairs)
+    return (
+        f"{words}; luminance read back {len(shown.probe_luminance)} times, off by {error:.2g} cd/m^2 at most"
+    )

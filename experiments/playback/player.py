@@ -1,0 +1,273 @@
+"""Plays a video with its track on a window, until it ends or the user ends it; and the log of it."""
+
+from __future__ import annotations
+
+import enum
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.instrument_logs import BacklightSetting
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.storage.tables import csv_text
+from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.experiments.playback.clip_player import ClipPlayer, RefreshObserver
+from evenlight.experiments.showing import Brightness, Screen, Screenshots
+from evenlight.experiments.stage import Clip, PausePressed, ShownClip
+from evenlight.hardware.backlights import LoggedBacklight
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.hardware.protocols import Backlight, ResponseDevice, Window
+from evenlight.hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
+from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.stimuli.field_renderer import FieldRenderer
+from evenlight.stimuli.page_image import centred_image
+from evenlight.stimuli.video.video_source import VideoSource
+
+NOISE_SEED = 1  # nothing is compared with another playing: any will do
+CAPTION_SIZE = 1.0  # in multiples of a page's text
+CAPTION_PLACE = 0.42  # below the middle, in heights of the window
+LOG_COLUMNS = (
+    "pass",
+    "version",
+    "refresh",
+    "flip_time_s",
+    "refreshes_dropped",
+    "video_frame",
+    "factor",
+    "backlight_factor",
+)
+LOG_SUFFIXES = (".csv", ".jsonl")
+
+
+class Dimming(enum.Enum):
+    """How a video is dimmed."""
+
+    OURS = "ours"  # by its track
+    BASELINE = "baseline"  # constantly, at equal power
+    FULL = "full"  # not at all
+
+
+SWITCHES = {"1": Dimming.OURS, "2": Dimming.BASELINE, "3": Dimming.FULL}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Playback:
+    """What is played, and how.
+
+    Attributes
+    ----------
+    video : VideoSource
+        The video.
+    times : array, (N,)
+        When each of its frames appears [s].
+    duration : float
+        Of the video [s].
+    factors : mapping
+        The brightness factor b of each frame, (N,), for each dimming.
+    order : tuple of Dimming
+        What is shown, one after the other.
+    loop : bool
+        Whether it begins again at the end, until the user ends it.
+    captions : bool
+        Whether the picture says how it is dimmed.
+    screenshots : Path or None
+        Folder for a picture of the screen.
+    """
+
+    video: VideoSource
+    times: NDArray[np.float64]
+    duration: float
+    factors: Mapping[Dimming, NDArray[np.float64]]
+    order: tuple[Dimming, ...]
+    loop: bool = False
+    captions: bool = False
+    screenshots: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlaybackDevices:
+    """What is played on."""
+
+    window: Window
+    keyboard: ResponseDevice
+    backlight: Backlight | None
+    rig: Rig
+    display: Display
+
+
+@contextmanager
+def open_devices(
+    rig: Rig,
+    display: Display,
+    *,
+    simulated: bool,
+    any_rate: bool,
+    noted: Callable[[BacklightSetting], None] | None = None,
+) -> Iterator[PlaybackDevices]:
+    """Yield the devices of a rig, open.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    display : Display
+        Its display.
+    simulated : bool
+        Whether time goes with the flips, and no person sits at the keys.
+    any_rate : bool
+        Whether the rig takes the refresh rate that the window is found to have.
+    noted : callable, optional
+        Is told every setting of the backlight.
+    """
+    with ExitStack() as stack:
+        if simulated:
+            window = open_window(rig, RefreshClock(rig.refresh_rate), rehearsal=True)
+        elif any_rate:
+            window, rig = open_window_of_any_rate(rig)
+        else:
+            window = open_window(rig)
+        stack.callback(window.close)
+        keyboard = SimulatedKeyboard(window.now) if simulated else open_keyboard()
+        stack.callback(keyboard.close)
+        backlight = open_backlight(rig, window.now)
+        if backlight is not None:
+            stack.callback(backlight.close)
+            if noted is not None:
+                backlight = LoggedBacklight(backlight, window.now, noted)
+        yield PlaybackDevices(window, keyboard, backlight, rig, display)
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """One time through a video.
+
+    Attributes
+    ----------
+    shown : ShownClip
+        What the display showed.
+    versions : tuple of str
+        How each refresh was dimmed: ours, baseline or full.
+    """
+
+    shown: ShownClip
+    versions: tuple[str, ...]
+
+
+class Player:
+    """Plays on some devices.
+
+    Parameters
+    ----------
+    devices : PlaybackDevices
+        What on.
+    playback : Playback
+        What.
+    tell : callable
+        Is told how the video is dimmed, whenever that changes.
+    """
+
+    def __init__(self, devices: PlaybackDevices, playback: Playback, tell: Callable[[str], None]) -> None:
+        window, rig, display = devices.window, devices.rig, devices.display
+        self._devices, self._playback, self._tell = devices, playback, tell
+        brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
+        screenshots = Screenshots(playback.screenshots)
+        self.showing = Screen(window, rig, display, brightness, screenshots, self._take_keys)
+        self.fields = FieldRenderer(window.context(), display, window.bits(), rig.dither)
+        self._player = ClipPlayer(self.showing, self.fields)
+        self._dimming = playback.order[0]
+        self._factors = np.empty(len(playback.times))
+        self._versions: list[str] = []
+        self.passes: list[Pass] = []
+
+    def observe(self, observer: RefreshObserver) -> None:
+        """Report every refresh to an observer; from then on keys do not switch the version."""
+        self._player.observer = observer
+
+    def play(self) -> bool:
+        """Play all of it, and return whether it was played to its end."""
+        while True:
+            for dimming in self._playback.order:
+                if not self._play_once(dimming):
+                    return False
+            if not self._playback.loop:
+                return True
+
+    def _play_once(self, dimming: Dimming) -> bool:
+        """Play the video once, and return whether it was played to its end."""
+        playback, whole = self._playback, True
+        self._dim(dimming)
+        self._versions.clear()
+        clip = Clip(playback.video, playback.times, playback.duration, self._factors, NOISE_SEED)
+        black = self._devices.display.black_level + self._devices.display.reflected_luminance
+        try:
+            self._player.play(clip, black)
+        except PausePressed:
+            whole = False
+        finally:
+            if self._player.recording is not None and len(self._player.recording.refreshes):
+                shown = self._player.recording.result()
+                versions = tuple(self._versions[-len(shown.flip_times) :])
+                self.passes.append(Pass(shown, versions))
+        return whole
+
+    def _dim(self, dimming: Dimming) -> None:
+        """Dim what follows in a way: the player takes each frame's factor when it shows it."""
+        self._dimming = dimming
+        self._factors[:] = self._playback.factors[dimming]
+        self._tell(dimming.value)
+        if self._playback.captions:
+            self._player.caption = caption(dimming.value, self._devices.window.size())
+
+    def _take_keys(self) -> None:
+        """Switch to another dimming by its key; raise `PausePressed` if the pause key was pressed."""
+        self._versions.append(self._dimming.value)
+        for press in self._devices.keyboard.pressed():
+            if press.name == self._devices.rig.keys.pause:
+                raise PausePressed
+            if press.name in SWITCHES and self._player.observer is None:
+                self._dim(SWITCHES[press.name])
+
+
+def caption(text: str, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return a word at the foot of a page, (height, width) of coverage."""
+    return np.roll(centred_image(text, size, CAPTION_SIZE), round(CAPTION_PLACE * size[1]), axis=0)
+
+
+def require_log_file(path: Path) -> None:
+    """Refuse a log that is neither csv nor jsonl."""
+    if path.suffix not in LOG_SUFFIXES:
+        raise InputError(f"--log {path}: give a file that ends in .csv or .jsonl")
+
+
+def write_log(path: Path, passes: Sequence[Pass], refresh_rate: float) -> None:
+    """Write the log of some passes on a display of some refresh rate [Hz].
+
+    `refreshes_dropped` counts those that passed without a new frame right before a refresh.
+    """
+    rows = [row for number, one in enumerate(passes, start=1) for row in _rows(number, one, refresh_rate)]
+    if path.suffix == ".csv":
+        write_whole(
+            path, csv_text(LOG_COLUMNS, [["" if cell is None else cell for cell in row] for row in rows])
+        )
+    else:
+        lines = (json.dumps(dict(zip(LOG_COLUMNS, row, strict=True))) for row in rows)
+        write_whole(path, "".join(f"{line}\n" for line in lines))
+
+
+def _rows(number: int, one: Pass, refresh_rate: float) -> Iterator[list[Any]]:
+    """Yield the rows of a pass."""
+    shown = one.shown
+    steps = np.diff(shown.flip_times, prepend=-1 / refresh_rate)
+    dropped = np.maximum(np.rint(steps * refresh_rate).astype(int) - 1, 0).tolist()
+    backlight: Sequence[float | None] = shown.backlight_factors or [None] * len(dropped)
+    columns = (one.versions, shown.flip_times, dropped, shown.video_frames, shown.factors, backlight)
+    for refresh, (version, time, missed, frame, factor, reported) in enumerate(zip(*columns, strict=True)):
+        yield [number, version, refresh, time, missed, frame, factor, reported]

@@ -1,0 +1,213 @@
+"""Free movement in a scene, at a constant brightness factor or a controlled one, until the user ends it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.experiments.playback.live_dimming import LiveDimmer
+from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices
+from evenlight.experiments.recordings import Refreshes
+from evenlight.experiments.showing import Brightness, Screenshots
+from evenlight.hardware.protocols import HeldKeys, Pointer
+from evenlight.stimuli.dithering import GRID_LEVELS
+from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
+from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
+from evenlight.stimuli.scenes.camera_path import PATHS, path_named, walked
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.scene import Scene, Vector, scene_named
+
+SPEED = 1.4  # [m/s] of a walk (Bohannon 1997: comfortable gait of adults)
+HURRY = 2.0  # times as fast with the shift key
+TURNING = 90.0  # [deg/s] by the keys
+PER_PIXEL = 0.1  # [deg] that a pixel of the mouse turns
+HIGHEST = 80.0  # [deg] that one looks up or down
+LONGEST_STEP = 0.25  # [s] that a slow machine moves at once
+RECORDED_EVERY = 0.5  # [s]
+FORWARD = {"w": 1, "up": 1, "s": -1, "down": -1}
+SIDEWAYS = {"d": 1, "a": -1}
+AROUND = {"right": 1, "left": -1}
+
+
+@dataclass(frozen=True, slots=True)
+class Walker:
+    """Where the eye of a walker is [m], and where it looks: clockwise from north, and up [degrees]."""
+
+    position: Vector
+    azimuth: float
+    altitude: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WalkResult:
+    """How a walk went: when its refreshes came [s], how many were dropped, and the way [s, walker]."""
+
+    flip_times: tuple[float, ...]
+    frames_dropped: int
+    way: tuple[tuple[float, Walker], ...]
+
+    @property
+    def went(self) -> bool:
+        """Whether time passed, so that there is a way."""
+        return bool(self.way) and self.way[-1][0] > 0
+
+
+def moved(
+    walker: Walker, held: frozenset[str], mouse: tuple[float, float], seconds: float, scene: Scene
+) -> Walker:
+    """Return a walker after a short time.
+
+    Parameters
+    ----------
+    walker : Walker
+        Before.
+    held : set of str
+        Keys that are down: W, A, S, D and the arrows; shift hurries.
+    mouse : (float, float)
+        How far the mouse moved, to the right and up [pixels].
+    seconds : float
+        The time [s].
+    scene : Scene
+        Where.
+    """
+
+    def pressed(keys: dict[str, int]) -> int:
+        return sum(way for key, way in keys.items() if key in held)
+
+    turned = pressed(AROUND) * TURNING * seconds + mouse[0] * PER_PIXEL
+    azimuth = (walker.azimuth + turned) % 360
+    altitude = min(max(walker.altitude + mouse[1] * PER_PIXEL, -HIGHEST), HIGHEST)
+    ahead, aside = pressed(FORWARD), pressed(SIDEWAYS)
+    length = math.hypot(ahead, aside)
+    if length == 0:
+        return Walker(walker.position, azimuth, altitude)
+    metres = SPEED * (HURRY if held & {"lshift", "rshift"} else 1.0) * seconds / length
+    sine, cosine = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
+    step = metres * (ahead * sine + aside * cosine), metres * (ahead * cosine - aside * sine)
+    return Walker(walked(walker.position, step, scene), azimuth, altitude)
+
+
+def start_in(scene: Scene) -> Walker:
+    """Return where a walk begins: where the path of the scene's name does, else on its first ground."""
+    if (PATHS / f"{scene.name}.json").is_file():
+        first = path_named(scene.name).keypoints[0]
+        (x, y, z), azimuth = first.position, first.azimuth
+    else:
+        ground = scene.walkable[0]
+        x, y = ((low + high) / 2 for low, high in zip(ground.low, ground.high, strict=True))
+        z, azimuth = ground.height(x, y) + EYE_HEIGHT, 0.0
+    floors = [ground.height(x, y) for ground in scene.walkable if ground.contains(x, y)]
+    return Walker((x, y, max((floor for floor in floors if floor < z), default=z) + EYE_HEIGHT), azimuth)
+
+
+class Walk:
+    """Shows a scene to a user who walks in it.
+
+    Parameters
+    ----------
+    devices : PlaybackDevices
+        What on; the picture fills the window.
+    scene : str
+        Name of the scene.
+    factor : float
+        Brightness factor b, in (0, 1].
+    screenshots : Path, optional
+        Folder for a picture of the screen.
+
+    Attributes
+    ----------
+    pictures : SceneRenderer
+        Draws what is shown.
+    dimmer : LiveDimmer or None
+        Chooses the factor of each picture, in place of the constant one, once it is set.
+    """
+
+    def __init__(
+        self, devices: PlaybackDevices, scene: str, factor: float, screenshots: Path | None = None
+    ) -> None:
+        window, rig, display = devices.window, devices.rig, devices.display
+        self._devices, self._factor, self._scene = devices, factor, scene_named(scene)
+        self._brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
+        self.pictures = SceneRenderer(window.context(), self._scene, window.size())
+        self.dimmer: LiveDimmer | None = None
+        self._image = Image(self.pictures.codes, GRID_LEVELS, from_below=True)
+        self._renderer = ImageRenderer(window.context(), display, window.bits(), rig.dither)
+        self._black = display.black_level + display.reflected_luminance
+        self._screenshots = Screenshots(screenshots)
+        self._refreshes, self._way = Refreshes(rig.refresh_rate), list[tuple[float, Walker]]()
+
+    @property
+    def walked(self) -> WalkResult:
+        """How it went so far, whatever ended it."""
+        if not self._way:
+            return WalkResult((), 0, ())
+        return WalkResult(self._refreshes.times(), self._refreshes.dropped(), tuple(self._way))
+
+    def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> WalkResult:
+        """Walk until the pause key is pressed, or for some time [s]."""
+        walker, refreshes, way = start_in(self._scene), self._refreshes, self._way
+        pause = self._devices.rig.keys.pause
+        last = onset = None
+        while not any(press.name == pause for press in self._devices.keyboard.pressed()):
+            flip = self._show(walker, len(refreshes), onset)
+            refreshes.note(flip)
+            onset = flip if onset is None else onset
+            if self.dimmer is not None:
+                self.dimmer.note(flip - onset)
+            way.append((flip - onset, walker))
+            if seconds is not None and flip - onset >= seconds:
+                break
+            step = 0.0 if last is None else min(flip - last, LONGEST_STEP)
+            mouse = (0.0, 0.0) if pointer is None else pointer.moved()
+            walker, last = moved(walker, held.held(), mouse, step, self._scene), flip
+        return self.walked
+
+    def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
+        """Show what a walker sees, and return when [s]."""
+        window = self._devices.window
+        self.pictures.render(Camera(walker.position, walker.azimuth, walker.altitude, FIELD_OF_VIEW))
+        self.pictures.encode()
+        factor = self._factor
+        if self.dimmer is not None:
+            due = 1 / self._devices.rig.refresh_rate
+            factor = self.dimmer.next_factor(0.0 if onset is None else window.now() - onset + due)
+        picture = DimmedImage(self._image, self._brightness.of_picture(factor), self._black)
+        self._renderer.draw(window.framebuffer(), picture, refresh, NOISE_SEED)
+        self._screenshots.take(window, "walk")
+        flip = window.flip()
+        self._brightness.after_flip()
+        return flip
+
+
+def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> None:
+    """Write a way as a camera path, which `render` and `optimize` take in place of a sequence's name.
+
+    Parameters
+    ----------
+    file : Path
+        To end in .json.
+    scene : str
+        Name of the scene.
+    way : sequence of (float, Walker)
+        Times from 0 on [s], and where the walker was then.
+    """
+    kept = [way[0]]
+    for moment in way[1:-1]:
+        if kept[-1][0] + RECORDED_EVERY <= moment[0] <= way[-1][0] - RECORDED_EVERY:
+            kept.append(moment)
+    points = [
+        {
+            "name": f"moment {number}",
+            "time_s": round(time, 3),
+            "position_m": [round(coordinate, 3) for coordinate in walker.position],
+            "azimuth_deg": round(walker.azimuth, 2),
+            "altitude_deg": round(walker.altitude, 2),
+        }
+        for number, (time, walker) in enumerate([*kept, way[-1]], start=1)
+    ]
+    path = {"scene": scene, "duration_s": points[-1]["time_s"], "keypoints": points}
+    write_whole(file, json.dumps(path, indent=1) + "\n")

@@ -1,0 +1,322 @@
+"""What `evenlight play SCENE --walk` is asked for, and what comes of it."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.control import LiveRefresh
+from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor
+from evenlight.experiments.playback.loss_meters import open_meter
+from evenlight.experiments.playback.play_options import LiveOptions, ScreenOptions, WalkOptions
+from evenlight.experiments.playback.play_video import rig_of
+from evenlight.experiments.playback.player import open_devices
+from evenlight.experiments.playback.walk import Walk, WalkResult, write_path
+from evenlight.experiments.playback.walk_record import (
+    LOG,
+    live_control,
+    settings_of,
+    walk_summary,
+    with_budget,
+    write_live,
+)
+from evenlight.hardware.presentation.simulated_input import SimulatedHeldKeys
+from evenlight.hardware.rig import open_held_keys, open_pointer
+from evenlight.method.choices import Device, LimitCurve
+from evenlight.method.online.controller import Controller
+from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
+from evenlight.method.optimizer.request import Request, require_possible
+from evenlight.method.preset_files import load_power_model, load_rate_limit_for
+from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.scenes.scene import SCENES
+
+DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
+RATE_LIMIT = POWER_MODEL = "surace2025"
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
+
+
+def budget_asked(
+    budget: float | None, unit: BudgetUnit | None, horizon: float | None, power_model: str | None
+) -> LiveBudget | None:
+    """Return what `--budget`, `--budget-unit`, `--horizon` and `--power-model` ask for.
+
+    Raises
+    ------
+    InputError
+        If the budget or its horizon cannot be.
+    """
+    if budget is None:
+        return None
+    unit, seconds = unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
+    if not 0 < budget < float("inf"):
+        raise InputError(f"--budget must be above 0, got {budget:g}")
+    if not HORIZONS[0] <= seconds <= HORIZONS[1]:
+        raise InputError(f"--horizon must lie in {HORIZONS[0]:g} to {HORIZONS[1]:g}, got {seconds:g}")
+    if unit is BudgetUnit.FACTOR and power_model is not None:
+        raise InputError("--power-model is for a budget in power or watt: give --budget-unit with it")
+    return LiveBudget(GovernorSettings(budget, unit, seconds), load_power_model(power_model or POWER_MODEL))
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRequest:
+    """The controller that a walk is dimmed by.
+
+    Attributes
+    ----------
+    target_loss : float or None
+        Contrast loss to hold, with a budget to begin with; None for no controller, or by the budget.
+    rate_limit : str
+        A preset or a file.
+    limit_curve : LimitCurve
+        The fitted curve, or the lower edge of its band.
+    tuning : Path or None
+        A `tuning.json` whose gains are taken; None for the paper's.
+    device : Device
+        What measures the loss.
+    out : Path or None
+        Folder for the log.
+    other_display_ok : bool
+        Whether the rate limit may be of another display.
+    budget : LiveBudget or None
+        What the target is to follow.
+    """
+
+    target_loss: float | None = None
+    rate_limit: str = RATE_LIMIT
+    limit_curve: LimitCurve = LimitCurve.FITTED
+    tuning: Path | None = None
+    device: Device = Device.AUTO
+    out: Path | None = None
+    other_display_ok: bool = False
+    budget: LiveBudget | None = None
+
+    def __post_init__(self) -> None:
+        if not self.dims and self.out is not None:
+            raise InputError("--out keeps what a controller did: give --target-loss or --budget with it")
+        if self.target_loss is not None and not 0 <= self.target_loss <= 1:
+            raise InputError(f"--target-loss must lie in 0 to 1, got {self.target_loss:g}")
+
+    @property
+    def dims(self) -> bool:
+        """Whether there is a controller."""
+        return self.target_loss is not None or self.budget is not None
+
+    def limit_on(self, display: Display) -> RateLimit:
+        """Return the rate limit, if it may be used on some display."""
+        return load_rate_limit_for(display, self.rate_limit, self.other_display_ok)
+
+    def controller(self, display: Display) -> Controller:
+        """Return the controller, on some display."""
+        limit = scalar_rate_limit(self.limit_on(display), display.reflected_luminance, self.limit_curve)
+        return Controller(settings_of(self.target_loss or 0.0, self.tuning), limit)
+
+    def governor(self, display: Display, controller: Controller) -> LiveGovernor | None:
+        """Return what moves the target of a controller, if there is a budget, and it can be met."""
+        if self.budget is None:
+            return None
+        asked, model = self.budget.settings, self.budget.model
+        request = Request(asked.budget, asked.budget_unit, model, self.limit_on(display), self.limit_curve)
+        require_possible(request, controller.settings.lowest_factor)
+        return LiveGovernor(self.budget, controller, self.target_loss)
+
+
+@dataclass(frozen=True, slots=True)
+class WalkRequest:
+    """What is asked for.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    rig, display, size : str or None
+        As on the command line.
+    factor : float or None
+        Brightness factor b, to begin with where it is controlled; None: 1, or where a budget has it.
+    record : Path or None
+        File for the way.
+    seconds : float or None
+        When to end [s].
+    screenshots : Path or None
+        Folder for a picture of the screen.
+    simulate : bool
+        Whether a simulated user walks straight ahead, in place of a person at the keys.
+    live : LiveRequest
+        What dims it, if the factor is not to stay.
+    """
+
+    scene: str
+    rig: str | None
+    display: str | None
+    size: str | None
+    factor: float | None
+    record: Path | None
+    seconds: float | None
+    screenshots: Path | None
+    simulate: bool
+    live: LiveRequest = field(default_factory=LiveRequest)
+
+    def __post_init__(self) -> None:
+        if self.scene not in SCENES:
+            raise InputError(f"no scene {self.scene!r} to walk in: there are {', '.join(SCENES)}")
+        if self.factor is not None and not 0 < self.factor <= 1:
+            raise InputError(f"--factor must be above 0 and at most 1, got {self.factor:g}")
+        if self.seconds is not None and not self.seconds > 0:
+            raise InputError(f"--seconds must be above 0, got {self.seconds:g}")
+        if self.simulate and self.seconds is None:
+            raise InputError("--walk ends with escape, which nobody presses with --simulate: give --seconds")
+        if self.record is not None and self.record.suffix != ".json":
+            raise InputError(f"--record {self.record}: give a file that ends in .json")
+        if self.record is not None and not self.record.absolute().parent.is_dir():
+            raise InputError(
+                f"--record {self.record}: there is no folder {self.record.parent}; make it first"
+            )
+        if self.rig is not None and self.size is not None:
+            raise InputError("--size is of a window without a rig; the rig has a size of its own")
+
+
+def asked_walk(screen: ScreenOptions, walk: WalkOptions, live: LiveOptions) -> WalkRequest:
+    """Return what some options ask for.
+
+    Raises
+    ------
+    InputError
+        If an option cannot be.
+    """
+    controlled = LiveRequest(
+        target_loss=live.target_loss,
+        rate_limit=live.rate_limit or RATE_LIMIT,
+        limit_curve=live.limit_curve or LimitCurve.FITTED,
+        tuning=live.tuning,
+        device=live.device or Device.AUTO,
+        out=screen.out,
+        other_display_ok=screen.other_display_ok,
+        budget=budget_asked(live.budget, live.budget_unit, live.horizon, screen.power_model),
+    )
+    return WalkRequest(
+        scene=screen.video,
+        rig=screen.rig,
+        display=screen.display,
+        size=screen.size,
+        factor=walk.factor,
+        record=walk.record,
+        seconds=walk.seconds,
+        screenshots=screen.screenshots,
+        simulate=screen.simulate,
+        live=controlled,
+    )
+
+
+def walk_as_asked(asked: WalkRequest) -> str:
+    """Let the user walk, and return a summary in one line.
+
+    Whatever ends the walk, its way and its log are written as far as it went.
+    """
+    rig, display = rig_of(asked.rig, asked.display, DISPLAY, size_in(asked.size) or SIZE)
+    dimming = _Dimming.asked_for(asked.live, display)
+    if dimming is not None and asked.factor is not None:
+        dimming.require_factor(asked.factor)
+    if asked.live.out is None:
+        return _ended(asked, *_walked(asked, rig, display, dimming))
+    with results_folder(asked.live.out) as folder:
+        said, outcome = _walked(asked, rig, display, dimming)
+        if outcome.ended_by is not None and not outcome.rows:
+            raise outcome.ended_by
+        assert dimming is not None  # `LiveRequest` has seen to it
+        limit = asked.live.limit_on(display), asked.live.limit_curve
+        seen = asked.scene, display, outcome.measured_by
+        record = live_control(dimming.controller.settings, limit, seen, outcome.rows, asked.simulate)
+        if asked.live.budget is not None:
+            record = with_budget(record, asked.live.budget, outcome.rows)
+        write_live(folder, record, outcome.rows)
+    return _ended(asked, f"{said}; the log is in {asked.live.out / LOG}", outcome)
+
+
+def _ended(asked: WalkRequest, said: str, outcome: _Outcome) -> str:
+    """Return how a walk went; if something cut it short, say what is kept and end as that has it."""
+    error = outcome.ended_by
+    if error is None:
+        return said
+    kept = asked.live.out is not None or (asked.record is not None and outcome.done.went)
+    if isinstance(error, Exception | SystemExit) or not kept:
+        raise error
+    print(f"evenlight: interrupted; {said}", file=sys.stderr)
+    sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """How a walk went, what the controller did, what measured the loss, and what cut it short, if any."""
+
+    done: WalkResult
+    rows: list[LiveRefresh]
+    measured_by: str
+    ended_by: BaseException | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Dimming:
+    """What dims a walk."""
+
+    controller: Controller
+    governor: LiveGovernor | None
+
+    @classmethod
+    def asked_for(cls, live: LiveRequest, display: Display) -> _Dimming | None:
+        """Return what is asked for, on some display; None where the factor is to stay."""
+        if not live.dims:
+            return None
+        controller = live.controller(display)
+        return cls(controller, live.governor(display, controller))
+
+    def require_factor(self, factor: float) -> None:
+        """Refuse a factor to begin with that the controller may not have."""
+        low, high = self.controller.settings.lowest_factor, self.controller.settings.highest_factor
+        if not low <= factor <= high:
+            raise InputError(f"--factor of a dimmed walk must lie in {low:g} to {high:g}, got {factor:.15g}")
+
+
+def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | None) -> tuple[str, _Outcome]:
+    """Let the user walk, write the way, and return a summary and the outcome."""
+    measured_by, ended_by = "", None
+    with ExitStack() as stack:
+        opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
+        devices = stack.enter_context(opened)
+        walk = Walk(devices, asked.scene, asked.factor or 1.0, asked.screenshots)
+        window = devices.window
+        if dimming is not None:
+            lowest, governor = dimming.controller.settings.lowest_factor, dimming.governor
+            meter = open_meter(
+                window.context(), walk.pictures, display,
+                lowest_factor=lowest, device=asked.live.device, patient=asked.simulate,
+            )  # fmt: skip
+            stack.callback(meter.close)
+            measured_by = meter.name
+            refresh = 1 / devices.rig.refresh_rate
+            walk.dimmer = LiveDimmer(dimming.controller, meter, asked.factor, refresh, governor)
+        straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
+        held = straight_on if asked.simulate else open_held_keys(window)
+        if held is None:
+            raise InputError("this window does not tell which keys are held down, and nobody can walk in it")
+        stack.callback(held.close)
+        pointer = None if asked.simulate else open_pointer(window)
+        if pointer is not None:
+            stack.callback(pointer.close)
+        try:
+            walk.walk(held, pointer, asked.seconds)
+        except BaseException as error:  # what there is of the walk is kept; then it goes on its way
+            ended_by = error
+    outcome = _Outcome(walk.walked, [] if walk.dimmer is None else walk.dimmer.rows, measured_by, ended_by)
+    said = walk_summary(asked.scene, outcome.done, outcome.rows, asked.live.budget)
+    if asked.record is not None and outcome.done.went:
+        write_path(asked.record, asked.scene, outcome.done.way)
+        said = f"{said}; the way is in {asked.record}"
+    return said, outcome

@@ -1,0 +1,1 @@
+"""The ramp experiment (Section 3.4): its plan, placement, conducting and simulated participants."""

@@ -1,0 +1,236 @@
+"""What a session needs of an experiment, and of its participant, so that all share one mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.sessions.pages import Pages
+from evenlight.experiments.stage import Stage
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.stimuli.scenes.camera import steps_to
+
+READING_TIME = 0.5  # [s] a simulated participant looks at a page
+ANSWERING_TIME = (0.4, 0.9)  # [s] shortest, and mean of what comes on top (choice: practised people)
+PressKey = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialPlace:
+    """Where in a data set an answered trial goes.
+
+    Attributes
+    ----------
+    participant_id, session_id : str
+        Whose.
+    trial_index : int
+        Place among the session's answered trials, from 0.
+    attempt : int
+        1, or more where the trial was shown before and interrupted.
+    simulated : bool
+        Whether a simulated observer answers.
+    """
+
+    participant_id: str
+    session_id: str
+    trial_index: int
+    attempt: int
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ConductedTrial:
+    """A trial that was shown and answered.
+
+    Attributes
+    ----------
+    trial : record
+        Its row.
+    frames : tuple of records
+        What the display showed, one for each interval; empty without a display.
+    """
+
+    trial: Any
+    frames: tuple[Any, ...]
+
+
+class Participant(Protocol):
+    """Who sits at the keys: a person, of whom the program knows nothing, or a simulated observer."""
+
+    def see_page(self, keys: Sequence[str]) -> None:
+        """Be shown a page that waits for one of some keys, the usual one first."""
+
+    def see_trial(self, planned: Any, trial_index: int) -> None:
+        """Have been shown a trial, right before the question."""
+
+    def begin_search(self, planned: Any, trial_index: int) -> None:
+        """Be about to search a scene."""
+
+
+class Task(Protocol):
+    """An experiment: its trials in order, how one is conducted, and what is said about it."""
+
+    @property
+    def n_trials(self) -> int:
+        """Usable trials that the design asks for."""
+
+    @property
+    def trials_between_breaks(self) -> int:
+        """0 for no breaks."""
+
+    @property
+    def neutral_luminance(self) -> float:
+        """Of pages, and of uniform fields that are no stimulus [cd/m^2]."""
+
+    @property
+    def minutes(self) -> float:
+        """How long the session takes, about."""
+
+    @property
+    def seconds(self) -> float:
+        """How long a trial may take at most; 0 where it has no limit [s]."""
+
+    @property
+    def instructions(self) -> str:
+        """Name of the page with the instructions."""
+
+    def prepare(self, stage: Stage) -> None:
+        """Make ready what takes long, and refuse what the stage cannot show; before the session begins.
+
+        Raises
+        ------
+        InputError
+            If something cannot be shown.
+        """
+
+    def practice(self) -> Sequence[Any]:
+        """Return the trials for practice."""
+
+    def next_trial(self) -> Any | None:
+        """Return the trial to be shown next, or None at the end; the same until `take` is called."""
+
+    def take(self, trial: Any) -> None:
+        """Take an answered trial, just given or read from an interrupted session."""
+
+    def conduct(
+        self, planned: Any, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> ConductedTrial:
+        """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
+
+    def feedback(self, trial: Any, pages: Pages) -> str:
+        """Return what a participant is told about a trial of practice; empty for nothing."""
+
+    def is_right(self, trial: Any) -> bool | None:
+        """Return whether a trial was answered rightly, None where no answer is right or wrong."""
+
+    def is_flagged(self, trial: Any) -> bool:
+        """Return whether a trial is left out of the analysis."""
+
+
+class Answers(Protocol):
+    """What a simulated observer answers in the trials of one session."""
+
+    def key(self, planned: Any, trial_index: int) -> str:
+        """Return the key that is pressed when a trial is asked about."""
+
+    def search_time(self, planned: Any, trial_index: int) -> float | None:
+        """Return when a ring is found, since the scene appeared [s]; None if it is not."""
+
+
+AnswersOf = Callable[[tuple[int, int]], Answers]  # for the seed and place of a session, which come last
+
+
+@dataclass(frozen=True, slots=True)
+class SessionSetting:
+    """What a session is made from, beside its manifest.
+
+    Attributes
+    ----------
+    manifest : SessionManifest
+        Design, display, seed, place in the data set.
+    rig : Rig
+        What it runs on now.
+    stimuli : sequence of LoadedStimulus
+        Of a viewing experiment.
+    smallest_factor : float
+        The lowest that the backlight can be asked for.
+    """
+
+    manifest: SessionManifest
+    rig: Rig
+    stimuli: Sequence[LoadedStimulus] = ()
+    smallest_factor: float = 0.0
+
+    @property
+    def session(self) -> tuple[int, int]:
+        """Seed, and place in the data set."""
+        return self.manifest.provenance.seed or 0, self.manifest.order_index
+
+    @property
+    def display(self) -> Display:
+        """The display."""
+        return self.manifest.display
+
+
+class Person:
+    """A person: presses keys by themselves."""
+
+    def see_page(self, keys: Sequence[str]) -> None:
+        """Be shown a page."""
+
+    def see_trial(self, planned: object, trial_index: int) -> None:
+        """Have been shown a trial."""
+
+    def begin_search(self, planned: object, trial_index: int) -> None:
+        """Be about to search a scene."""
+
+
+class SimulatedParticipant:
+    """A simulated observer at the keys.
+
+    Parameters
+    ----------
+    answers : Answers
+        What the observer answers: functions of the trial and its place, so that a session that was
+        interrupted goes on exactly as it would have.
+    press : callable
+        Presses a key, by name, after a time [s].
+    keys : Keys
+        Which key means what.
+    session : (int, int)
+        Seed of the session and place of the participant, of which response times are functions.
+    """
+
+    def __init__(self, answers: Answers, press: PressKey, keys: Keys, session: tuple[int, int]) -> None:
+        self._answers, self._press, self._keys, self._session = answers, press, keys, session
+
+    def see_page(self, keys: Sequence[str]) -> None:
+        """Read a page and press the usual key."""
+        self._press(keys[0], READING_TIME)
+
+    def see_trial(self, planned: Any, trial_index: int) -> None:
+        """Press the key of the answer, a while after the question will be there."""
+        shortest, mean = ANSWERING_TIME
+        rng = generator_for(*self._session, Purpose.ANSWERING_TIMES, trial_index)
+        self._press(self._answers.key(planned, trial_index), shortest + float(rng.exponential(mean)))
+
+    def begin_search(self, planned: Any, trial_index: int) -> None:
+        """Turn to the ring by then, and press the key when it will be found, if it will."""
+        after = self._answers.search_time(planned, trial_index)
+        if after is not None:
+            turns = self._turns_to(planned)
+            for k, key in enumerate(turns, start=1):
+                self._press(key, after * k / (len(turns) + 1))
+            self._press(self._keys.found, after)
+
+    def _turns_to(self, planned: Any) -> list[str]:
+        """Return the keys that turn the view to the ring of a search."""
+        columns, keys = planned.columns, self._keys
+        right, up = steps_to(columns["ring_azimuth"], columns["ring_altitude"], planned.camera.altitude)
+        sideways = keys.turn_right if right > 0 else keys.turn_left
+        return [sideways] * abs(right) + [keys.turn_up if up > 0 else keys.turn_down] * abs(up)

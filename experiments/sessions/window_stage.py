@@ -1,0 +1,310 @@
+"""The stage of a real session, and of a rehearsal that is seen: pages, ramps and questions on a window."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.recordings.rig import Actuator, Rig
+from evenlight.experiments.playback.clip_player import ClipPlayer
+from evenlight.experiments.recordings import LUMINANCE_DECIMALS, RampRecording, probe_places
+from evenlight.experiments.sessions.search_stage import OpenPointer, SearchPlayer
+from evenlight.experiments.showing import Brightness, Screen, Screenshots
+from evenlight.experiments.stage import (
+    KEY_DECIMALS,
+    Clip,
+    PausePressed,
+    RampInterval,
+    SearchResult,
+    SearchView,
+    ShownClip,
+    ShownInterval,
+)
+from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
+from evenlight.stimuli.dithering import luminance_of_codes
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.page_image import centred_image, ink_on, page_image
+from evenlight.stimuli.ramp import frame_count, ramp_luminance, require_reachable
+
+# [pixels] of the middle that is read back; the noise leaves the mean of so many within 0.01 cd/m^2 at 100.
+PROBE_SIZE = (256, 256)
+LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a ramp
+LABEL_GONE_BEFORE = 0.3  # [s]
+LABEL_SIZE = 1.0  # of an interval's number, in multiples of a page's text
+
+
+class WindowStage(AbstractContextManager["WindowStage"]):
+    """Shows a session on a window.
+
+    Parameters
+    ----------
+    window : Window
+        The window; its clock is the stage's.
+    keyboard : ResponseDevice
+        The keys, on the same clock.
+    rig : Rig
+        Refresh rate, dithering, actuator, and the pause key.
+    display : Display
+        The rig's calibrated display.
+    page_luminance : float
+        Of the ground of pages [cd/m^2]: near what the ramps have, so that reading changes no adaptation.
+    backlight : Backlight, optional
+        The backlight, if the rig has one.
+    screenshots : Path, optional
+        Folder for a picture of every kind of screen.
+    open_pointer : callable, optional
+        Returns the mouse that scenes are looked around in with; without one, keys turn the view.
+
+    Raises
+    ------
+    InputError
+        If the display does not reach the pages' luminance.
+    """
+
+    def __init__(
+        self,
+        window: Window,
+        keyboard: ResponseDevice,
+        rig: Rig,
+        display: Display,
+        page_luminance: float,
+        backlight: Backlight | None = None,
+        screenshots: Path | None = None,
+        open_pointer: OpenPointer = lambda: None,
+    ) -> None:
+        require_reachable(page_luminance, page_luminance, 1.0, display, Actuator.PIXELS)
+        self._window, self._keyboard, self._backlight = window, keyboard, backlight
+        self._rig, self._display, self._page_luminance = rig, display, page_luminance
+        self._renderer = FieldRenderer(window.context(), display, window.bits(), rig.dither)
+        self._luminance_of_code = luminance_of_codes(np.arange(2 ** window.bits()), display, window.bits())
+        self._brightness = Brightness(display, rig.actuator, backlight, window.now)
+        self._screenshots, self._open_pointer = Screenshots(screenshots), open_pointer
+        self._pixel_value = 1.0  # of the last uniform screen
+        self._ground = page_luminance  # of the last uniform field
+        self._frame = 0  # of what is not a ramp, for fresh noise
+        self._shown: Field | None = None
+        self._page_image = functools.lru_cache(32)(page_image)
+        self._centred_image = functools.lru_cache(8)(centred_image)
+
+    def now(self) -> float:
+        """Return the time on the stage's clock [s]."""
+        return self._window.now()
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the devices say of themselves."""
+        return {**self._window.apparatus(), **self._keyboard.apparatus()}
+
+    def prepare(self, pages: Sequence[str], questions: Sequence[str]) -> None:
+        """Set some texts before the session begins, or raise `InputError` for one that cannot be shown."""
+        for text in pages:
+            self._page_image(text, self._window.size(), "")
+        for text in questions:
+            self._centred_image(text, self._window.size())
+
+    def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
+        """Show a page of text until one of some keys is pressed, and return which and when.
+
+        The pause key does here what any other does.
+        """
+        image = self._page_image(text, self._window.size(), footer)
+        ink = ink_on(self._page_luminance, self._display)
+        self._keyboard.clear()
+        while True:
+            ground = self._brightness.by_pixels(self._page_luminance)
+            self._show(Field(ground, ink, image), "page", text)
+            for press in self._keyboard.pressed():
+                if press.name in keys:
+                    return press
+
+    def ask(self, question: str, keys: Sequence[str], luminance: float) -> KeyPress:
+        """Show a question on a field of some luminance until one of the keys is pressed.
+
+        The field has the pixel value of the last ramp. The time of the key press returned counts from the
+        first flip that showed the question. Raises `PausePressed` if the pause key was pressed.
+        """
+        image = self._centred_image(question, self._window.size())
+        onset: float | None = None
+        self._take_pause()
+        while True:
+            ground = self._brightness.of_screen(luminance, self._pixel_value)
+            flip = self._show(Field(ground, ink_on(ground, self._display), image), "question", question)
+            onset = flip if onset is None else onset
+            for press in self._presses():
+                if press.name in keys:
+                    return KeyPress(press.name, round(max(0.0, press.time - onset), KEY_DECIMALS))
+
+    def wait(self, seconds: float, luminance: float) -> None:
+        """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed."""
+        end: float | None = None
+        half_a_frame = 0.5 / self._rig.refresh_rate
+        self._ground = luminance
+        while seconds > 0 and (end is None or self._window.now() < end - half_a_frame):
+            flip = self._show(Field(self._brightness.by_pixels(luminance)), "field")
+            end = flip + seconds if end is None else end
+            self._take_pause()
+
+    def show_ramp(self, interval: RampInterval) -> ShownInterval:
+        """Show an interval. Raises `PausePressed` if the pause key was pressed meanwhile.
+
+        Each frame has the luminance of the time at which its flip is due, so that a dropped frame leaves a
+        gap in the ramp and does not make it longer.
+        """
+        recording = RampRecording(self._rig.refresh_rate)
+        seconds = interval.adaptation + interval.duration + interval.hold
+        n_frames = frame_count(seconds, self._rig.refresh_rate)
+        probes = probe_places(n_frames)
+        self._pixel_value = interval.pixel_value
+        self._settle(interval)
+        for time in recording.refreshes.due(self._window.now):
+            place = round(time * self._rig.refresh_rate)
+            if place >= n_frames:
+                break
+            probe = bool(probes) and place >= probes[0]
+            probes = [later for later in probes if later > place]
+            self._show_frame(interval, time, recording, probe)
+            self._take_pause()
+        return recording.result()
+
+    def prepare_clip(self, clip: Clip) -> None:
+        """Begin to read a clip, so that it can begin when it is asked for."""
+        self._clip_player.prepare(clip)
+
+    def play(self, clip: Clip) -> ShownClip:
+        """Show a video with its brightness. Raises `PausePressed` if the pause key was pressed meanwhile."""
+        return self._clip_player.play(clip, self._ground)
+
+    def room(self) -> tuple[int, int]:
+        """Return width and height of the window [pixels]."""
+        return self._window.size()
+
+    def prepare_scene(self, name: str) -> None:
+        """Make a scene ready to be searched, where it is not yet; the first time may take a while."""
+        self._search_player.prepare(name)
+
+    def search(self, view: SearchView) -> SearchResult:
+        """Show a scene to look around in until the key `found` is pressed or the time is over.
+
+        Raises `PausePressed` if the pause key was pressed.
+        """
+        return self._search_player.search(view, self._ground)
+
+    @functools.cached_property
+    def _search_player(self) -> SearchPlayer:
+        """What shows searches; made where one is shown."""
+        return SearchPlayer(self._showing, self._renderer, self._presses, self._open_pointer)
+
+    @functools.cached_property
+    def _clip_player(self) -> ClipPlayer:
+        """What shows videos; made where one is shown."""
+        return ClipPlayer(self._showing, self._renderer)
+
+    @property
+    def _showing(self) -> Screen:
+        """What this stage shows on, for players."""
+        return Screen(
+            self._window, self._rig, self._display, self._brightness, self._screenshots, self._take_pause
+        )
+
+    def close(self) -> None:
+        """Close window and devices."""
+        self._forget_clip()
+        for device in (self._backlight, self._keyboard, self._window):
+            if device is not None:
+                device.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
+        """Show the frame of an interval that is due at a time since its first [s]."""
+        luminance = ramp_luminance(
+            time,
+            interval.initial_luminance,
+            interval.final_luminance,
+            interval.adaptation,
+            interval.duration,
+        )
+        intended = round(float(luminance), LUMINANCE_DECIMALS)
+        # The number is gone well before the ramp: its going must not be taken for the beginning of a change.
+        labelled = time < max(interval.adaptation - LABEL_GONE_BEFORE, interval.adaptation / 2)
+        field = self._ramp_field(interval, intended, labelled)
+        self._renderer.draw(self._window.framebuffer(), field, len(recording), interval.noise_seed)
+        self._shown = field
+        drawn = self._ground_drawn(field) if probe else None
+        self._screenshots.take(self._window, "ramp", interval.label if field.coverage is not None else "")
+        flip = self._window.flip()
+        self._brightness.after_flip()
+        probed = None if drawn is None else self._brightness.seen(drawn)
+        recording.note(flip, intended, self._brightness.reported(), probed)
+
+    def _ground_drawn(self, field: Field) -> float:
+        """Return the mean luminance drawn in the middle, where no text is, before its flip [cd/m^2]."""
+        codes = self._window.read_codes(PROBE_SIZE)
+        if field.coverage is not None:
+            codes = codes[middle(field.coverage, PROBE_SIZE) == 0]
+        # Codes are counted, not turned into luminances one by one: this happens while the flip is waited for.
+        counts = np.bincount(codes.ravel(), minlength=self._luminance_of_code.size)
+        return float(counts @ self._luminance_of_code / counts.sum())
+
+    def _ramp_field(self, interval: RampInterval, luminance: float, labelled: bool) -> Field:
+        """Return the field of a frame of an interval, with the interval's number if it is to have one."""
+        ground = self._brightness.of_screen(luminance, interval.pixel_value)
+        if not (interval.label and labelled):
+            return Field(ground)
+        image = self._centred_image(interval.label, self._window.size(), LABEL_SIZE)
+        return Field(ground, ink_on(ground, self._display), image)
+
+    def _settle(self, interval: RampInterval) -> None:
+        """Show the initial luminance until the backlight has it; pixels have it at once."""
+        begun = self._window.now()
+        while self._rig.actuator is Actuator.BACKLIGHT and self._window.now() - begun < LONGEST_SETTLING:
+            ground = self._brightness.of_screen(interval.initial_luminance, interval.pixel_value)
+            self._show(Field(ground), "field")
+            self._take_pause()
+            if self._brightness.reached():
+                return
+
+    def _show(self, field: Field, kind: str, text: str = "") -> float:
+        """Show a field, or still the one before if the backlight is too bright for it; return when [s]."""
+        if self._shown is None or self._brightness.takes_pixels():
+            self._shown = field
+        self._renderer.draw(self._window.framebuffer(), self._shown, self._frame)
+        self._frame = (self._frame + 1) % (1 << 32)
+        self._screenshots.take(self._window, kind, text)
+        flip = self._window.flip()
+        self._brightness.after_flip()
+        return flip
+
+    def _presses(self) -> list[KeyPress]:
+        """Return the keys pressed, or raise `PausePressed` if the pause key is among them."""
+        presses = self._keyboard.pressed()
+        if any(press.name == self._rig.keys.pause for press in presses):
+            self._forget_clip()
+            raise PausePressed
+        return presses
+
+    def _forget_clip(self) -> None:
+        """Let go of a clip that was prepared and is not played; where none was, there is no player either."""
+        if "_clip_player" in vars(self):
+            self._clip_player.close()
+
+    def _take_pause(self) -> None:
+        """Raise `PausePressed` if the pause key was pressed, and forget other keys: nothing is asked yet."""
+        self._presses()
+
+
+def middle(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return the middle of an image (height, width), of a width and height at most; as windows read it.
+
+    >>> middle(np.arange(15, dtype=np.uint8).reshape(3, 5), (1, 9)).tolist()
+    [[2], [7], [12]]
+    """
+    height, width = (min(a, b) for a, b in zip(size[::-1], image.shape, strict=True))
+    top, left = (image.shape[0] - height) // 2, (image.shape[1] - width) // 2
+    return image[top : top + height, left : left + width]

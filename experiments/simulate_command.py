@@ -1,0 +1,89 @@
+"""The commands of the experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import require_seed
+
+SIMULATED_TASKS = ("ramp", "rating", "comparison", "search")
+MAX_PARTICIPANTS = 9999
+
+
+def simulate(
+    task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set to be made.")],
+    participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
+    display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
+    design: Annotated[
+        str, typer.Option(help="Design: a preset (paper, quick, ...) or a toml file.")
+    ] = "paper",
+    stimuli: Annotated[
+        Path | None,
+        typer.Option(help="Folder with a track for each sequence of a viewing experiment."),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
+) -> None:
+    """Simulate many participants of an experiment at once, without a window."""
+    if task not in SIMULATED_TASKS:
+        raise InputError(
+            f"task {task!r} cannot be simulated; there is {', '.join(map(repr, SIMULATED_TASKS))}"
+        )
+    if not 1 <= participants <= MAX_PARTICIPANTS:
+        raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
+    require_seed(seed)
+    if (task == "ramp") == (stimuli is not None):
+        raise InputError(
+            f"--stimuli goes with rating, comparison and search, which need it; got the task {task} "
+            f"{'with' if stimuli else 'without'} it"
+        )
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    off = quiet or not console.is_terminal
+    simulated = _ramps if stimuli is None else _viewing(task, stimuli)
+    run = simulated(participants, seed, display, design)
+    with Progress(console=console, transient=True, disable=off) as progress:
+        bar = progress.add_task("simulating participants", total=participants)
+        run(out, lambda done: progress.update(bar, completed=done))
+    if not quiet:
+        typer.echo(f"{participants} simulated participants in {out}")
+
+
+Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set, and reports who is done
+
+
+def _ramps(participants: int, seed: int, display: str, design: str) -> Simulation:
+    """Return the simulation of ramp sessions."""
+    from evenlight.experiments.design_files import load_design
+    from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
+    from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
+    from evenlight.method.preset_files import load_display, load_rate_limit
+
+    simulation = RampSimulation(
+        participants=participants,
+        seed=seed,
+        display=load_display(display),
+        design=load_design(design),
+        limit=load_rate_limit("surace2025"),
+        population=ObserverPopulation(),
+    )
+    return lambda out, report: simulate_dataset(simulation, out, report)
+
+
+def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str], Simulation]:
+    """Return what makes the simulation of a viewing experiment on some stimuli."""
+    from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
+
+    def simulation(participants: int, seed: int, display: str, design: str) -> Simulation:
+        loaded = load_simulation(task, stimuli, (participants, seed), display, design)
+        return lambda out, report: simulate_viewing(loaded, out, report)
+
+    return simulation

@@ -1,0 +1,1 @@
+"""Sweeps of a display: luminance and power, level by level, with instruments."""

@@ -1,0 +1,1 @@
+"""The viewing experiments (Section 4): rating, comparison and search, each with its observer."""

@@ -1,0 +1,158 @@
+"""Detail rating as a session conducts it (Section 4.1 of the paper)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from evenlight.data_schema.recordings.viewing import LOWEST_RATING, RatingDesign, RatingTrial, Version
+from evenlight.experiments.chance import williams_row
+from evenlight.experiments.sessions.pages import Pages
+from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
+from evenlight.experiments.stage import Stage
+from evenlight.experiments.viewing.viewing_task import (
+    ViewingTask,
+    clip_log,
+    noise_seed_of,
+    practice_sequences,
+    sequences_in_order,
+    shown_columns,
+    stimulus_clip,
+    versions_in_order,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRating:
+    """A video to be rated.
+
+    Attributes
+    ----------
+    sequence : str
+        Which.
+    version : Version
+        How it is dimmed.
+    repetition : int
+        Which rating of this version, from 1.
+    place_in_pair : int
+        1 if this version is shown before the other, else 2.
+    block : int
+        Of the session, from 1; 0 for practice.
+    practice : bool
+        Whether it is practice.
+    seconds : float or None
+        How much of it is shown, from its beginning [s]; None for all.
+    """
+
+    sequence: str
+    version: Version
+    repetition: int
+    place_in_pair: int
+    block: int = 1
+    practice: bool = False
+    seconds: float | None = None
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What of its row is known before it is shown."""
+        names = ("sequence", "version", "repetition", "place_in_pair", "block", "practice")
+        return {name: getattr(self, name) for name in names}
+
+
+class RatingTask(ViewingTask[PlannedRating]):
+    """Each sequence in both versions; after each video, a rating from 1 to 5.
+
+    Parameters
+    ----------
+    setting : SessionSetting
+        Design, stimuli, session and rig.
+    """
+
+    instructions = "instructions_rating"
+
+    def __init__(self, setting: SessionSetting) -> None:
+        self._design: RatingDesign = setting.manifest.design  # type: ignore[assignment] # the manifest checks it
+        super().__init__(setting, rating_order(self._design, setting.session[1]))
+
+    @property
+    def minutes(self) -> float:
+        """How long the session takes, about."""
+        return self._clip_minutes(self._design, clips_per_trial=1)
+
+    def practice(self) -> Sequence[PlannedRating]:
+        """Return the trials for practice."""
+        return rating_practice(self._design, *self._session)
+
+    def is_right(self, trial: RatingTrial) -> bool | None:
+        """Return None: no rating is right or wrong."""
+        return None
+
+    def conduct(
+        self, planned: PlannedRating, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> ConductedTrial:
+        """Show a video and ask for its rating."""
+        stimulus, seed = self._stimuli[planned.sequence], noise_seed_of(self._session, place)
+        clip = stimulus_clip(stimulus, planned.version, seed, planned.seconds)
+        stage.prepare_clip(clip)
+        stage.wait(self._design.adaptation_duration, self.neutral_luminance)
+        shown = stage.play(clip)
+        keys = self._rig.keys
+        participant.see_trial(planned, place.trial_index)
+        press = stage.ask(pages.text("question_rating", keys), keys.ratings, self.neutral_luminance)
+        trial = RatingTrial(
+            **planned.columns,
+            **shown_columns(place, [shown], seed, self._design.max_dropped_share),
+            mean_factor=stimulus.mean_factor(planned.version),
+            rating=LOWEST_RATING + keys.ratings.index(press.name),
+            response_time=press.time,
+        )
+        return ConductedTrial(trial, (clip_log(place, 1, shown),))
+
+
+def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedRating, ...]:
+    """Return the trials of a participant: a block for each repetition.
+
+    Sequences, or all versions of them where they are not together, stand in the order of a Williams square.
+    Which version comes first alternates from sequence to sequence, from participant to participant, from one
+    round of the square to the next, and from repetition to repetition.
+
+    Parameters
+    ----------
+    design : RatingDesign
+        Which sequences, how often.
+    order_index : int
+        The participant's place in the data set.
+
+    >>> order = rating_order(RatingDesign(sequences=("gym", "library")), 0)
+    >>> [(trial.sequence, trial.version.value) for trial in order]
+    [('gym', 'ours'), ('gym', 'baseline'), ('library', 'baseline'), ('library', 'ours')]
+    """
+    trials: list[PlannedRating] = []
+    for repetition in range(1, design.repetitions + 1):
+        pairs = [
+            (sequence, version)
+            for sequence in sequences_in_order(design.sequences, order_index)
+            for version in versions_in_order(design.sequences, sequence, order_index, repetition)
+        ]
+        if not design.versions_together:
+            every = [(sequence, version) for sequence in design.sequences for version in Version]
+            pairs = [every[k] for k in williams_row(len(every), order_index + repetition - 1)]
+        seen: set[str] = set()
+        for sequence, version in pairs:
+            place = 2 if sequence in seen else 1
+            seen.add(sequence)
+            trials.append(PlannedRating(sequence, version, repetition, place, block=repetition))
+    return tuple(trials)
+
+
+def rating_practice(design: RatingDesign, seed: int, order_index: int) -> tuple[PlannedRating, ...]:
+    """Return excerpts for practice, of sequences drawn at random, the two versions in turn."""
+    chosen = practice_sequences(design.sequences, design.practice_trials, seed, order_index)
+    versions = tuple(Version)
+    return tuple(
+        PlannedRating(
+            sequence, versions[(k + order_index) % 2], 1, 1 + k % 2, 0, True, design.practice_duration
+        )
+        for k, sequence in enumerate(chosen)
+    )

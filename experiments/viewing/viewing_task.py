@@ -1,0 +1,274 @@
+"""What the viewing tasks have in common: a fixed, counterbalanced order of trials, seeds, dropped frames."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, Generic, Protocol, TypeVar
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.ramp import TrialFlag
+from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, RatingDesign, Version
+from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.sessions.pages import Pages
+from evenlight.experiments.sessions.task import SessionSetting, TrialPlace
+from evenlight.experiments.stage import Clip, ShownClip, Stage
+from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
+
+LARGEST_SEED = 2**31
+READING = 120.0  # [s] consent, instructions, practice pages
+ANSWERING = 4.0  # [s] a question, and going on
+MAX_SHOWINGS = 3  # of a trial that is flagged each time
+SAME = 1e-9  # relative, of a number that was computed and written
+
+
+class PlannedTrial(Protocol):
+    """A trial of a fixed order."""
+
+    @property
+    def block(self) -> int:
+        """Of the session, from 1."""
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What of its row is known before it is shown."""
+
+
+Planned = TypeVar("Planned", bound=PlannedTrial)
+
+
+class FixedOrder(Generic[Planned]):
+    """Hands out trials in their order; a flagged one comes again at the end, if it is to.
+
+    Parameters
+    ----------
+    trials : sequence of planned trials
+        In their order.
+    repeat_flagged : bool
+        Whether a flagged trial is shown again, at most three times in all.
+    """
+
+    def __init__(self, trials: Sequence[Planned], repeat_flagged: bool) -> None:
+        self._queue: list[tuple[Planned, int]] = [(trial, 1) for trial in trials]
+        self._repeat_flagged = repeat_flagged
+        self._place = 0
+        self._last_block = max((trial.block for trial in trials), default=0)
+        self.n_trials = len(self._queue)
+
+    def next_trial(self) -> Planned | None:
+        """Return the trial that comes next, the same until `take` is called; None when all are done."""
+        return self._queue[self._place][0] if self._place < len(self._queue) else None
+
+    def take(self, trial: Any) -> None:
+        """Take an answered trial, just given or read from an interrupted session.
+
+        Raises
+        ------
+        InputError
+            If it is not the trial that `next_trial` returned.
+        """
+        planned = self.next_trial()
+        different = ["no further trial"] if planned is None else _differences(trial, planned.columns)
+        if planned is None or different:
+            raise InputError(
+                f"trial {trial.trial_index} of participant {trial.participant_id} is not the one that "
+                f"design, stimuli and seed of the session say ({', '.join(different)}); a session goes on "
+                "only with those it began with"
+            )
+        showings = self._queue[self._place][1]
+        self._place += 1
+        # What is left out for having been seen before would only be seen once more.
+        dropped = trial.flag is TrialFlag.DROPPED_FRAMES
+        if dropped and self._repeat_flagged and showings < MAX_SHOWINGS:
+            again = dataclasses.replace(planned, block=self._last_block + 1)  # type: ignore[type-var] # a dataclass
+            self._queue.append((again, showings + 1))
+
+
+def _differences(trial: Any, columns: dict[str, Any]) -> list[str]:
+    """Return in which columns a trial is not as it was planned, in words."""
+    return [
+        f"{name} {_plain(getattr(trial, name))}, not {_plain(value)}"
+        for name, value in columns.items()
+        if not _same(getattr(trial, name), value)
+    ]
+
+
+def _same(got: Any, planned: Any) -> bool:
+    """Return whether two values are the same, numbers but for their rounding."""
+    if isinstance(planned, float):
+        return math.isclose(got, planned, rel_tol=SAME, abs_tol=SAME)
+    return bool(got == planned)
+
+
+def _plain(value: Any) -> object:
+    """Return a value as it is read in a message."""
+    return getattr(value, "value", value)
+
+
+class ViewingTask(Generic[Planned]):
+    """What all viewing tasks answer alike; each adds its trials, how one is conducted, and what is right.
+
+    Parameters
+    ----------
+    setting : SessionSetting
+        Design, stimuli, session and rig.
+    order : sequence of planned trials
+        Those of the session, in their order.
+    """
+
+    instructions: str
+    seconds = 0.0  # no trial has a time limit
+
+    def __init__(self, setting: SessionSetting, order: Sequence[Planned]) -> None:
+        self._session, self._rig = setting.session, setting.rig
+        self._stimuli = {stimulus.name: stimulus for stimulus in setting.stimuli}
+        design: Any = setting.manifest.design
+        self._order = FixedOrder(order, design.repeat_flagged)
+        self.neutral_luminance = neutral_luminance(setting.stimuli)
+        self.n_trials = self._order.n_trials
+        self.trials_between_breaks: int = design.trials_between_breaks
+
+    def prepare(self, stage: Stage) -> None:
+        """Refuse videos that are larger than the window."""
+        require_room(self._stimuli.values(), stage)
+
+    def next_trial(self) -> Planned | None:
+        """Return the trial that comes next, or None at the end."""
+        return self._order.next_trial()
+
+    def take(self, trial: Any) -> None:
+        """Take an answered trial."""
+        self._order.take(trial)
+
+    def is_flagged(self, trial: Any) -> bool:
+        """Return whether a trial is left out of the analysis."""
+        return bool(trial.flag is not TrialFlag.NONE)
+
+    def feedback(self, trial: Any, pages: Pages) -> str:
+        """Return nothing: no trial is commented on."""
+        return ""
+
+    def _clip_minutes(self, design: RatingDesign | ComparisonDesign, clips_per_trial: int) -> float:
+        """Return how long a session of clips takes, about."""
+        seconds = sum(stimulus.stimulus.duration for stimulus in self._stimuli.values())
+        practice = clips_per_trial * design.practice_trials * design.practice_duration
+        pauses = clips_per_trial * design.adaptation_duration * (self.n_trials + design.practice_trials)
+        return viewing_minutes(2 * design.repetitions * seconds + practice + pauses, self.n_trials)
+
+
+def viewing_minutes(shown: float, n_trials: int) -> float:
+    """Return the minutes of a session that shows something for some time [s] in some trials.
+
+    >>> viewing_minutes(440.0, 10)
+    10.0
+    """
+    return (READING + shown + ANSWERING * n_trials) / 60
+
+
+def sequences_in_order(sequences: tuple[str, ...], order_index: int) -> list[str]:
+    """Return the sequences in the order of a participant."""
+    return [sequences[k] for k in williams_row(len(sequences), order_index)]
+
+
+def versions_in_order(
+    sequences: tuple[str, ...], sequence: str, order_index: int, repetition: int
+) -> tuple[Version, Version]:
+    """Return the two versions of a sequence in the order in which a participant sees them."""
+    # After so many participants the rows of the Williams square repeat: from then on, the other way round.
+    rows = len(sequences) * (1 + len(sequences) % 2)
+    rounds = order_index // rows
+    ours_first = (sequences.index(sequence) + order_index + rounds + repetition - 1) % 2 == 0
+    return (Version.OURS, Version.BASELINE) if ours_first else (Version.BASELINE, Version.OURS)
+
+
+def practice_sequences(sequences: tuple[str, ...], n: int, seed: int, order_index: int) -> list[str]:
+    """Return the sequences of practice: each once before any comes twice."""
+    chance = generator_for(seed, order_index, Purpose.EXCERPTS)
+    order = [int(k) for _ in range(-(-n // len(sequences))) for k in chance.permutation(len(sequences))]
+    return [sequences[k] for k in order[:n]]
+
+
+class ShownStimulus(Protocol):
+    """Something that was shown, refresh by refresh."""
+
+    @property
+    def onset(self) -> float:
+        """When its first frame appeared, on the stage's clock [s]."""
+
+    @property
+    def flip_times(self) -> tuple[float, ...]:
+        """Of each refresh, since the first [s]."""
+
+    @property
+    def frames_dropped(self) -> int:
+        """Refreshes that passed without a new frame."""
+
+
+def noise_seed_of(session: tuple[int, int], place: TrialPlace) -> int:
+    """Return the seed of the dithering noise of a trial."""
+    return int(generator_for(*session, Purpose.NOISE, place.trial_index).integers(LARGEST_SEED))
+
+
+def shown_columns(
+    place: TrialPlace, shown: Sequence[ShownStimulus], noise_seed: int, max_dropped_share: float
+) -> dict[str, Any]:
+    """Return the columns of a row that say whose it is, and how it was shown."""
+    refreshes = sum(len(part.flip_times) for part in shown)
+    dropped = sum(part.frames_dropped for part in shown)
+    too_many = dropped > max_dropped_share * (refreshes + dropped)
+    return {
+        "participant_id": place.participant_id,
+        "session_id": place.session_id,
+        "trial_index": place.trial_index,
+        "simulated": place.simulated,
+        "attempt": place.attempt,
+        "onset": shown[0].onset,
+        "noise_seed": noise_seed,
+        "n_frames": refreshes,
+        "frames_dropped": dropped,
+        "flag": TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
+    }
+
+
+def stimulus_clip(stimulus: LoadedStimulus, version: Version, noise_seed: int, seconds: float | None) -> Clip:
+    """Return a version of a sequence, to be played."""
+    times = stimulus.track.times
+    return Clip(
+        video=stimulus.video,
+        times=times - times[0],
+        duration=stimulus.stimulus.duration,
+        factors=stimulus.factors(version),
+        noise_seed=noise_seed,
+        seconds=seconds,
+    )
+
+
+def require_room(stimuli: Iterable[LoadedStimulus], stage: Stage) -> None:
+    """Refuse videos that are larger than the stage; they are shown pixel by pixel."""
+    room = stage.room()
+    for stimulus in stimuli:
+        if room is None or stimulus.size is None:
+            continue
+        if stimulus.size[0] > room[0] or stimulus.size[1] > room[1]:
+            raise InputError(
+                f"{stimulus.folder}: the video has {stimulus.size[0]}x{stimulus.size[1]} pixels, and the "
+                f"window {room[0]}x{room[1]}: render it at --size {room[0]}x{room[1]}, or smaller"
+            )
+
+
+def clip_log(place: TrialPlace, interval: int, shown: ShownClip) -> ClipLog:
+    """Return what the display showed of a video, as a record."""
+    return ClipLog(
+        trial_index=place.trial_index,
+        attempt=place.attempt,
+        interval=interval,
+        flip_times=shown.flip_times,
+        video_frames=shown.video_frames,
+        factors=shown.factors,
+        backlight_factors=shown.backlight_factors,
+        probe_refreshes=shown.probe_refreshes,
+        probe_luminance=shown.probe_luminance,
+        probe_intended=shown.probe_intended,
+        waited=shown.waited,
+    )

@@ -1,0 +1,227 @@
+"""The backlight of a monitor, over DDC/CI: slow, in steps of about 1 %, and not always honest.
+
+The library `monitorcontrol` frames the messages. Three things are not left to its version 4.2: it keeps no
+time between messages (it subtracts the last one's time where it means to add it), it takes replies whose
+checksum is wrong, and told not to, it refuses those whose checksum is right (see `checksum`). The driver was
+tested against an emulated monitor that speaks DDC/CI, not against monitors.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import functools
+import operator
+import struct
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from evenlight.hardware.backlights import SteppedBacklight
+from evenlight.hardware.protocols import Fault, InstrumentError
+
+BRIGHTNESS = 0x10  # VCP code "luminance"
+CONTRAST = 0x12  # VCP code "contrast": any answer to it differs from one to BRIGHTNESS
+REPLY_TO = 0x50  # the host's address as a reply's checksum begins with it, DDC/CI 1.1
+HOST = 0x51  # as it begins what is sent
+COMMAND_INTERVAL = 0.05  # [s] between two messages, DDC/CI 1.1
+LONGEST = 64  # bytes: more than any message has
+REPLY_DELAY = 0.04  # [s] that the library gives the monitor for a reply, DDC/CI 1.1
+GONE = (errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET)  # the bus is no longer there
+UNANSWERED = (
+    errno.ENXIO,
+    errno.EREMOTEIO,
+    errno.EAGAIN,
+    errno.EIO,
+    errno.ETIMEDOUT,
+)  # nothing at the address
+INSTALL = "the library monitorcontrol is not installed: pip install 'evenlight[instruments]'"
+
+
+class DdcBacklight(SteppedBacklight):
+    """A monitor that is set over DDC/CI.
+
+    Parameters
+    ----------
+    number : int
+        On Linux, that of its I2C bus: 5 for /dev/i2c-5. Elsewhere, its place in the library's list, from 0.
+    clock : callable, optional
+        For the time between messages [s].
+    wait : callable, optional
+        Waits for some time [s].
+    panel : optional
+        The library's control of a monitor (`LinuxVCP` or one like it), in place of the number's.
+
+    Raises
+    ------
+    InstrumentError
+        If there is no such monitor, it may not be opened, does not answer, or has no brightness to set.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], None] = time.sleep,
+        panel: Any = None,
+    ) -> None:
+        # Each setting is read back.
+        super().__init__(f"monitor ddc:{number}", min_interval=2 * COMMAND_INTERVAL + REPLY_DELAY)
+        self._clock, self._wait, self._next, self._in_doubt = clock, wait, -float("inf"), False
+        control = panel if panel is not None else _control(number, self._name)
+        control.CHECKSUM_ERRORS, control.get_checksum = "strict", checksum
+        self._attempt(control.__enter__)
+        self._control: Any = control
+        try:
+            self._found, self._steps = self._ask(BRIGHTNESS)
+            if self._steps < 1:
+                raise InstrumentError(f"{self._name}: says that its brightness has no steps")
+        except BaseException:
+            self._release()
+            raise
+
+    def _set(self, step: int) -> None:
+        """Set the monitor to a step, and ask whether it has taken it."""
+        control = self._open_control()
+        self._pace()
+        self._attempt(lambda: control.set_vcp_feature(BRIGHTNESS, step))
+        if (taken := self._read_step()) != step:
+            raise InstrumentError(
+                f"{self._name}: was set to step {step}, and says {taken}; does a power saving or ambient "
+                "light mode of its menu hold the brightness?"
+            )
+
+    def _read_step(self) -> int:
+        """Return the step that the monitor reports; it takes about 0.1 s."""
+        return self._ask(BRIGHTNESS)[0]
+
+    def _ask(self, code: int) -> tuple[int, int]:
+        """Return the value of a VCP code, and the highest that it may have."""
+        control = self._open_control()
+        if self._in_doubt:
+            self._resynchronise()
+        self._pace()
+        try:
+            value, highest = self._attempt(lambda: control.get_vcp_feature(code))
+        except InstrumentError:
+            self._in_doubt = True
+            raise
+        if value > highest:
+            raise InstrumentError(
+                f"{self._name}: says step {value} of {highest}, which is no answer", Fault.GARBLED
+            )
+        return value, highest
+
+    def _resynchronise(self) -> None:
+        """Read away what may still come, and go on only when the monitor answers what is asked."""
+        from monitorcontrol.vcp import VCPError
+
+        control = self._open_control()
+        self._pace()
+        if hasattr(control, "read_bytes"):  # Windows reads and forgets by itself
+            with contextlib.suppress(VCPError, OSError):  # nothing was waiting
+                control.read_bytes(LONGEST)
+        self._pace()
+        try:
+            self._attempt(lambda: control.get_vcp_feature(CONTRAST))
+        except InstrumentError as error:
+            if not error.code:  # a monitor without contrast has answered, too
+                raise
+        self._in_doubt = False
+
+    def _pace(self) -> None:
+        """Wait until the monitor takes the next message."""
+        if (due := self._next - self._clock()) > 0:
+            self._wait(due)
+
+    def _attempt(self, message: Callable[[], Any]) -> Any:
+        """Exchange one message with the library, and say in our words what goes wrong."""
+        from monitorcontrol.vcp import VCPError
+
+        try:
+            return message()
+        except (VCPError, OSError, struct.error) as error:
+            raise self._fault(error) from None
+        finally:
+            self._next = self._clock() + COMMAND_INTERVAL
+
+    def _fault(self, error: Exception) -> InstrumentError:
+        """Return what the library's error means."""
+        cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
+        number = getattr(cause, "errno", None)
+        if isinstance(cause, PermissionError):
+            return InstrumentError(
+                f"{self._name}: may not be opened; on Linux, join the group i2c and log in again",
+                Fault.NOT_FOUND,
+            )
+        if isinstance(cause, FileNotFoundError):
+            return InstrumentError(
+                f"{self._name}: no such I2C bus; on Linux load the module i2c-dev, and see with "
+                "`evenlight measure list` which there are",
+                Fault.NOT_FOUND,
+            )
+        if number in GONE:
+            self._release()
+            return InstrumentError(f"{self._name}: the connection broke ({cause})", Fault.DISCONNECTED)
+        if number in UNANSWERED:
+            return InstrumentError(
+                f"{self._name}: no reply; is it switched on, and is DDC/CI enabled in its menu?",
+                Fault.NO_REPLY,
+            )
+        if "Unsupported VCP code" in str(error):
+            return InstrumentError(
+                f"{self._name}: has no brightness that is set over DDC/CI (Unsupported VCP code)",
+                code="Unsupported VCP code",
+            )
+        return InstrumentError(f"{self._name}: sent what is no reply ({error})", Fault.GARBLED)
+
+    def _require_open(self) -> None:
+        """Refuse to work after `close`, or after the connection broke."""
+        self._open_control()
+
+    def _open_control(self) -> Any:
+        """Return the library's control of the monitor, if it is open."""
+        if self._control is None:
+            raise InstrumentError(f"{self._name}: is no longer connected", Fault.DISCONNECTED)
+        return self._control
+
+    def _release(self) -> None:
+        """Let go of the bus."""
+        control, self._control = getattr(self, "_control", None), None
+        if control is not None:
+            try:
+                control.__exit__(None, None, None)
+            except Exception:  # the library's own; a bus that is gone may not even close
+                control.fd = None
+
+
+def checksum(data: bytes) -> int:
+    """Return the checksum of a message that the library sends, or of a reply without its own.
+
+    Both begin with the monitor's address 0x6E. A reply's sum begins with the host's virtual address, which
+    version 4.2 of the library leaves out.
+
+    >>> hex(checksum(bytes.fromhex("6e 88 02 00 10 00 00 64 00 32")))  # brightness 50 of 100
+    '0xf2'
+    >>> hex(checksum(bytes.fromhex("6e 51 82 01 10")))  # the question that it answers
+    '0xac'
+    """
+    sent = len(data) > 1 and data[1] == HOST
+    return functools.reduce(operator.xor, data, 0 if sent else REPLY_TO)
+
+
+def _control(number: int, name: str) -> Any:
+    """Return the library's control of a monitor."""
+    try:
+        if sys.platform.startswith("linux"):
+            from monitorcontrol.vcp.vcp_linux import LinuxVCP
+
+            return LinuxVCP(number)
+        from monitorcontrol.vcp import get_vcps
+    except ImportError:
+        raise InstrumentError(f"{name}: {INSTALL}", Fault.NOT_FOUND) from None
+    controls = get_vcps()
+    if not 0 <= number < len(controls):
+        raise InstrumentError(f"{name}: there are {len(controls)} monitors, from 0", Fault.NOT_FOUND)
+    return controls[number]

@@ -1,0 +1,290 @@
+"""Photo Research spectroradiometers: PR-655 and PR-670 over USB or RS-232, and the older PR-650 over RS-232.
+
+Written from the commands and codes as public drivers and quotations of the manual have them, and tested
+against emulators, not against instruments. PR-655 and PR-670 take one character at a time.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+from evenlight.hardware.drivers.serial_link import LineSettings
+from evenlight.hardware.drivers.serial_meter import MeterAnswer, SerialMeter
+from evenlight.hardware.protocols import Fault, InstrumentError
+
+LINE = LineSettings(  # no handshake: as psychopy-photoresearch and Psychtoolbox's PR655Toolbox open it
+    baud_rate=9600,
+    data_bits=8,
+    parity="N",
+    stop_bits=1,
+    terminator=b"\r\n",
+    timeout=60.0,  # a PR-670 exposes for up to 30 s, as long again for its dark signal; a PR-650 is slow
+)
+ENTERING_TIME = 2.0  # [s] in which it reports remote mode
+BETWEEN_CHARACTERS = 0.05  # [s] as Psychtoolbox leaves
+REMOTE_MODE = b"REMOTE MODE"
+CODE = re.compile(r"-?\d{4,5}|-\d{1,3}")
+FINE = "0000"
+OTHER_UNITS = {  # of what is no luminance, by the second field of a reading
+    "11": "radiance",
+    "12": "irradiance",
+    "112": "illuminance",
+    "13": "radiant intensity",
+    "113": "luminous intensity",
+    "14": "radiant flux",
+    "114": "luminous flux",
+}
+ERROR_CODES: dict[int, tuple[str, Fault]] = {
+    -1: ("the light is not constant; set the synchronisation, or a longer exposure", Fault.REFUSED),
+    -2: ("too bright for it: overload", Fault.OVER_RANGE),
+    -3: ("cannot synchronise: the light has no frequency of 20 to 400 Hz, or is too weak", Fault.REFUSED),
+    -4: ("its adaptive mode failed", Fault.REFUSED),
+    -8: ("too dark for it: weak light", Fault.UNDER_RANGE),
+    -9: ("its synchronisation failed", Fault.REFUSED),
+    -10: ("cannot synchronise to the light by itself", Fault.REFUSED),
+    -12: ("its adaptive mode found no exposure in time: the light is not constant", Fault.REFUSED),
+    -1000: ("it does not know the command", Fault.REFUSED),
+    -1001: ("too many fields in a setting", Fault.REFUSED),
+    -1002: ("no such primary accessory", Fault.REFUSED),
+    -1003: ("no such add-on accessory 1", Fault.REFUSED),
+    -1004: ("no such add-on accessory 2", Fault.REFUSED),
+    -1005: ("the accessory is no primary one", Fault.REFUSED),
+    -1006: ("the accessory is no add-on", Fault.REFUSED),
+    -1007: ("the accessory is selected already", Fault.REFUSED),
+    -1008: ("no such aperture", Fault.REFUSED),
+    -1009: ("no such system of units", Fault.REFUSED),
+    -1010: ("no such exposure: 3 to 6000 ms on a PR-655, 6 to 30000 ms on a PR-670", Fault.REFUSED),
+    -1011: ("no such gain", Fault.REFUSED),
+    -1012: ("no such number of averages: 1 to 99", Fault.REFUSED),
+    -1015: ("no such observer: 2 or 10 degrees", Fault.REFUSED),
+    -1017: ("no such dark mode", Fault.REFUSED),
+    -1019: ("no such synchronisation mode", Fault.REFUSED),
+    -1021: ("the title is too long", Fault.REFUSED),
+    -1022: ("the title is empty", Fault.REFUSED),
+    -1023: ("no such frequency: 20 to 400 Hz", Fault.REFUSED),
+    -1024: ("no such recall command", Fault.REFUSED),
+    -1025: ("no such add-on accessory 3", Fault.REFUSED),
+    -1026: ("no such sensitivity", Fault.REFUSED),
+    -1035: ("this instrument has no such setting", Fault.REFUSED),
+    -2000: ("it has no such data", Fault.REFUSED),
+}
+PR650_BACKLIGHT_ON = b"b1\n"
+PR650_SET_UP = b"s01,,,,,,01,1\n"  # the lens MS-75, one exposure for a reading, SI units
+PR650_MEASURE = b"m0\n"
+PR650_TRISTIMULUS = b"d2\n"  # quality, units, X, Y, Z of the last measurement
+PR650_CODE = re.compile(r"-?\d{1,3}")
+PR650_N_FIELDS = 5
+PR650_SI_UNITS = 0
+PR650_QUALITY: dict[int, tuple[str, Fault]] = {
+    -1: ("it could not measure; is the light too weak?", Fault.REFUSED),
+    1: ("its sensor gave no signal to begin with", Fault.REFUSED),
+    3: ("its sensor gave no start signal", Fault.REFUSED),
+    4: ("its sensor gave no signal to integrate", Fault.REFUSED),
+    5: ("its memory access failed", Fault.REFUSED),
+    6: ("its sensor gave no signal after synchronising", Fault.REFUSED),
+    7: ("cannot synchronise to the light", Fault.REFUSED),
+    8: ("lost the synchronisation while it measured", Fault.REFUSED),
+    10: ("too dark for it: weak light", Fault.UNDER_RANGE),
+    12: ("its hardware fails", Fault.REFUSED),
+    13: ("its software fails", Fault.REFUSED),
+    14: ("it has no sample to compare with", Fault.REFUSED),
+    16: ("found no exposure in time: the light is not constant", Fault.REFUSED),
+    17: ("its battery is low: charge or change it", Fault.LOW_BATTERY),
+    18: ("too dark for it: low light", Fault.UNDER_RANGE),
+    19: ("too bright for it: overload", Fault.OVER_RANGE),
+    20: ("has no signal to synchronise to", Fault.REFUSED),
+    21: ("its memory (RAM) fails", Fault.REFUSED),
+    29: ("its data are corrupted", Fault.REFUSED),
+    30: ("its signal is noisy", Fault.REFUSED),
+}
+
+
+class Pr655(SerialMeter):
+    """The PR-655; parameters as of `SerialMeter`, and one more.
+
+    Parameters
+    ----------
+    url, clock, timeout
+        As of `SerialMeter`.
+    interval : float, optional
+        Between two characters that are sent [s].
+    """
+
+    maker, model, line = "Photo Research", "PR-655", LINE
+    wake = "Switch it on, wait for its menu, and let no other program use it"
+    zero_is_a_reading = False
+
+    def __init__(
+        self,
+        url: str,
+        clock: Callable[[], float] = time.monotonic,
+        timeout: float | None = None,
+        interval: float = BETWEEN_CHARACTERS,
+    ) -> None:
+        self._interval = interval
+        self._serial_number = self._firmware = ""
+        super().__init__(url, clock, timeout)
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the instrument said of itself when it was opened."""
+        return {
+            "model": f"Photo Research {self.model}",
+            "serial number": self._serial_number,
+            "firmware": self._firmware,
+        }
+
+    def _begin(self) -> None:
+        """Enter remote mode, refuse another model, and set SI units."""
+        self._enter_remote_mode()
+        model = self._answer("D111")
+        if self.model not in model:
+            name = model.strip().lower().replace("-", "")
+            raise self._error(
+                f"it is a {model.strip()}; name it {name}"
+                if re.fullmatch(r"pr6\d\d", name)
+                else f"it says that it is {model.strip()!r}",
+                Fault.WRONG_INSTRUMENT,
+            )
+        self._serial_number = self._answer("D110").strip()
+        self._firmware = self._answer("D114").strip()
+        self._answer("SU1")
+
+    def _enter_remote_mode(self) -> None:
+        """Send the word that starts it, which an instrument that is in it already takes for a command."""
+        self._link.write(b"PHOTO", self._interval)
+        try:
+            self._link.read_until(REMOTE_MODE, min(ENTERING_TIME, self._timeout))
+            return
+        except InstrumentError as error:
+            if error.fault is not Fault.NO_REPLY:
+                raise
+        self._link.write(b"\r")
+        line = self._next_line(skip=lambda line: REMOTE_MODE.decode() in line)  # late
+        if not CODE.fullmatch(line):
+            raise self._error(f"answers {line!r}, which is no {self.model}'s reply", Fault.WRONG_INSTRUMENT)
+
+    def _resynchronise(self) -> None:
+        """Ask for the serial number, which no measurement looks like."""
+        self._send("D110")
+        self._wait_for_line(self._is_serial_number)
+
+    def _measure(self) -> MeterAnswer:
+        """Ask for luminance and chromaticity: code, units, Y, x, y."""
+        fields = self._answer("M1").split(",")
+        if len(fields) < 4:
+            raise self._error(f"sent {','.join(fields)!r}, which is no reading", Fault.GARBLED)
+        units = fields[0].strip()
+        if units in OTHER_UNITS:
+            raise self._error(f"measures {OTHER_UNITS[units]}: take the accessory off", Fault.REFUSED, units)
+        luminance, x, y = (self._number(field) for field in fields[1:4])
+        return MeterAnswer(luminance, FINE, (x, y))
+
+    def _leave(self) -> None:
+        """Leave remote mode; it does not answer."""
+        self._link.write(b"Q")
+
+    def _answer(self, command: str) -> str:
+        """Send a command, and return what comes after the code of its reply, if that is no error."""
+        self._link.forget()
+        self._send(command)
+        line = self._next_line(skip=self._is_late(command))
+        code, _, rest = line.partition(",")
+        if not CODE.fullmatch(code.strip()):
+            raise self._error(f"sent {line!r}, which has no code", Fault.GARBLED)
+        if int(code) != 0:
+            words, fault = ERROR_CODES.get(
+                int(code), ("an error that its manual does not have", Fault.REFUSED)
+            )
+            raise self._error(f"{words} (error {int(code)})", fault, str(int(code)))
+        return rest
+
+    def _is_late(self, command: str) -> Callable[[str], bool]:
+        """Return what recognises a late answer to `_resynchronise`."""
+        return lambda line: command.startswith("M") and self._is_serial_number(line)
+
+    def _is_serial_number(self, line: str) -> bool:
+        """Return whether a line is the answer to `_resynchronise`."""
+        code, _, rest = line.partition(",")
+        return bool(CODE.fullmatch(code)) and rest.strip() == self._serial_number
+
+    def _send(self, command: str) -> None:
+        """Send a command, one character at a time."""
+        self._link.write(command.encode() + b"\r", self._interval)
+
+    def _number(self, field: str) -> float:
+        """Return the number in a field."""
+        try:
+            return float(field)
+        except ValueError:
+            raise self._error(f"sent {field!r} instead of a number", Fault.GARBLED) from None
+
+
+class Pr670(Pr655):
+    """The PR-670; parameters as of `Pr655`."""
+
+    model = "PR-670"
+
+
+class Pr650(SerialMeter):
+    """The older PR-650, over RS-232 only; parameters as of `SerialMeter`."""
+
+    maker, model, line = "Photo Research", "PR-650", LINE
+    wake = "Switch it off and on, and connect within 5 s"
+    zero_is_a_reading = False
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what is known of the instrument: it is not asked for more."""
+        return {"model": "Photo Research PR-650, as named", "settings": PR650_SET_UP.decode().strip()}
+
+    def _begin(self) -> None:
+        """Light its display, and set lens, exposures and units."""
+        for command in (PR650_BACKLIGHT_ON, PR650_SET_UP):
+            self._link.write(command)
+            line = self._next_line(skip=_is_tristimulus)
+            if not PR650_CODE.fullmatch(line):
+                raise self._error(
+                    "answers as a PR-655 or PR-670 does: name it pr655 or pr670"
+                    if re.fullmatch(r"-\d{4}", line)
+                    else f"answers {line!r}, which is no PR-650's reply",
+                    Fault.WRONG_INSTRUMENT,
+                )
+            self._refuse(int(line))
+
+    def _resynchronise(self) -> None:
+        """Ask for the last measurement: its answer has five fields, that to every other command one."""
+        self._link.write(PR650_TRISTIMULUS)
+        self._wait_for_line(_is_tristimulus)
+
+    def _measure(self) -> MeterAnswer:
+        """Measure, then ask for X, Y and Z."""
+        self._link.forget()
+        self._link.write(PR650_MEASURE)
+        line = self._next_line(skip=_is_tristimulus)  # late, of an earlier measurement
+        if not PR650_CODE.fullmatch(line):
+            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
+        self._refuse(int(line))
+        self._link.write(PR650_TRISTIMULUS)
+        line = self._next_line()
+        try:
+            quality, units = (int(field) for field in line.split(",")[:2])
+            X, Y, Z = (float(field) for field in line.split(",")[2:])
+        except ValueError:
+            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED) from None
+        self._refuse(quality)
+        if units != PR650_SI_UNITS:
+            raise self._error(f"its units are not cd/m^2 (code {units})", Fault.REFUSED, str(units))
+        total = X + Y + Z
+        return MeterAnswer(Y, "00", (X / total, Y / total) if total > 0 else None)
+
+    def _refuse(self, code: int) -> None:
+        """Refuse a quality code that is not that of a good measurement."""
+        if code != 0:
+            words, fault = PR650_QUALITY.get(code, ("a code that its manual does not have", Fault.REFUSED))
+            raise self._error(f"{words} (quality code {code})", fault, str(code))
+
+
+def _is_tristimulus(line: str) -> bool:
+    """Return whether a line is the answer to `PR650_TRISTIMULUS`."""
+    return line.count(",") == PR650_N_FIELDS - 1

@@ -1,0 +1,115 @@
+"""What drivers of power meters share: samples asked for one by one, sample rates, options of an address."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.hardware.protocols import InstrumentError
+
+ROUNDING = 1e-6  # of a period, in a clock that adds up
+BACKWARDS = -0.05  # [W] further below zero than any zero error of a meter for panels
+RATE_ROUNDING = 1e-9  # of a rate that was computed
+
+
+class PolledSampling:
+    """The times and the count of an instrument's samples that the computer asks for one by one.
+
+    A value that is asked for late makes the distance to the one before longer; none is made up, and none is
+    lost: the count is of values that were read.
+    """
+
+    def __init__(self) -> None:
+        self._period, self._due, self._count = 0.0, 0.0, 0
+        self.is_running = False
+
+    def begin(self, rate: float, now: float) -> None:
+        """Begin to ask at a rate [Hz], the first time now [s]."""
+        self._period, self._due, self._count = 1 / rate, now, 0
+        self.is_running = True
+
+    def end(self) -> None:
+        """Ask no more."""
+        self.is_running = False
+
+    def is_due(self, now: float) -> bool:
+        """Return whether the next value is to be asked for, and count on from there if it is."""
+        if now < self._due - ROUNDING * self._period:
+            return False
+        self._due += self._period
+        if self._due <= now:  # what was missed is not made up for in a rush
+            self._due = now + self._period
+        return True
+
+    def sample(self, power: float, sent: float, received: float) -> PowerSample:
+        """Return the sample of a value that was asked for and came at two times of the computer [s].
+
+        The instrument measured somewhere between the two; their middle stands for it.
+        """
+        self._count += 1
+        return PowerSample(self._count - 1, (sent + received) / 2, received, power)
+
+
+def require_sample_rate(rate: float, lowest: float, highest: float, device: str) -> None:
+    """Refuse a sample rate that a power meter does not have; nothing is clipped.
+
+    Parameters
+    ----------
+    rate : float
+        What was asked for [Hz].
+    lowest, highest : float
+        What there is [Hz].
+    device : str
+        The instrument, as messages name it.
+
+    >>> require_sample_rate(100.0, 1.0, 1000.0, "the meter")
+    """
+    if not lowest * (1 - RATE_ROUNDING) <= rate <= highest * (1 + RATE_ROUNDING):
+        raise InstrumentError(f"{device}: samples at {lowest:g} to {highest:g} Hz, got {rate:g} Hz")
+
+
+def split_address(address: str, driver: str, options: Mapping[str, str]) -> tuple[str, dict[str, float]]:
+    """Return an address and the numbers that were said with it.
+
+    Parameters
+    ----------
+    address : str
+        Without the driver's name.
+    driver : str
+        Its name, as messages have it.
+    options : mapping of str to str
+        What may be said, and what it is, in words.
+
+    Raises
+    ------
+    InputError
+        If something else is said, it is no number above 0, or there is no address.
+
+    >>> split_address("/dev/ttyACM0?voltage=5.0", "ppk2", {"voltage": "the supply's [V]"})
+    ('/dev/ttyACM0', {'voltage': 5.0})
+    """
+    place, _, said = address.partition("?")
+    given = f"{driver}:{address}"
+    if not place:
+        raise InputError(f"{given}: names no instrument; `evenlight measure list` shows what there is")
+    numbers: dict[str, float] = {}
+    for part in filter(None, said.split("&")):
+        name, _, text = part.partition("=")
+        if name not in options:
+            known = ", ".join(f"{key} ({words})" for key, words in options.items()) or "none"
+            raise InputError(f"{given}: there is no option {name!r}; there is {known}")
+        numbers[name] = _positive(text, f"{given}: {name}")
+    return place, numbers
+
+
+def _positive(text: str, what: str) -> float:
+    """Return a number above 0 that was written as text."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise InputError(f"{what} must be a number above 0, got {text!r}")
+    return number

@@ -1,0 +1,256 @@
+"""A line to an instrument over a serial port, or a socket: opened in one way, with one set of errors.
+
+Every driver opens its port here, through `serial.serial_for_url`: "/dev/ttyUSB0", "COM3", or
+"socket://127.0.0.1:5025". Whatever goes wrong ends in an `InstrumentError` that says which port, what was
+asked and what came.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+
+try:
+    import termios
+
+    BROKEN: tuple[type[Exception], ...] = (OSError, termios.error)  # of a port that is gone
+except ImportError:  # on Windows
+    BROKEN = (OSError,)
+GONE: tuple[type[Exception], ...] = (*BROKEN, TypeError)  # pyserial's, where the file is gone in between
+NOT_OPENED: tuple[type[Exception], ...] = (*BROKEN, ValueError)
+
+if TYPE_CHECKING:
+    import serial
+
+POLL = 0.002  # [s] between two looks at the port: a time-out is met to within it
+AT_ONCE = 4096  # bytes
+SHOWN = 60  # characters of what came that a message quotes
+
+
+@dataclass(frozen=True, slots=True)
+class LineSettings:
+    """How a port talks.
+
+    Attributes
+    ----------
+    baud_rate : int
+        Bits per second; a socket and a USB port that only looks serial take any.
+    data_bits : int
+        7 or 8.
+    parity : str
+        "N", "E" or "O".
+    stop_bits : int
+        1 or 2.
+    terminator : bytes
+        What ends a line that the instrument sends.
+    timeout : float
+        How long a reply may take [s].
+    """
+
+    baud_rate: int = 9600
+    data_bits: int = 8
+    parity: str = "N"
+    stop_bits: int = 1
+    terminator: bytes = b"\r\n"
+    timeout: float = 5.0
+
+
+class SerialLink(ContextDevice):
+    """An open port to an instrument.
+
+    Parameters
+    ----------
+    url : str
+        A port, or a URL of pyserial.
+    settings : LineSettings
+        How it talks.
+    device : str
+        The instrument, as messages name it.
+    clock : callable, optional
+        For time-outs [s].
+
+    Raises
+    ------
+    InstrumentError
+        If there is no such port, it may not be opened, or another program holds it.
+    """
+
+    def __init__(
+        self, url: str, settings: LineSettings, device: str, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.name, self._settings, self._clock = f"{device} at {url}", settings, clock
+        self._came = b""  # read from the port, not yet taken
+        self._port: serial.SerialBase | None = _open(url, settings, self.name)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is open: no more after the instrument was disconnected."""
+        return self._port is not None
+
+    def write(self, data: bytes, pause_between: float = 0.0) -> None:
+        """Send bytes; one at a time with a pause between them where an instrument takes no more [s]."""
+        parts = [data[i : i + 1] for i in range(len(data))] if pause_between else [data]
+        for number, part in enumerate(parts):
+            if number and pause_between:
+                time.sleep(pause_between)
+            try:
+                self._open_port().write(part)
+                self._open_port().flush()
+            except BROKEN as error:
+                raise self._broken(error) from None
+
+    def read_line(self, timeout: float | None = None) -> str:
+        """Return the next line without its terminator, as ASCII.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            How long it may take, in place of the settings' [s].
+
+        Raises
+        ------
+        InstrumentError
+            NO_REPLY if nothing comes; GARBLED if a line breaks off, or is not ASCII; DISCONNECTED.
+        """
+        line = self.read_until(self._settings.terminator, timeout)
+        try:
+            return line.decode("ascii")
+        except UnicodeDecodeError:
+            raise InstrumentError(
+                f"{self.name}: sent what is no text, {_quoted(line)}; are baud rate and parity right?",
+                Fault.GARBLED,
+            ) from None
+
+    def read_until(self, end_of_it: bytes, timeout: float | None = None) -> bytes:
+        """Return what comes before some bytes, which are taken, too: of a reply that has no terminator.
+
+        It takes as long, and raises the same errors, as `read_line`.
+        """
+        end = self._clock() + (self._settings.timeout if timeout is None else timeout)
+        while end_of_it not in self._came:
+            if self._clock() >= end:
+                raise self._missing()
+            self._came += self._take()
+        came, _, self._came = self._came.partition(end_of_it)
+        return came
+
+    def lines_waiting(self) -> list[str]:
+        """Return the whole lines that are there; return at once. What is no text keeps its place as "?"."""
+        self._came += self._take(at_once=True)
+        *lines, self._came = self._came.split(self._settings.terminator)
+        return [line.decode("ascii", errors="replace") for line in lines]
+
+    def forget(self, quiet: float = 0.0) -> bytes:
+        """Throw away what has come, until nothing more came for some time [s]; return what it was.
+
+        Before a question it clears what was not asked for; after a time-out it waits for a late reply.
+        """
+        thrown, self._came = self._came, b""
+        end = self._clock() + quiet
+        while True:
+            part = self._take(at_once=quiet == 0)
+            thrown += part
+            if part:
+                end = self._clock() + quiet
+            elif self._clock() >= end:
+                return thrown
+
+    def close(self) -> None:
+        """Close the port; more than once does nothing."""
+        if self._port is not None:
+            port, self._port = self._port, None
+            own_socket = getattr(port, "_socket", None)  # pyserial leaves it open where the other end is gone
+            port.close()
+            if own_socket is not None:
+                own_socket.close()
+
+    def _take(self, *, at_once: bool = False) -> bytes:
+        """Return what has come; wait a moment if nothing has, unless it is wanted at once."""
+        try:
+            came = self._open_port().read(AT_ONCE)
+            if not came and not at_once:
+                _await_bytes(self._open_port(), POLL)
+                came = self._open_port().read(AT_ONCE)
+            return bytes(came)
+        except GONE as error:
+            raise self._broken(error) from None
+
+    def _open_port(self) -> serial.SerialBase:
+        """Return the port, if it is open."""
+        if self._port is None:
+            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+        return self._port
+
+    def _missing(self) -> InstrumentError:
+        """Return the error of a line that did not come, or broke off."""
+        came, self._came = self._came, b""
+        if came:
+            return InstrumentError(f"{self.name}: its reply broke off after {_quoted(came)}", Fault.GARBLED)
+        return InstrumentError(
+            f"{self.name}: no reply; is it switched on, and in remote mode?", Fault.NO_REPLY
+        )
+
+    def _broken(self, error: Exception) -> InstrumentError:
+        """Close the port, and return the error of a connection that is gone."""
+        try:
+            self.close()
+        except BROKEN:  # a port that is gone may not even close
+            self._port = None
+        return InstrumentError(f"{self.name}: the connection broke ({error})", Fault.DISCONNECTED)
+
+
+def _await_bytes(port: serial.SerialBase, seconds: float) -> None:
+    """Wait until a port has something to read, and no longer than some time [s]."""
+    try:
+        select.select([port.fileno()], [], [], seconds)
+    except (AttributeError, OSError, ValueError):  # a port that is no file, as on Windows
+        time.sleep(seconds)
+
+
+def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
+    """Return a port, open for this program alone."""
+    import serial
+
+    own = {} if "://" in url else {"exclusive": True}  # a socket serves one client by itself
+    try:
+        return serial.serial_for_url(
+            url,
+            baudrate=settings.baud_rate,
+            bytesize=settings.data_bits,
+            parity=settings.parity,
+            stopbits=settings.stop_bits,
+            xonxoff=False,
+            rtscts=False,
+            dsrdtr=False,  # no instrument here has flow control
+            timeout=0,  # never set again: a pseudo-terminal takes 7 data bits only once
+            write_timeout=settings.timeout,
+            **own,
+        )
+    except NOT_OPENED as error:
+        raise port_error(name, error) from None
+
+
+def port_error(name: str, error: Exception) -> InstrumentError:
+    """Return the error of a port that cannot be opened, with what to do about it."""
+    words = str(error).lower()
+    if "exclusively lock" in words or "busy" in words or "access is denied" in words:
+        return InstrumentError(f"{name}: the port is in use by another program; end that first", Fault.BUSY)
+    if "permission" in words:
+        return InstrumentError(
+            f"{name}: may not be opened; on Linux, join the group dialout and log in again", Fault.NOT_FOUND
+        )
+    return InstrumentError(
+        f"{name}: cannot be opened ({error}); `evenlight measure list` shows the ports there are",
+        Fault.NOT_FOUND,
+    )
+
+
+def _quoted(came: bytes) -> str:
+    """Return the beginning of what came, as a message quotes it."""
+    text = came.decode("ascii", errors="backslashreplace")
+    return repr(text[:SHOWN]) + ("…" if len(text) > SHOWN else "")

@@ -1,0 +1,188 @@
+"""Any colorimeter or spectrometer that ArgyllCMS knows, through its program `spotread`.
+
+Each reading is one run of the program, so that no late answer can be taken for that to a later question.
+Written from the program's source, and tested against a program that prints the same lines, not against an
+instrument.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
+
+READING_TIME = 60.0  # [s] a colorimeter takes some 10 s in the dark, and some seconds to be found
+LISTING_TIME = 20.0  # [s] it looks for instruments at every port
+ADDRESS = re.compile(r"(\d*)(?:@(.+))?")
+# Emissive, with Yxy, without a calibration at the start, once. Its answer to a question is to give up.
+OPTIONS = ("-e", "-x", "-N", "-O")
+GIVE_UP = "q\nq\n"
+NUMBER = r"(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
+RESULT = re.compile(rf"Result is XYZ: {NUMBER} {NUMBER} {NUMBER}, Yxy: {NUMBER} {NUMBER} {NUMBER}\s*$", re.M)
+LISTED = re.compile(r"^\s+(\d+) = '(.*)'", re.M)
+VERSION = re.compile(r"Version (\S+)")
+
+# What it prints, from spotread.c and the drivers of its instruments; the first that is there says why.
+REASONS: tuple[tuple[str, str, Fault], ...] = (
+    (r"No ports found|No instrument at port", "no instrument there; is it plugged in?", Fault.NOT_FOUND),
+    (r"Device being used", "another program uses the instrument; end that first", Fault.BUSY),
+    (r"Permission denied", "may not be opened; install ArgyllCMS's udev rules", Fault.NOT_FOUND),
+    (
+        r"Unknown, inappropriate or no instrument detected",
+        "no instrument that it knows; `spotread -?` lists the ports",
+        Fault.WRONG_INSTRUMENT,
+    ),
+    (r"doesn't support it", "the instrument cannot measure light of a display", Fault.WRONG_INSTRUMENT),
+    (r"[Bb]attery (level )?too low", "its battery is low: charge or change it", Fault.LOW_BATTERY),
+    (r"[Ss]aturat|too high|[Tt]oo bright", "too bright for it", Fault.OVER_RANGE),
+    (r"Light level is too low", "too dark for it", Fault.UNDER_RANGE),
+    (
+        r"needs (a )?calibration",
+        "it has to be calibrated first: run `spotread -e` at the bench, and do what it says",
+        Fault.REFUSED,
+    ),
+    (r"wrong position", "its sensor is in the wrong position: turn it to the display", Fault.REFUSED),
+    (r"misread", "it misread", Fault.GARBLED),
+    (r"communication problem", "its reply was lost", Fault.NO_REPLY),
+    (
+        r"Failed to initialise communications|Communications failure|Instrument Access Failed",
+        "it does not answer; is it still plugged in?",
+        Fault.DISCONNECTED,
+    ),
+    (r"fatal error", "it failed", Fault.REFUSED),
+)
+
+
+class Spotread(ContextDevice):
+    """An instrument of ArgyllCMS.
+
+    Parameters
+    ----------
+    address : str
+        The instrument's number in the program's list, 1 if left out; then, if the program is not on the
+        path, "@" and where it is: "", "2", "2@/opt/argyll/bin/spotread".
+    clock : callable, optional
+        Of the readings' times [s].
+    timeout : float, optional
+        How long one reading may take [s].
+
+    Raises
+    ------
+    InputError
+        If that is no address.
+    InstrumentError
+        If there is no such program, or no such instrument in its list.
+    """
+
+    def __init__(
+        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
+    ) -> None:
+        match = ADDRESS.fullmatch(address)
+        if match is None:
+            raise InputError(
+                f"spotread:{address}: expected a number of its list, and @PROGRAM if it is not on the path"
+            )
+        self._number, self._program = match[1] or "1", match[2] or "spotread"
+        self._clock, self._timeout = clock, READING_TIME if timeout is None else timeout
+        self._name = f"spotread, instrument {self._number}"
+        self._version, self._instrument = self._looked_up()
+
+    def read_luminance(self) -> Reading:
+        """Return one reading [cd/m^2].
+
+        Raises
+        ------
+        InstrumentError
+            If there is none.
+        """
+        self._require_open()
+        begun = self._clock()
+        printed = self._run([*OPTIONS, "-c", self._number], self._timeout)
+        ended = self._clock()
+        match = RESULT.search(printed)
+        if match is None:
+            raise self._failure(printed)
+        _, luminance, _, _, x, y = (float(number) for number in match.groups())
+        if luminance <= 0:  # it shows what is below zero as 0
+            raise InstrumentError(f"{self._name}: too dark for it: it shows 0", Fault.UNDER_RANGE)
+        return Reading(luminance, "cd/m^2", begun, ended, "Result is XYZ", (x, y))
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the program says of itself and of the instrument."""
+        return {"model": self._instrument, "program": f"ArgyllCMS spotread {self._version}"}
+
+    def _looked_up(self) -> tuple[str, str]:
+        """Return the program's version and the instrument's name in its list."""
+        if shutil.which(self._program) is None:
+            raise InstrumentError(
+                f"{self._program}: no such program; install ArgyllCMS (on Debian: apt install argyll)",
+                Fault.NOT_FOUND,
+            )
+        printed = self._run(["-?"], min(LISTING_TIME, self._timeout))
+        version = VERSION.search(printed)
+        if version is None:
+            raise InstrumentError(f"{self._program}: is not ArgyllCMS's spotread", Fault.WRONG_INSTRUMENT)
+        listed = dict(LISTED.findall(printed))
+        if self._number not in listed:
+            names = ", ".join(f"{number} ({name})" for number, name in listed.items()) or "none"
+            raise InstrumentError(f"{self._name}: not in its list; there is {names}", Fault.NOT_FOUND)
+        return version[1], listed[self._number]
+
+    def _run(self, options: Sequence[str], timeout: float) -> str:
+        """Return what the program prints; it is ended if it takes too long."""
+        environment = os.environ | {"ARGYLL_NOT_INTERACTIVE": "1"}
+        try:
+            done = subprocess.run(
+                [self._program, *options],
+                input=GIVE_UP.encode(),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                timeout=timeout,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            printed = _text(error.stdout or b"")
+            raise InstrumentError(
+                f"{self._name}: took longer than {timeout:g} s and was ended{_last_line(printed)}; does it "
+                "wait for a key, or for a port that does not answer?",
+                Fault.NO_REPLY,
+            ) from None
+        except OSError as error:
+            raise InstrumentError(
+                f"{self._program}: cannot be run ({error.strerror})", Fault.NOT_FOUND
+            ) from None
+        return _text(done.stdout)
+
+    def _failure(self, printed: str) -> InstrumentError:
+        """Return the error of a run without a result."""
+        for pattern, words, fault in REASONS:
+            if found := re.search(pattern, printed):
+                return InstrumentError(
+                    f"{self._name}: {words} ({_line_of(printed, found)!r})", fault, found[0]
+                )
+        return InstrumentError(f"{self._name}: ended without a result{_last_line(printed)}", Fault.GARBLED)
+
+
+def _text(printed: bytes) -> str:
+    """Return what was printed, bytes that are no text included."""
+    return printed.decode("utf-8", errors="backslashreplace")
+
+
+def _line_of(printed: str, found: re.Match[str]) -> str:
+    """Return the line in which something was found."""
+    begin = printed.rfind("\n", 0, found.start()) + 1
+    end = printed.find("\n", found.end())
+    return printed[begin : end if end >= 0 else None].strip()
+
+
+def _last_line(printed: str) -> str:
+    """Return the last line that was printed, as a message quotes it."""
+    lines = [line.strip() for line in printed.splitlines() if line.strip()]
+    return f" after {lines[-1][:80]!r}" if lines else ", having printed nothing"

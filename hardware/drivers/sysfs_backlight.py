@@ -1,0 +1,117 @@
+"""The backlight of the computer's own panel on Linux."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.backlights import SteppedBacklight
+from evenlight.hardware.protocols import Fault, InstrumentError
+
+SYSFS = Path("/sys/class/backlight")
+GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
+UDEV_RULE = (
+    'may not be written; as root, add the udev rule SUBSYSTEM=="backlight", ACTION=="add", '
+    'RUN+="/bin/chgrp video /sys/class/backlight/%k/brightness", '
+    'RUN+="/bin/chmod g+w /sys/class/backlight/%k/brightness", join the group video, and restart'
+)
+
+
+class SysfsBacklight(SteppedBacklight):
+    """The backlight of a panel, as Linux has it under /sys/class/backlight.
+
+    Parameters
+    ----------
+    name : str
+        Its folder there, e.g. "intel_backlight".
+    root : Path, optional
+        Where the folders are.
+    min_interval : float, optional
+        Shortest time between two settings [s]; drivers take a few ms.
+    curve_known : bool, optional
+        Whether its luminance over steps was measured, so that steps which are not linear in light will do.
+
+    Raises
+    ------
+    InputError
+        If there is no such backlight, it may not be set, or its steps are not linear in light.
+    InstrumentError
+        If it fails, or has no steps.
+    """
+
+    def __init__(
+        self, name: str, root: Path = SYSFS, min_interval: float = 0.01, *, curve_known: bool = False
+    ) -> None:
+        self._folder = root / name
+        super().__init__(str(self._folder), min_interval)
+        if not (self._folder / "max_brightness").is_file():
+            names = sorted(path.name for path in root.glob("*")) if root.is_dir() else []
+            raise InputError(
+                f"{self._folder}: no such backlight; there is {', '.join(names) or 'none'} on this computer"
+            )
+        scale = self._folder / "scale"
+        if not curve_known and scale.is_file() and scale.read_text().strip() == "non-linear":
+            raise InputError(
+                f"{self._folder}: its steps are not linear in light, so they are no brightness factors; name "
+                "their measured curve as `backlight_curve`, or let pixels make the brightness"
+            )
+        self._steps = self._read("max_brightness")
+        if self._steps < 1:
+            raise InstrumentError(f"{self._folder}: says that its brightness has no steps")
+        self._found = self._read("brightness")
+        try:
+            self._write(self._found)  # fails at once where it may not be set
+        except InstrumentError as error:
+            if error.fault is Fault.NOT_FOUND:
+                raise InputError(str(error)) from None
+            raise
+
+    def _set(self, step: int) -> None:
+        """Set the device to a step, and check that it has taken it."""
+        self._write(step)
+        if (taken := self._read("brightness")) != step:
+            raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
+
+    def _read_step(self) -> int:
+        """Return the step that the device reports: the panel's own where Linux shows it."""
+        actual = (self._folder / "actual_brightness").is_file()
+        return self._read("actual_brightness" if actual else "brightness")
+
+    def _read(self, name: str) -> int:
+        """Return the number that a file of the device holds."""
+        path = self._folder / name
+        try:
+            return int(path.read_text())
+        except OSError as error:
+            raise _failed(path, "cannot be read", error) from None
+        except ValueError as error:
+            raise InstrumentError(f"{path}: expected a whole number, got {error}", Fault.GARBLED) from None
+
+    def _write(self, step: int) -> None:
+        """Write a step to the device."""
+        path = self._folder / "brightness"
+        try:
+            # Not Path.write_text: the file is never to be made, only written to.
+            descriptor = os.open(path, os.O_WRONLY | os.O_TRUNC)
+            try:
+                os.write(descriptor, f"{step}\n".encode())
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            raise _failed(path, f"cannot be set to {step}", error) from None
+
+
+def _failed(path: Path, what: str, error: OSError) -> InstrumentError:
+    """Return what an error of a file of a backlight says of the device."""
+    code = errno.errorcode.get(error.errno or 0, "")
+    if isinstance(error, PermissionError):
+        return InstrumentError(f"{path}: {UDEV_RULE}", Fault.NOT_FOUND, code)
+    if error.errno in GONE:
+        return InstrumentError(
+            f"{path}: {what}: it is gone; was the panel unplugged, or its driver unloaded?",
+            Fault.DISCONNECTED,
+            code,
+        )
+    return InstrumentError(f"{path}: {what} ({error.strerror}); is the panel switched off?", code=code)

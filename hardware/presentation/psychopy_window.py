@@ -1,0 +1,244 @@
+"""A window of PsychoPy, whose back buffer is drawn with moderngl.
+
+PsychoPy opens the window and times the flips; nothing is drawn with it. PsychoPy, pyglet and moderngl are
+imported when a window is opened: they need a display.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware.protocols import ContextDevice
+from evenlight.hardware.simulated.clocks import RefreshClock
+
+if TYPE_CHECKING:
+    import moderngl
+
+INSTALL = "install it with `make lab`, or with `pip install 'evenlight[lab]'`"
+
+
+class PsychoPyWindow(ContextDevice):
+    """A window on one of the computer's screens.
+
+    Parameters
+    ----------
+    rig : Rig
+        Which screen, how large, how many bits.
+    refresh_clock : RefreshClock, optional
+        A clock that goes with the flips, for a rehearsal; else time is the computer's, and a flip waits for
+        the display.
+
+    Raises
+    ------
+    InputError
+        If there is no such window: PsychoPy, display, screen, OpenGL or bits are missing.
+    """
+
+    def __init__(self, rig: Rig, refresh_clock: RefreshClock | None = None) -> None:
+        self._rig, self._refresh_clock = rig, refresh_clock
+        self._measured_rate: float | None = None
+        visual, logging = _import_psychopy()
+        self._clock = logging.defaultClock
+        self._window = self._opened(visual)
+        self._gl = sys.modules["pyglet.gl"]
+        try:
+            self._bits = self._checked_bits()
+            self._context = _create_context()
+        except InputError:
+            self._window.close()
+            raise
+        self._framebuffer = self._context.detect_framebuffer()
+
+    def _opened(self, visual: Any) -> Any:
+        """Return PsychoPy's window."""
+        rig = self._rig
+        rehearsal = self._refresh_clock is not None
+        _require_screen(rig)
+        try:
+            window = visual.Window(
+                size=rig.window_size,
+                fullscr=rig.full_screen,
+                screen=rig.screen,
+                bpc=(rig.bits,) * 3,
+                winType="pyglet",
+                units="pix",
+                color=(-1, -1, -1),
+                allowGUI=False,
+                multiSample=False,
+                waitBlanking=not rehearsal,
+                checkTiming=False,  # the refresh rate is measured once, by measure_refresh_rate
+                gammaErrorPolicy="ignore",  # the display's own gamma is calibrated, and left as it is
+            )
+        except RuntimeError as error:
+            if "configuration is not supported" in str(error) and rig.bits != 8:
+                raise InputError(_too_few_bits(rig, "8")) from None
+            raise InputError(f"no window could be opened: {_first_line(error)}") from None
+        except Exception as error:  # drivers raise what they like
+            raise InputError(f"no window could be opened: {_first_line(error)}") from error
+        window.mouseVisible = False
+        if rehearsal:
+            window.winHandle.set_vsync(False)
+        return window
+
+    def _checked_bits(self) -> int:
+        """Return the bits of each colour channel, or refuse a window that does not have the rig's."""
+        channels = []
+        for name in (self._gl.GL_RED_BITS, self._gl.GL_GREEN_BITS, self._gl.GL_BLUE_BITS):
+            number = ctypes.c_int()
+            self._gl.glGetIntegerv(name, number)
+            channels.append(number.value)
+        if min(channels) < self._rig.bits:
+            raise InputError(_too_few_bits(self._rig, str(min(channels))))
+        if set(channels) != {self._rig.bits}:
+            raise InputError(
+                f"the window has {channels[0]} bits per colour, and the rig {self._rig.name!r} says "
+                f"{self._rig.bits}: set `bits` to what the display shows, or the screen's depth to `bits`"
+            )
+        return channels[0]
+
+    def size(self) -> tuple[int, int]:
+        """Return width and height of the drawable area [pixels]."""
+        width, height = self._window.frameBufferSize
+        return int(width), int(height)
+
+    def bits(self) -> int:
+        """Return the bits of each colour channel of what is shown."""
+        return self._bits
+
+    def now(self) -> float:
+        """Return the time on the window's clock [s]."""
+        return self._refresh_clock.now() if self._refresh_clock else float(self._clock.getTime())
+
+    def context(self) -> moderngl.Context:
+        """Return the graphics context."""
+        return self._context
+
+    def handle(self) -> Any:
+        """Return pyglet's window, for devices that are tied to it."""
+        return self._window.winHandle
+
+    def framebuffer(self) -> moderngl.Framebuffer:
+        """Return the back buffer, ready to be drawn to."""
+        self._framebuffer.viewport = (0, 0, *self.size())
+        self._framebuffer.use()
+        return self._framebuffer
+
+    def flip(self) -> float:
+        """Show the back buffer, and return when it appeared [s]."""
+        # PsychoPy's flip draws in the old way of OpenGL, and expects none of what moderngl has bound.
+        gl = self._gl
+        gl.glUseProgram(0)
+        gl.glBindVertexArray(0)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+        gl.glActiveTexture(gl.GL_TEXTURE0)
+        gl.glEnable(gl.GL_BLEND)
+        self._window.flip(clearBuffer=False)
+        if self._refresh_clock:
+            return self._refresh_clock.advance()
+        return float(self._clock.getTime())
+
+    def read_codes(self, size: tuple[int, int] | None = None) -> NDArray[np.int64]:
+        """Return the codes drawn to the back buffer before the next flip, (height, width, 3), row 0 on top.
+
+        `size` takes a centred part of that width and height instead of the whole.
+        """
+        # Framebuffer 0 is read with pyglet: moderngl's read() leaves an error that ends PsychoPy's next call.
+        whole = self.size()
+        width, height = (min(a, b) for a, b in zip(size or whole, whole, strict=True))
+        left = (whole[0] - width) // 2
+        bottom = whole[1] - height - (whole[1] - height) // 2
+        shares = np.empty((height, width, 3), dtype=np.float32)
+        gl = self._gl
+        gl.glReadBuffer(gl.GL_BACK)
+        gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+        gl.glReadPixels(left, bottom, width, height, gl.GL_RGB, gl.GL_FLOAT, shares.ctypes.data)
+        return np.rint(shares[::-1] * ((1 << self._bits) - 1)).astype(np.int64)
+
+    def measure_refresh_rate(self, flips: int = 90) -> float:
+        """Return the refresh rate: that of the median time between flips of a black window [Hz]."""
+        times = []
+        for _ in range(flips + 1):
+            self.framebuffer().clear()
+            times.append(self.flip())
+        self._measured_rate = float(1 / np.median(np.diff(times[len(times) // 3 :])))
+        return self._measured_rate
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what window and driver say of themselves: versions, renderer, measured refresh rate."""
+        info = self._context.info
+        said = {name: importlib.metadata.version(name) for name in ("psychopy", "pyglet", "moderngl")}
+        said |= {"renderer": info["GL_RENDERER"], "opengl": info["GL_VERSION"]}
+        said |= {"window": "{} x {} pixels".format(*self.size()), "bits": str(self._bits)}
+        said["clock"] = "refreshes drawn" if self._refresh_clock else "computer"
+        if self._measured_rate is not None:
+            said["measured_refresh_rate_hz"] = f"{self._measured_rate:.3f}"
+        return said
+
+    def close(self) -> None:
+        """Close the window."""
+        self._window.close()
+
+
+def _import_psychopy() -> tuple[Any, Any]:
+    """Return PsychoPy's modules `visual` and `logging`, or say why they cannot be had."""
+    os.environ["PSYCHOPYNOPACKAGES"] = "1"  # else it takes user site-packages for its own
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        raise InputError(
+            "no display: the environment variable DISPLAY is not set; run on the computer's desktop, or "
+            "under `xvfb-run` for a rehearsal"
+        )
+    try:
+        from psychopy import logging, visual
+    except ModuleNotFoundError as error:
+        raise InputError(f"{error.name} is not installed; {INSTALL}") from None
+    except Exception as error:  # pyglet raises what it likes where a display or a library is missing
+        display = f" on DISPLAY {os.environ['DISPLAY']}" if "DISPLAY" in os.environ else ""
+        raise InputError(f"no window can be opened{display}: {_first_line(error)}") from None
+    logging.console.setLevel(logging.ERROR)  # its warnings are of monitors that it has no calibration of
+    return visual, logging
+
+
+def _require_screen(rig: Rig) -> None:
+    """Refuse a screen that is not there; PsychoPy would take the first."""
+    import pyglet
+
+    screens = len(pyglet.canvas.get_display().get_screens())
+    if rig.screen >= screens:
+        raise InputError(
+            f"the rig {rig.name!r} asks for screen {rig.screen}, and the last one is {screens - 1}: set "
+            "`screen`, counted from 0"
+        )
+
+
+def _create_context() -> moderngl.Context:
+    """Return a moderngl context of the window that is open."""
+    try:
+        import moderngl
+
+        return moderngl.create_context(require=330)
+    except ModuleNotFoundError as error:
+        raise InputError(f"{error.name} is not installed; {INSTALL}") from None
+    except Exception as error:  # moderngl raises a bare Exception
+        raise InputError(f"the graphics driver has no OpenGL 3.3: {_first_line(error)}") from None
+
+
+def _too_few_bits(rig: Rig, got: str) -> str:
+    """Return the message for a framebuffer of fewer bits than the rig has."""
+    return (
+        f"the rig {rig.name!r} asks for {rig.bits} bits per colour, and the window has {got}: set "
+        f"`bits = {got}`, or the screen to a depth of 30 bits"
+    )
+
+
+def _first_line(error: Exception) -> str:
+    """Return the first line of an error's message, or its name if it has none."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,270 @@
+"""A simulated power meter and its sensor: samples of a simulated panel, with its own clock and errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
+from evenlight.hardware.drivers.power_sampling import require_sample_rate
+from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+from evenlight.hardware.simulated.panel import Simulation
+
+STEP = 0.001  # [s] between two looks at the panel within one sample: panels answer in several
+MEMORY = 60.0  # [s] that the panel is asked to remember, for the instruments beside this one
+SLOWEST, FASTEST = 0.1, 10_000.0  # [Hz]
+SHORTEST_WAY = 0.0005  # [s] to the meter and back, each: what a USB port takes at least
+
+
+@dataclass(frozen=True, slots=True)
+class PowerMeterPhysics:
+    """What is true of a simulated power meter.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of one sample [W].
+    gain_error : float
+        Share by which all its powers are too high; 0 is a meter calibrated right.
+    zero_error : float
+        What it shows at no power [W].
+    highest_power : float
+        Above it the meter says overload [W].
+    clock_start : float
+        Its clock when the simulation begins [s].
+    clock_drift : float
+        Share by which its clock is faster than the computer's.
+    lost_share, duplicated_share, corrupted_share : float
+        Of the samples: not sent, sent twice, changed on the way.
+    receive_jitter : float
+        Mean of the time that a sample is under way [s].
+    """
+
+    noise: float = 0.002
+    gain_error: float = 0.0
+    zero_error: float = 0.0
+    highest_power: float = 16.0
+    clock_start: float = 1000.0
+    clock_drift: float = 50e-6
+    lost_share: float = 0.0
+    duplicated_share: float = 0.0
+    corrupted_share: float = 0.0
+    receive_jitter: float = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class SensorSample:
+    """One sample as the sensor took it, before anything is lost.
+
+    Attributes
+    ----------
+    sequence : int
+        From 0.
+    device_time : float
+        On the sensor's clock [s].
+    taken : float
+        On the computer's [s].
+    power : float
+        Mean since the sample before, with the sensor's errors [W].
+    sync : bool
+        Level of the synchronisation line.
+    overload : bool
+        Whether the true power was above what the sensor measures.
+    """
+
+    sequence: int
+    device_time: float
+    taken: float
+    power: float
+    sync: bool
+    overload: bool
+
+
+class SimulatedPowerSensor:
+    """A power sensor that looks at a simulated panel.
+
+    Samples are worked out when they are asked for, at the past times that they belong to: any clock will do.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The panel, randomness and time.
+    physics : PowerMeterPhysics
+        What is true of the sensor.
+    """
+
+    def __init__(self, simulation: Simulation, physics: PowerMeterPhysics) -> None:
+        self._simulation, self.physics = simulation, physics
+        self._switched_on = simulation.clock()
+        self._began, self._rate, self._next = 0.0, 0.0, 0
+
+    def device_time(self, time: float) -> float:
+        """Return the sensor's clock at a time of the computer's [s]."""
+        return self.physics.clock_start + (time - self._switched_on) * (1 + self.physics.clock_drift)
+
+    def begin(self, rate: float) -> None:
+        """Begin to sample at a rate of its own clock [Hz]."""
+        self._began, self._rate, self._next = self._simulation.clock(), rate, 0
+
+    def due(self) -> list[SensorSample]:
+        """Return the samples taken since the last call, in order."""
+        now, taken = self._simulation.clock(), []
+        while (time := self._time_of(self._next)) <= now:
+            taken.append(self._sample(self._next, time))
+            self._next += 1
+        if taken:
+            self._simulation.panel.forget_before(now - MEMORY)
+        return taken
+
+    def _time_of(self, sequence: int) -> float:
+        """Return when a sample is taken, on the computer's clock [s]."""
+        return self._began + (sequence + 1) / (self._rate * (1 + self.physics.clock_drift))
+
+    def _sample(self, sequence: int, time: float) -> SensorSample:
+        """Return one sample."""
+        physics = self.physics
+        true = self._mean_power(time - 1 / self._rate, time)
+        noise = physics.noise * float(self._simulation.rng.standard_normal())
+        return SensorSample(
+            sequence,
+            self.device_time(time),
+            time,
+            power=true * (1 + physics.gain_error) + physics.zero_error + noise,
+            sync=self._simulation.panel.sync(time),
+            overload=true > physics.highest_power,
+        )
+
+    def _mean_power(self, begin: float, end: float) -> float:
+        """Return the true mean power between two times [W], by the middles of short steps."""
+        steps = max(2, math.ceil((end - begin) / STEP))
+        length = (end - begin) / steps
+        power = self._simulation.panel.power
+        return sum(power(begin + (step + 0.5) * length) for step in range(steps)) / steps
+
+
+class SimulatedPowerMeter(ContextDevice):
+    """A power meter with noise, a clock of its own, lost samples and a synchronisation input.
+
+    Nothing in it takes time: samples are worked out for the past moments that they belong to.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The panel, randomness and time.
+    physics : PowerMeterPhysics, optional
+        What is true of the meter.
+
+    >>> import numpy as np
+    >>> from evenlight.hardware.simulated.clocks import WaitingClock
+    >>> from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel
+    >>> clock = WaitingClock()
+    >>> panel = SimulatedPanel(PanelPhysics(base_power=0.3, power_per_luminance=0.002), clock.now)
+    >>> simulation = Simulation(panel, np.random.default_rng(1), clock.now, clock.wait)
+    >>> meter = SimulatedPowerMeter(simulation, PowerMeterPhysics(noise=0.0))
+    >>> rate = meter.start(100.0)
+    >>> clock.wait(1.0)
+    >>> [round(sample.power, 6) for sample in meter.stop()][-1]  # 0.3 + 0.002 * 200
+    0.7
+    """
+
+    _name = "the simulated power meter"
+
+    def __init__(self, simulation: Simulation, physics: PowerMeterPhysics | None = None) -> None:
+        self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
+        self._sensor = SimulatedPowerSensor(simulation, self._physics)
+        self._under_way: list[PowerSample] = []
+        self._last_arrival = 0.0
+        self._sampling = False
+
+    def start(self, rate: float) -> float:
+        """Begin to sample at a rate [Hz], and return it: the meter has any.
+
+        Raises
+        ------
+        InstrumentError
+            If the rate is outside what the meter has.
+        """
+        self._require_open()
+        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+        self._under_way.clear()
+        self._sensor.begin(rate)
+        self._last_arrival, self._sampling = self._simulation.clock(), True
+        return rate
+
+    def samples(self) -> Sequence[PowerSample]:
+        """Return the samples that have arrived since the last call, in order.
+
+        Raises
+        ------
+        InstrumentError
+            If the panel took more than the meter measures, or it was not started.
+        """
+        self._require_open()
+        if not self._sampling:
+            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+        now = self._simulation.clock()
+        self._take()
+        arrived = [sample for sample in self._under_way if sample.received <= now]
+        del self._under_way[: len(arrived)]
+        return arrived
+
+    def stop(self) -> Sequence[PowerSample]:
+        """End the sampling, and return the samples that had not been taken."""
+        if not self._sampling:
+            return []
+        self._sampling = False
+        self._take()
+        now, left = self._simulation.clock(), self._under_way
+        self._under_way = []
+        return [
+            _received_by(sample, now) for sample in left
+        ]  # all are in before the meter says that it ended
+
+    def ping(self) -> ClockPing:
+        """Return one comparison of the meter's clock with the computer's, which ended just now."""
+        self._require_open()
+        there, back = (self._way() for _ in range(2))
+        ended = self._simulation.clock()
+        return ClockPing(ended - back - there, self._sensor.device_time(ended - back), ended)
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the meter says of itself."""
+        return {
+            "power_meter": "SIMULATED power meter",
+            "power_meter_range": f"{self._physics.highest_power:g} W",
+        }
+
+    def close(self) -> None:
+        """Let go of the meter; more than once does nothing."""
+        self._sampling, self._closed = False, True
+
+    def _take(self) -> None:
+        """Send what the sensor has sampled on its way, or lose it."""
+        lost, twice = self._physics.lost_share, self._physics.duplicated_share
+        for sample in self._sensor.due():
+            if sample.overload:
+                raise InstrumentError(
+                    f"{self._name}: the panel takes more than "
+                    f"{self._physics.highest_power:g} W, the most that it measures",
+                    Fault.OVER_RANGE,
+                )
+            chance = float(self._simulation.rng.random())
+            copies = 0 if chance < lost else 2 if chance < lost + twice else 1
+            self._under_way += [self._sent(sample)] * copies
+
+    def _sent(self, sample: SensorSample) -> PowerSample:
+        """Return a sample with the time at which it arrives: none overtakes another."""
+        self._last_arrival = max(self._last_arrival, sample.taken + self._way())
+        return PowerSample(sample.sequence, sample.device_time, self._last_arrival, sample.power, sample.sync)
+
+    def _way(self) -> float:
+        """Return how long something is under way [s]."""
+        return SHORTEST_WAY + float(self._simulation.rng.exponential(self._physics.receive_jitter))
+
+
+def _received_by(sample: PowerSample, time: float) -> PowerSample:
+    """Return a sample that had arrived by a time at the latest."""
+    if sample.received <= time:
+        return sample
+    return PowerSample(sample.sequence, sample.device_time, time, sample.power, sample.sync)

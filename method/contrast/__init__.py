@@ -1,0 +1,1 @@
+"""From pixel values to contrast loss: the paper's chain in its order, and its fast forms."""

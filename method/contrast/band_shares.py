@@ -1,0 +1,148 @@
+"""The share of visible pixels of a band at all brightness factors: the running sum of a histogram."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import (
+    ContrastModel,
+    MaskingNeighbourhood,
+    SensitivityModel,
+    Visibility,
+)
+from evenlight.method.contrast.critical_factor import BandTable, threshold_table
+from evenlight.method.contrast.csf import LOWEST_LUMINANCE
+from evenlight.method.contrast.one_pass import ContrastTables, FactorTables, compiled, count_band, expanded
+
+# In a band of few pixels each one shows in the loss. Such a band is cheap: it is counted several times, with
+# neighbours compared at several factors (see `critical_factor`), and each count serves the factors nearby.
+FEW_PIXELS = 16384
+REFERENCES = 8
+_CELLS = 4096  # of the histogram of critical factors, at least; equal steps of log b
+
+
+class BandShares:
+    """The counting of visible pixels in a band, for one model and one set of knots.
+
+    Parameters
+    ----------
+    model : ContrastModel
+        Choices of the contrast model.
+    factors : array, (K,)
+        Knots b, rising to 1.
+    """
+
+    def __init__(self, model: ContrastModel, factors: Array) -> None:
+        self._model, self._threshold = model, threshold_table()
+        self._log_factors = np.log2(factors)
+        # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
+        self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
+
+    def of(self, fine: Any, coarse: Any, coarser: Any, band: BandTable) -> Array:
+        """Return the share of visible pixels of a band at each knot, (K,); 0 where nothing can be seen.
+
+        Parameters
+        ----------
+        fine, coarse, coarser : array
+            Gaussian levels l, l + 1 and l + 2 of emitted luminance, for band l.
+        band : BandTable
+            Its sensitivity.
+        """
+        if not band.can_be_seen:
+            return np.zeros(len(self._log_factors))
+        around = expanded(coarser, *coarse.shape)
+        to_contrast = contrast_tables(band, self._model, (fine, around))
+        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
+        n = REFERENCES if fine.size <= FEW_PIXELS else 1
+        way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
+        levels, tables = (fine, coarse, around), (to_contrast, self._factor_tables(band), masks_itself)
+        visible = np.empty(len(way))
+        _count_at_references(levels, tables, n, way * self._n_cells, visible)
+        # Where two counts meet, a pixel may seem to vanish again as b grows.
+        return np.asarray(np.maximum.accumulate(visible) / fine.size)
+
+    def _factor_tables(self, band: BandTable) -> FactorTables:
+        """Return what the compiled loops need to find critical factors, but for the counts."""
+        return FactorTables(
+            log_threshold=self._threshold,
+            log_luminance=band.log_luminance,
+            log_faintest=np.float32(band.log_sensitivity_range[0]),
+            log_span=np.float32(np.ptp(band.log_sensitivity_range)),
+            log_lowest_factor=np.float32(self._log_factors[0]),
+            counts=np.zeros(0, np.int64),
+        )
+
+
+def contrast_tables(
+    band: BandTable, model: ContrastModel, levels: tuple[Any, Any], factor: float = 1.0
+) -> ContrastTables:
+    """Return what the compiled loops need to make contrast of a band's luminance.
+
+    Parameters
+    ----------
+    band : BandTable
+        Its sensitivity.
+    model : ContrastModel
+        Choices of the contrast model.
+    levels : (array, array)
+        Gaussian level l of emitted luminance, and level l + 2 expanded to the size of l + 1, for band l.
+    factor : float
+        Brightness factor b at which contrast is taken.
+    """
+    return ContrastTables(
+        log_sensitivity=band.log_sensitivity,
+        log_darkest=np.float32(band.log_luminance_range[0]),
+        log_span=np.float32(np.ptp(band.log_luminance_range)),
+        log_factor=np.float32(math.log2(factor)),
+        log_common_adaptation=np.float32(_log_common_adaptation(model, *levels)),
+        positive_only=model.visibility is Visibility.POSITIVE_ONLY,
+    )
+
+
+def _log_common_adaptation(model: ContrastModel, fine: Any, around: Any) -> float:
+    """Return log2 of a band's mean L_a if sensitivity is taken there, nan if at each pixel's own."""
+    if model.sensitivity is not SensitivityModel.AUTHORS:
+        return math.nan
+    mean = float(expanded(around, *fine.shape).mean(dtype=np.float64))
+    return math.log2(max(mean, LOWEST_LUMINANCE))
+
+
+@compiled
+def _count_at_references(
+    levels: tuple[Any, Any, Any],
+    tables: tuple[ContrastTables, FactorTables, bool],
+    references: Any,
+    cells: Any,
+    visible: Any,
+) -> None:
+    """Count a band at several reference factors, and fill in how many pixels are visible at each knot.
+
+    The references are in the middles of equal steps of log b; a knot takes the count of the step it lies in.
+    `cells` is where the knots lie among the cells of the histogram, rising from 0 to their number.
+    """
+    fine, coarse, around = levels
+    c, f, masks_itself = tables
+    n_cells = int(cells[-1])
+    counts, knot = np.zeros(n_cells + 2, np.int64), 0
+    for k in range(references):
+        counts[:] = 0
+        reference = np.float32(f.log_lowest_factor * np.float32(1 - (k + 0.5) / references))
+        to_contrast = ContrastTables(
+            c.log_sensitivity, c.log_darkest, c.log_span, reference, c.log_common_adaptation, c.positive_only
+        )
+        to_factor = FactorTables(
+            f.log_threshold, f.log_luminance, f.log_faintest, f.log_span, f.log_lowest_factor, counts
+        )
+        count_band(fine, coarse, around, (to_contrast, to_factor, masks_itself))
+        below, cell = counts[0], 0
+        while knot < cells.size and (k == references - 1 or cells[knot] * references < (k + 1) * n_cells):
+            whole = min(int(cells[knot]), n_cells - 1)
+            while cell < whole:
+                cell += 1
+                below += counts[cell]
+            visible[knot] = below + (cells[knot] - whole) * counts[whole + 1]
+            knot += 1

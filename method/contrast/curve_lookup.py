@@ -1,0 +1,59 @@
+"""Loss curves between their knots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+
+
+def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
+    """Return the contrast loss of each frame at its factor, and its derivative, between knots linearly.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        N curves.
+    factors : array, (N,)
+        b of each frame, within the curves' factors.
+
+    Returns
+    -------
+    loss, slope : array, (N,)
+        𝓛_c, and d𝓛_c/db of the segment (at a knot: of the one above it, at factor 1 of the last).
+    """
+    knots = curves.factors
+    segment = np.clip(np.searchsorted(knots, factors, side="right") - 1, 0, len(knots) - 2)
+    frame = np.arange(len(factors))
+    below, above = curves.loss[frame, segment], curves.loss[frame, segment + 1]
+    slope = (above - below) / (knots[segment + 1] - knots[segment])
+    # Rounding may leave a loss of -1e-20 at factor 1.
+    return np.maximum(below + slope * (factors - knots[segment]), 0.0), slope
+
+
+def factor_at_loss(curves: LossCurves, loss: Array) -> Array:
+    """Return the factor at which each frame has a given contrast loss; the nearest knot where none has.
+
+    A curve that rises somewhere is taken as the falling one above it.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        N curves.
+    loss : array, (N,)
+        𝓛_c wanted of each frame.
+
+    Returns
+    -------
+    array, (N,)
+        b, within the curves' factors.
+    """
+    knots, frame = curves.factors, np.arange(len(loss))
+    falling = np.maximum.accumulate(curves.loss[:, ::-1], axis=1)[:, ::-1]
+    segment = np.clip((falling > loss[:, None]).sum(axis=1) - 1, 0, len(knots) - 2)
+    above, below = falling[frame, segment], falling[frame, segment + 1]
+    drop = np.where(above > below, above - below, 1.0)
+    # Held to the drop before the division, which may be by 1e-308.
+    share = np.where(above > below, np.clip(above - loss, 0.0, drop) / drop, 1.0)
+    return np.asarray(knots[segment] + share * (knots[segment + 1] - knots[segment]))

@@ -1,0 +1,286 @@
+"""Contrast loss at every brightness factor at once, for the frames of a video.
+
+Decision (docs/decisions/one-pass-curves.md): each pixel has one critical brightness factor
+(`contrast.critical_factor`), and the share of pixels whose factor is below b is the visible contrast at b,
+for all b. `loss_curves_by_definition` dims and compares instead: the fast form is measured against it.
+`analyze_frames` is what a program calls; `make_frame_analysis` chooses between the processor and the graphics
+processor (docs/decisions/gpu.md).
+"""
+
+from __future__ import annotations
+
+import itertools
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, Device
+from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
+from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameLoss
+from evenlight.method.contrast.frame_light import SpareArrays
+from evenlight.method.contrast.frame_losses import frame_losses
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.gpu.context import is_software
+
+SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
+
+
+def brightness_factors(lowest: float = 0.2, knots: int = 65) -> Array:
+    """Return the knots of loss curves: brightness factors b from the lowest to 1, in equal ratios.
+
+    Loss bends most where b is small; equal ratios follow it there whatever the lowest factor.
+
+    Parameters
+    ----------
+    lowest : float
+        The lowest factor, above 0; the paper's precomputation starts at 0.2.
+    knots : int
+        How many; between them loss is interpolated linearly.
+
+    >>> brightness_factors(0.25, knots=3).tolist()
+    [0.25, 0.5, 1.0]
+    """
+    return np.geomspace(lowest, 1.0, knots)
+
+
+def analyze_frames(
+    frames: Iterable[Frame],
+    video: str,
+    display: Display,
+    model: ContrastModel = DEFAULT_MODEL,
+    factors: ArrayLike | None = None,
+    provenance: Provenance | None = None,
+    effort: AnalysisEffort = FULL_ANALYSIS,
+) -> LossCurves:
+    """Return the contrast-loss curves of a video, few frames in memory at a time.
+
+    A frame equal to the one before it is not analysed again. Mean luminance and channel means are those of
+    every frame, whatever the effort.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        In order of time, all of one size of at least 8 × 8 pixels; asked for in this thread.
+    video : str
+        Its name, for messages.
+    display : Display
+        The display that it is shown on, pixel by pixel.
+    model : ContrastModel
+        Choices of the contrast model.
+    factors : array_like, (K,), optional
+        Knots b, rising to 1; otherwise `brightness_factors()`.
+    provenance : Provenance, optional
+        Otherwise made here.
+    effort : AnalysisEffort
+        How much is counted, and where.
+    """
+    knots = _checked_knots(brightness_factors() if factors is None else factors)
+    timeline = _Timeline(video)
+    contents = timeline.contents(frames)
+    first = next(contents, None)
+    if first is None:
+        raise InputError(f"{video}: holds no frame; at least one is needed")
+    chosen = make_frame_analysis(first.shape[:2], display, model, knots, effort.device)
+    rows = _gathered(
+        frame_losses(chosen.analysis, itertools.chain([first], contents), effort, timeline.spare)
+    )
+    shown = np.array(timeline.shown)
+    again = np.concatenate([[False], np.diff(shown) == 0])
+    if again.any():
+        rows = rows[shown]
+        rows[again, _COUNTED] = 0.0
+    return LossCurves(
+        video=video,
+        display=display,
+        times=np.array(timeline.times),
+        durations=np.array(timeline.durations),
+        factors=knots,
+        loss=rows[:, _BESIDE:],
+        visible_contrast=rows[:, 0],
+        mean_luminance=rows[:, 1],
+        channel_means=rows[:, 2:_COUNTED],
+        provenance=provenance or provenance_now(),
+        tolerance=effort.tolerance,
+        counted=rows[:, _COUNTED],
+        computed_on=chosen.name,
+    )
+
+
+_COUNTED = 5  # column of a row, after contrast, luminance and three channels
+_BESIDE = 6  # columns before the loss
+
+
+def _gathered(results: Iterable[FrameLoss]) -> Array:
+    """Return a row for each frame: nothing is kept of a frame but these numbers."""
+    numbers = array("d")
+    for found in results:
+        means, loss = found.channel_means, found.loss
+        row = [found.visible_contrast, found.mean_luminance, *means, found.counted, *loss]
+        numbers.extend(row)
+    return np.frombuffer(numbers).reshape(-1, len(row))
+
+
+@dataclass(slots=True)
+class _Timeline:
+    """When the frames of a video appear, and which of its contents each shows."""
+
+    video: str  # its name, for messages
+    times: list[float] = field(default_factory=list)  # of each frame [s]
+    durations: list[float] = field(default_factory=list)  # of each frame [s]
+    # for each frame, the number of its content: that of the frame before it, if they are equal
+    shown: list[int] = field(default_factory=list)
+    # where contents go when they have been analysed, to be filled again
+    spare: SpareArrays = field(default_factory=SpareArrays)
+
+    def contents(self, frames: Iterable[Frame]) -> Iterator[NDArray[Any]]:
+        """Yield the pixel values of each frame that differs from the one before, as an array of its own."""
+        before: NDArray[Any] | None = None
+        contents = -1
+        for number, frame in enumerate(frames):
+            shape = frame.pixel_values.shape
+            if before is None:
+                _require_bands(shape, self.video)
+            elif shape[:2] != before.shape[:2]:
+                raise InputError(
+                    f"{self.video}: frame {number} has {shape[1]} x {shape[0]} pixels, the one before "
+                    f"{before.shape[1]} x {before.shape[0]}; need frames of one size"
+                )
+            # As a float 1 is white, as an integer all but black: the type counts too.
+            differs = before is None or not (
+                before.dtype == frame.pixel_values.dtype and np.array_equal(before, frame.pixel_values)
+            )
+            contents += differs
+            self.times.append(frame.time)
+            self.durations.append(frame.duration)
+            self.shown.append(contents)
+            if differs:
+                # A source may fill the same array again. This may be `before`, which has been compared.
+                before = self.spare.take(shape, frame.pixel_values.dtype)
+                np.copyto(before, frame.pixel_values)
+                yield before
+
+
+def _checked_knots(factors: ArrayLike) -> Array:
+    """Return the knots, or refuse ones that `LossCurves` would refuse after all the work."""
+    knots = np.asarray(factors, dtype=np.float64)
+    rising = knots.ndim == 1 and len(knots) >= 2 and bool((np.diff(knots) > 0).all())
+    if not rising or knots[0] <= 0 or knots[-1] != 1:
+        raise ValueError(f"factors must rise from above 0 to 1, got {knots}")
+    return knots
+
+
+def _require_bands(shape: tuple[int, ...], video: str) -> None:
+    """Refuse frames that are too small for two bands."""
+    height, width = shape[:2]
+    if min(height, width) < SMALLEST_SIDE:
+        raise InputError(
+            f"{video}: frames are {width} x {height} pixels; "
+            f"need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} for two frequency bands"
+        )
+
+
+def loss_curves_by_definition(
+    emitted: Array, factors: ArrayLike, display: Display, model: ContrastModel = DEFAULT_MODEL
+) -> Array:
+    """Return the contrast loss of one frame at each factor: dim, rebuild, compare (Eqs. 1 to 5), in float64.
+
+    Parameters
+    ----------
+    emitted : array, (height, width)
+        I, luminance that the display emits at b = 1 [cd/m^2].
+    factors : array_like, (K,)
+        Brightness factors b.
+    display : Display
+        The display that shows it.
+    model : ContrastModel
+        Choices of the contrast model.
+
+    Returns
+    -------
+    array, (K,)
+        𝓛_c, in [0, 1].
+    """
+    reference = visible_contrast(dimmed_luminance(emitted, 1.0, display), display, model)
+    dimmed = (dimmed_luminance(emitted, b, display) for b in np.asarray(factors, dtype=np.float64))
+    return np.array([loss_of(visible_contrast(D, display, model), reference) for D in dimmed])
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenAnalysis:
+    """An analysis, and where it runs.
+
+    Attributes
+    ----------
+    analysis : FrameAnalyzer
+        The analysis.
+    device : Device
+        CPU or GPU.
+    reason : str
+        Why, in words for the user; the renderer's name if it is the graphics processor.
+    """
+
+    analysis: FrameAnalyzer
+    device: Device
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """What computes: "cpu", or "gpu" and the renderer's name."""
+        return f"gpu: {self.reason}" if self.device is Device.GPU else "cpu"
+
+
+def make_frame_analysis(
+    shape: tuple[int, int],
+    display: Display,
+    model: ContrastModel,
+    factors: Array,
+    device: Device = Device.CPU,
+) -> ChosenAnalysis:
+    """Return the analysis of frames of one size on a device.
+
+    Parameters
+    ----------
+    shape : (height, width)
+        Of the frames.
+    display : Display
+        The display that shows them.
+    model : ContrastModel
+        Choices of the contrast model.
+    factors : array, (K,)
+        Knots b, rising to 1.
+    device : Device
+        Where.
+
+    Raises
+    ------
+    InputError
+        If the graphics processor is asked for, and there is none that can.
+    """
+
+    def on_cpu(reason: str) -> ChosenAnalysis:
+        return ChosenAnalysis(FrameAnalysis(shape, display, model, factors), Device.CPU, reason)
+
+    if device is Device.CPU:
+        return on_cpu("as asked")
+    from evenlight.method.gpu.frame_loss import GpuFrameAnalysis  # only where it is wanted
+
+    try:
+        on_gpu = GpuFrameAnalysis(shape, display, model, factors)
+    except InputError as error:
+        if device is Device.GPU:
+            raise
+        return on_cpu(str(error))
+    if device is Device.AUTO and is_software(on_gpu.renderer):
+        return on_cpu(f"OpenGL runs on the processor here ({on_gpu.renderer}), which is faster without")
+    return ChosenAnalysis(on_gpu, Device.GPU, on_gpu.renderer)

@@ -1,0 +1,261 @@
+"""The contrast loss of one frame at one brightness factor: what the online controller measures (Section 6).
+
+The curve of all factors at once (`contrast.frame_analysis`) compares neighbours at a reference factor; at one
+factor nothing need be approximated. Contrast and masking (Eq. 3, a fast form of `contrast.masking`) are
+computed at b and at 1 in one sweep over the pixels, with the tables of sensitivity and the pyramid of the
+curve, in single precision. Where looking at all rows takes too long, strips of them stand for the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    ContrastModel,
+    MaskingNeighbourhood,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.band_shares import contrast_tables
+from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
+from evenlight.method.contrast.critical_factor import BandTable, band_tables, tables_hold
+from evenlight.method.contrast.csf import LOWEST_LUMINANCE
+from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.contrast.masking import MASKING_EXPONENT
+from evenlight.method.contrast.one_pass import (
+    ContrastTables,
+    compiled,
+    exp2,
+    expand_row,
+    expanded,
+    log2,
+    look_up,
+    reduced,
+)
+
+MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer there is little to save
+_BETA = np.float32(MASKING_EXPONENT)
+_DARKEST = np.float32(LOWEST_LUMINANCE)
+_FAINTEST = np.float32(1e-30)
+STRIP = 4  # rows that are counted together
+GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples, without whole parts, fall evenly into [0, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredLoss:
+    """What the controller needs of a frame.
+
+    Attributes
+    ----------
+    loss : float
+        𝓛_c at the factor that was asked for.
+    mean_luminance : float
+        Ī, mean luminance emitted at b = 1 [cd/m^2].
+    """
+
+    loss: float
+    mean_luminance: float
+
+
+class OneFactorLoss:
+    """Tables for frames of one size on one display, and the loss of a frame at one factor with them.
+
+    Parameters
+    ----------
+    shape : (height, width)
+        Of the frames.
+    display : Display
+        The display that shows them.
+    model : ContrastModel
+        Choices of the contrast model.
+    lowest_factor : float
+        Lowest factor that will be asked for.
+    one_strip_in : int
+        Of bands with many pixels, only one strip of 4 rows in so many is counted; 1 counts them all.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        display: Display,
+        model: ContrastModel = DEFAULT_MODEL,
+        lowest_factor: float = 0.2,
+        one_strip_in: int = 1,
+    ) -> None:
+        self._display, self._model, self._lowest, self._one_in = display, model, lowest_factor, one_strip_in
+        self._shape = shape
+        self._bands = band_tables(shape, lowest_factor, display, model)
+        self._light = FrameLight(display, model.pixel_to_luminance)
+        self._by_definition = not tables_hold(display, model)
+
+    def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> MeasuredLoss:
+        """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
+
+        Parameters
+        ----------
+        pixel_values : array, (height, width, 3)
+            The frame.
+        factor : float
+            Brightness factor b.
+        turn : int
+            Which strips are counted where not all are; over as many turns as there are, each is once.
+
+        Raises
+        ------
+        InputError
+            If the frame has another size, or the factor is below the lowest.
+        """
+        if pixel_values.shape[:2] != self._shape:
+            raise InputError(f"expected a frame of the shape {self._shape}, got {pixel_values.shape[:2]}")
+        if not self._lowest * (1 - 1e-9) <= factor <= 1:
+            raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
+        luminance = self._light.luminance(pixel_values)
+        dimmed, full = self.visible_contrast(luminance, factor, turn)
+        return MeasuredLoss(loss_of(dimmed, full), float(luminance.mean(dtype=np.float64)))
+
+    def visible_contrast(
+        self, emitted: NDArray[np.float32], factor: float, turn: int = 0
+    ) -> tuple[float, float]:
+        """Return C_v at a factor and at 1 of a frame of emitted luminance I, (height, width) [cd/m^2]."""
+        if self._by_definition:
+            dimmed, full = (
+                visible_contrast(dimmed_luminance(emitted, b, self._display), self._display, self._model)
+                for b in (factor, 1.0)
+            )
+            return dimmed, full
+        shares, fine = np.zeros(2), np.ascontiguousarray(emitted, dtype=np.float32)
+        coarse = reduced(fine)
+        for band in self._bands:
+            coarser = reduced(coarse)
+            if band.can_be_seen:
+                levels = fine, coarse, expanded(coarser, *coarse.shape)
+                shares += self._shares_of_band(levels, band, factor, turn)
+            fine, coarse = coarse, coarser
+        return float(shares[0] / len(self._bands)), float(shares[1] / len(self._bands))
+
+    def _shares_of_band(
+        self, levels: tuple[Any, Any, Any], band: BandTable, factor: float, turn: int
+    ) -> Array:
+        """Return the shares of visible pixels of a band at the factor and at 1."""
+        fine, coarse, around = levels
+        tables = contrast_tables(band, self._model, (fine, around), factor)
+        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
+        height, width = fine.shape
+        counts, rows = np.zeros(2), 0
+        for begin, end in counted_rows(height, self._one_in if fine.size > MANY_PIXELS else 1, turn):
+            counts += _count_visible(fine, coarse, around, (begin, end), (tables, masks_itself))
+            rows += end - begin
+        return np.asarray(counts / (rows * width))
+
+
+@compiled
+def _count_visible(
+    fine: Any, coarse: Any, adaptation: Any, rows: Any, choices: tuple[ContrastTables, bool]
+) -> Any:
+    """Return how many pixels of some rows of a band are visible at the factor, and at 1.
+
+    The levels are as of `one_pass.count_band`; `rows` holds the first row that counts, and the one after the
+    last; `choices` the tables of the band, and whether a pixel masks itself.
+    """
+    tables, masks_itself = choices
+    height, width = fine.shape
+    first, last = max(rows[0] - 2, 0), min(rows[1] + 2, height)
+    power = np.zeros((2, 5, width + 4), np.float32)  # |C|^0.2 of the last five rows, at b and at 1
+    sums = np.zeros((2, 5, width), np.float32)  # the same, by five columns
+    weight = np.ones((5, width), np.float32)  # 0 for a pixel that does not count
+    low, seen = np.empty(width, np.float32), np.empty(width, np.float32)
+    ratio, light, x = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    cells, between = np.empty(width, np.int32), np.empty(coarse.shape[1] + 2, np.float32)
+    columns = np.minimum(np.arange(width) + 2, width - 1) - np.maximum(np.arange(width) - 2, 0) + 1
+    counts = np.zeros(2)
+    for i in range(first, last + 2):
+        new, ready = i % 5, (i - 2) % 5
+        if i < last:
+            expand_row(coarse, i, height, between, low)
+            expand_row(adaptation, i, height, between, seen)
+            _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[new]))
+            for at in range(2):
+                _power_row(ratio, light, tables, (at, x, cells, power[at, new], sums[at, new]))
+        else:
+            sums[:, new] = 0
+        if rows[0] <= i - 2 < rows[1]:
+            n_rows = min(i, height - 1) - max(i - 4, 0) + 1
+            for at in range(2):
+                counts[at] += _visible_in_row(
+                    power[at, ready], sums[at], n_rows * columns, weight[ready], masks_itself
+                )
+    return counts
+
+
+@compiled
+def _ratio_row(fine: Any, low: Any, seen: Any, tables: Any, filled: Any) -> None:
+    """Fill rows of log2 r, of log2 L_a, and of whether a pixel counts."""
+    ratio, light, weight = filled
+    for j in range(fine.size):
+        around = max(seen[j], _DARKEST)
+        light[j] = log2(around)
+        ratio[j] = log2(max(abs(fine[j] - low[j]) / around, _FAINTEST))
+    if not np.isnan(tables.log_common_adaptation):
+        light[:] = tables.log_common_adaptation
+    if tables.positive_only:
+        for j in range(fine.size):
+            weight[j] = np.float32(1) if fine[j] > low[j] else np.float32(0)
+
+
+@compiled
+def _power_row(ratio: Any, light: Any, tables: Any, filled: Any) -> None:
+    """Fill rows of |C|^0.2 and of its sums over five columns, at b or (`at` = 1) at factor 1."""
+    at, x, cells, power, sums = filled
+    log_factor = tables.log_factor if at == 0 else np.float32(0)
+    for j in range(x.size):
+        x[j] = (light[j] + log_factor - tables.log_darkest) / tables.log_span
+    look_up(tables.log_sensitivity, x, cells)
+    for j in range(x.size):
+        power[j + 2] = exp2(_BETA * (x[j] + ratio[j]))
+    for j in range(x.size):
+        sums[j] = power[j] + power[j + 1] + power[j + 2] + power[j + 3] + power[j + 4]
+
+
+@compiled
+def _visible_in_row(power: Any, sums: Any, counts: Any, weight: Any, masks_itself: Any) -> Any:
+    """Return how many pixels of a row are visible: |C|^0.7 > 1 + mean of |C|^0.2 about them (Eq. 3)."""
+    visible = 0
+    for j in range(counts.size):
+        own = power[j + 2]
+        total = sums[0, j] + sums[1, j] + sums[2, j] + sums[3, j] + sums[4, j]
+        n = np.float32(counts[j])
+        if not masks_itself:
+            total -= own
+            n = max(n - np.float32(1), np.float32(1))
+        transduced = own * own * own * np.sqrt(own)  # (|C|^0.2)^3.5
+        if weight[j] * transduced * n > n + total:
+            visible += 1
+    return visible
+
+
+def counted_rows(height: int, one_in: int, turn: int) -> list[tuple[int, int]]:
+    """Return the strips of rows that are counted: the first row of each, and the one after its last.
+
+    One of each `one_in` strips that follow each other, by the golden ratio's multiples, so that no period of
+    the picture is met by a period of the strips; at the next turn the next one.
+
+    >>> counted_rows(16, 2, turn=0), counted_rows(16, 2, turn=1), counted_rows(16, 1, turn=0)
+    ([(0, 4), (12, 16)], [(4, 8), (8, 12)], [(0, 16)])
+    """
+    if one_in == 1 or height < one_in * STRIP:
+        return [(0, height)]
+    strips = []
+    for part in range(-(-height // (one_in * STRIP))):
+        chosen = (int(part * GOLDEN % 1 * one_in) + turn) % one_in
+        begin = (part * one_in + chosen) * STRIP
+        if begin < height:
+            strips.append((begin, min(begin + STRIP, height)))
+    return strips

@@ -1,0 +1,1 @@
+"""Contrast loss on the graphics processor, by compute shaders."""

@@ -1,0 +1,296 @@
+"""The one pass over a frame's pixels on the graphics processor: how many become visible at which factor.
+
+The steps are those of `contrast.frame_analysis`, the tables those of `contrast.critical_factor`; masking
+(Eq. 3, `contrast.masking`) stands in `shaders/count.glsl` once more. Pixels are counted in whole numbers, so
+that a frame gives the same counts however its groups are scheduled. What is read back is the counts, a few
+hundred numbers. See docs/decisions/gpu.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import (
+    ContrastModel,
+    MaskingNeighbourhood,
+    SensitivityModel,
+    Visibility,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.band_shares import FEW_PIXELS
+from evenlight.method.contrast.critical_factor import (
+    LARGEST_LOG_RATIO,
+    BandTable,
+    band_tables,
+    threshold_table,
+)
+from evenlight.method.gpu.context import program, require_compute
+from evenlight.method.gpu.pyramid import (
+    PYRAMID,
+    RESULTS,
+    SUM_WORDS,
+    FrameTexture,
+    GpuPyramid,
+    PackedFrame,
+    sums_of,
+)
+
+if TYPE_CHECKING:
+    import moderngl
+
+MOST_KNOTS = 1024  # that a group can count in memory of its own
+UNDER_WAY = 2  # frames at most: one is worked on while the one before is read
+_BANDS, _TABLES, _FACTORS = 1, 2, 4  # places of buffers in `count.glsl`
+_ACROSS = 4096  # groups in a row of the dispatch; drivers allow 65535
+_OWN_COUNTS = 2048  # numbers that a group counts in: each knot's as often as there is room, 32 times at most
+TILE = 28  # pixels across and down that a group counts
+_RECORD = np.dtype(
+    [(name, np.int32) for name in ("width", "height", "fine_at", "coarse_at", "coarser_at", "first_group")]
+    + [(name, np.int32) for name in ("tiles_across", "tiles", "first_reference", "counts_at", "tables_at")]
+    + [(name, np.float32) for name in ("log_darkest", "per_log_luminance")]
+    + [(name, np.float32) for name in ("log_faintest", "per_log_sensitivity")]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CountedBand:
+    """What was counted in one band."""
+
+    pixels: int  # of the band
+    # (references, knots): how many of them are visible at each factor, neighbours compared at each reference
+    visible: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PassCounts:
+    """The counts and channel means that a pass over a frame gives."""
+
+    bands: tuple[CountedBand, ...]  # those in which contrast can be visible
+    means: Array  # (4,): of linear R, G, B, and of linear luminance, in [0, 1]
+
+
+class GpuOnePass:
+    """Programs, tables and buffers for frames of one size, and the pass over a frame.
+
+    Parameters
+    ----------
+    context, shape, display, model
+        As of `frame_loss.GpuLoss`.
+    request : CountingRequest
+        What is asked of each frame.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        shape: tuple[int, int],
+        display: Display,
+        model: ContrastModel,
+        request: CountingRequest,
+    ) -> None:
+        require_compute(context)
+        self._context, self._request, self._shape = context, request, shape
+        tables = band_tables(shape, request.lowest_factor, display, model)
+        _require_one_pass(tables, model, request)
+        self.n_bands = len(tables)
+        self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
+        seen = {level: table for level, table in enumerate(tables) if table.can_be_seen}
+        self._levels = tuple(seen)
+        self._layout = _band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request)
+        self._make_buffers()
+        self._count = program(context, ("mirror", "count"), _defined(model, request, self._layout.steps))
+        self._under_way: list[int] = []
+        self._next = 0
+
+    def start(self, frame: FrameTexture | PackedFrame, log_knots: Array, log_references: Array) -> None:
+        """Begin with a frame, and return at once.
+
+        Parameters
+        ----------
+        frame : FrameTexture or PackedFrame
+            The frame.
+        log_knots : array, (knots,)
+            log2 of the factors at which pixels are counted, rising to 0.
+        log_references : array, (1 + references,)
+            log2 of the factors at which neighbours are compared: in bands of many pixels, then of few.
+        """
+        if len(self._under_way) == UNDER_WAY:
+            raise ValueError(f"{UNDER_WAY} frames are under way: ask for a result first")
+        results = self._results[self._next]
+        results.write(self._nothing)
+        self._pyramid.fill(frame, results)
+        groups = self._layout.groups
+        if groups > 0:
+            self._factors.write(np.concatenate([log_references, log_knots]).astype(np.float32))
+            self._bind(results)
+            self._count["n_groups"] = groups
+            self._count.run(min(groups, _ACROSS), -(-groups // _ACROSS))
+        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
+        self._under_way.append(self._next)
+        self._next = (self._next + 1) % UNDER_WAY
+
+    def require_idle(self) -> None:
+        """Raise `ValueError` if frames are under way, whose results would be taken for that of the next."""
+        if self._under_way:
+            raise ValueError(
+                f"{len(self._under_way)} of the frames before are under way: ask for results first"
+            )
+
+    def result(self) -> PassCounts:
+        """Return what the oldest frame under way gave; waits if it is not ready."""
+        if not self._under_way:
+            raise ValueError("no frame is under way: start one first")
+        words = np.frombuffer(self._results[self._under_way.pop(0)].read(), np.uint32)
+        bands, knots = [], self._request.knots
+        for place in self._layout.places:
+            counts = words[place.counts_at : place.counts_at + place.references * knots].reshape(-1, knots)
+            bands.append(CountedBand(place.pixels, counts.cumsum(axis=1, dtype=float)))
+        height, width = self._shape
+        return PassCounts(tuple(bands), sums_of(words) / (height * width))
+
+    def bytes_moved(self, bytes_per_pixel: int) -> int:
+        """Return the bytes that have to pass between shaders and memory, each level once in each pass.
+
+        Parameters
+        ----------
+        bytes_per_pixel : int
+            Of the frame: 3 as it is uploaded with 8 bits, 4 or 8 as a texture of four channels.
+        """
+        sizes = [height * width for height, width in self._pyramid.shapes]
+        levels = bytes_per_pixel * sizes[0] + 4 * sum(sizes) + 4 * sum(sizes[1:-1])
+        bands = zip(self._levels, self._layout.places, strict=True)
+        counts = sum(place.references * sum(sizes[level : level + 3]) for level, place in bands)
+        return levels + 4 * counts + 4 * self._layout.words
+
+    def _make_buffers(self) -> None:
+        """Make the buffers of tables, factors and results."""
+        context = self._context
+        self._tables = context.buffer(self._layout.tables.tobytes())
+        self._records = context.buffer(self._layout.records or bytes(4))  # a buffer of nothing there is not
+        n_factors = 1 + self._request.references + self._request.knots
+        self._factors = context.buffer(reserve=4 * n_factors, dynamic=True)
+        self._nothing = np.zeros(self._layout.words, np.uint32)
+        self._results = [context.buffer(self._nothing, dynamic=True) for _ in range(UNDER_WAY)]
+
+    def _bind(self, results: moderngl.Buffer) -> None:
+        """Bind the buffers where `count.glsl` looks for them."""
+        self._pyramid.buffer.bind_to_storage_buffer(PYRAMID)
+        self._records.bind_to_storage_buffer(_BANDS)
+        self._tables.bind_to_storage_buffer(_TABLES)
+        results.bind_to_storage_buffer(RESULTS)
+        self._factors.bind_to_storage_buffer(_FACTORS)
+
+
+def _defined(
+    model: ContrastModel, request: CountingRequest, steps: tuple[int, int, int]
+) -> dict[str, object]:
+    """Return what `count.glsl` is compiled with."""
+    chosen = {
+        "EQUAL_RATIOS": request.equal_ratios,
+        "POSITIVE_ONLY": model.visibility is Visibility.POSITIVE_ONLY,
+        "WITHOUT_CENTRE": model.masking is MaskingNeighbourhood.WITHOUT_CENTRE,
+    }
+    sizes: dict[str, object] = {
+        "KNOTS": request.knots,
+        "REPLICAS": 1 << min(5, (_OWN_COUNTS // request.knots).bit_length() - 1),
+    }
+    return (
+        sizes
+        | dict(zip(("THRESHOLDS", "SENSITIVITIES", "LUMINANCES"), steps, strict=True))
+        | {name: "" for name, is_so in chosen.items() if is_so}
+    )
+
+
+def _require_one_pass(tables: list[BandTable], model: ContrastModel, request: CountingRequest) -> None:
+    """Raise `InputError` for what only the processor computes."""
+    if model.sensitivity is SensitivityModel.AUTHORS:
+        raise InputError(
+            "the graphics processor takes each pixel's own sensitivity: need sensitivity 'barten' or "
+            "'simplified', got 'authors'; or use the processor (device cpu)"
+        )
+    unseen = [float(table.log_sensitivity.max()) + LARGEST_LOG_RATIO <= 0 for table in tables]
+    if not all(table.rises or never for table, never in zip(tables, unseen, strict=True)):
+        raise InputError(
+            "this contrast model's sensitivity falls with luminance somewhere on this display, so that one "
+            "pass does not do: use the processor (device cpu)"
+        )
+    if request.knots > MOST_KNOTS:
+        raise InputError(f"the graphics processor takes at most {MOST_KNOTS} factors, got {request.knots}")
+
+
+@dataclass(frozen=True, slots=True)
+class CountingRequest:
+    """What a pass counts: at which factors pixels are counted, and at how many neighbours are compared."""
+
+    lowest_factor: float  # smallest brightness factor that will be asked for, above 0
+    knots: int  # at how many factors, the last of which is 1
+    references: int  # at how many factors neighbours are compared in bands of few pixels; in others, at one
+    equal_ratios: bool  # whether the factors are in equal ratios
+
+
+@dataclass(frozen=True, slots=True)
+class _BandPlace:
+    """One band, and where its counts lie."""
+
+    pixels: int  # of the band
+    references: int  # at how many factors its neighbours are compared
+    # where its counts begin among the words of the results, one for each knot of each reference
+    counts_at: int
+    groups: int  # how many groups count it
+
+
+@dataclass(frozen=True, slots=True)
+class _BandLayout:
+    """Where everything lies."""
+
+    places: tuple[_BandPlace, ...]  # the bands, finest first
+    records: bytes  # what the shader reads of each band, one after the other
+    tables: NDArray[np.float32]  # the thresholds, then the sensitivities and luminances of each band
+    steps: tuple[int, int, int]  # of the table of thresholds, and of a band's two tables
+    words: int  # of the results: the sums, then the counts
+
+    @property
+    def groups(self) -> int:
+        """How many groups count all bands."""
+        return sum(place.groups for place in self.places)
+
+
+def _band_layout(
+    shapes: Sequence[tuple[int, int]],
+    begins: Sequence[int],
+    seen: Mapping[int, BandTable],
+    request: CountingRequest,
+) -> _BandLayout:
+    """Return where the bands lie whose contrast can be visible, given by their level of the pyramid."""
+    tables: list[NDArray[np.float32]] = [threshold_table()]
+    records, places, words, groups = np.zeros(len(seen), _RECORD), [], SUM_WORDS, 0
+    for number, (level, table) in enumerate(seen.items()):
+        height, width = shapes[level]
+        few = height * width <= FEW_PIXELS
+        references = request.references if few else 1
+        across, down = -(-width // TILE), -(-height // TILE)
+        split = groups, across, across * down
+        starts = few, words, sum(part.size for part in tables)
+        records[number] = width, height, *begins[level : level + 3], *split, *starts, *_ranges(table)
+        places.append(_BandPlace(height * width, references, words, across * down * references))
+        tables += [table.log_sensitivity, table.log_luminance]
+        words += references * request.knots
+        groups += across * down * references
+    thresholds, sensitivities, luminances = ([part.size for part in tables] + [2, 2])[
+        :3
+    ]  # 2: no band is seen
+    steps = thresholds, sensitivities, luminances
+    return _BandLayout(tuple(places), records.tobytes(), np.concatenate(tables), steps, words)
+
+
+def _ranges(table: BandTable) -> tuple[float, float, float, float]:
+    """Return where each table of a band begins, and one over how far it reaches."""
+    (dark, bright), (low, high) = table.log_luminance_range, table.log_sensitivity_range
+    return dark, 1 / (bright - dark), low, 1 / (high - low)

@@ -1,0 +1,210 @@
+"""The online controller over loss curves that are known already, frame by frame as it would run live."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.quantities import read_only
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.modulation import allowed_rate, modulation_rate
+from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
+from evenlight.method.online.frame_costs import FrameCost
+from evenlight.method.online.governor import Governor, GovernorState
+
+
+@dataclass(frozen=True, slots=True)
+class ControlledTrack:
+    """What the controller made of a video of N frames.
+
+    Attributes
+    ----------
+    durations : array, (N,)
+        How long each frame is shown [s].
+    factors : array, (N,)
+        b of each frame.
+    contrast_loss : array, (N,)
+        𝓛_c of each frame at its factor.
+    rate, rate_limit : array, (N,)
+        Luminance change that the modulation makes to the next frame, and the largest allowed [cd/m^2/s].
+    limited : array of bool, (N,)
+        Where the rate limit or a bound kept the factor from where the controller wanted it.
+    targets : array, (N,)
+        c_r, the contrast loss that was to be held; a governor moves it.
+    budget_held : array of bool, (N,)
+        Where a bound kept the governor from meeting its budget; nowhere without one.
+    """
+
+    durations: Array
+    factors: Array
+    contrast_loss: Array
+    rate: Array
+    rate_limit: Array
+    limited: NDArray[np.bool_]
+    targets: Array
+    budget_held: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for name in ("durations", "factors", "contrast_loss", "rate", "rate_limit", "targets"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def time_share(self) -> Array:
+        """Share of the time that each frame is shown, (N,)."""
+        return np.asarray(self.durations / self.durations.sum())
+
+    @property
+    def mean_factor(self) -> float:
+        """Mean of b over time: constant dimming by it has the same mean brightness."""
+        return float(self.time_share @ self.factors)
+
+
+@dataclass(frozen=True, slots=True)
+class VideoGovernor:
+    """A governor, with what the frames of a video cost.
+
+    Attributes
+    ----------
+    governor : Governor
+        Moves the controller's target.
+    costs : list of FrameCost
+        Of each frame.
+    """
+
+    governor: Governor
+    costs: list[FrameCost]
+
+
+def control_curves(
+    curves: LossCurves,
+    controller: Controller,
+    start_factor: float | None = None,
+    luminance: Array | None = None,
+    governed: VideoGovernor | None = None,
+) -> ControlledTrack:
+    """Return what the controller does with a video, seeing one frame after the other.
+
+    Parameters
+    ----------
+    curves : LossCurves
+        Contrast loss of each of N frames over the factor.
+    controller : Controller
+        Target, gains, bounds and rate limit.
+    start_factor : float, optional
+        b of the first frame; without it, where that frame has the target loss.
+    luminance : array, (N,), optional
+        Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]; without it, the frame's mean.
+    governed : VideoGovernor, optional
+        What moves the target from that of the controller, so that a budget is met.
+
+    Raises
+    ------
+    InputError
+        If the controller may choose factors that the curves do not reach.
+    """
+    _require_reach(curves, controller)
+    shown = curves.mean_luminance if luminance is None else luminance
+    first = _start(curves, controller, start_factor)
+    states, targets, held = _states(curves, controller, shown, first, governed)
+    factors = np.array([state.factor for state in states])
+    limits = np.array([controller.rate_limit(light) for light in (factors * shown).tolist()])
+    return ControlledTrack(
+        durations=curves.durations,
+        factors=factors,
+        contrast_loss=loss_and_slope(curves, factors)[0],
+        rate=modulation_rate(factors, shown, curves.durations),
+        rate_limit=allowed_rate(factors, shown, lambda _: limits),
+        limited=np.array([state.limited for state in states]),
+        targets=np.array(targets),
+        budget_held=np.array(held),
+    )
+
+
+def _require_reach(curves: LossCurves, controller: Controller) -> None:
+    """Raise `InputError` if the curves begin above the lowest factor."""
+    lowest, known = controller.settings.lowest_factor, float(curves.factors[0])
+    if lowest < known:
+        raise InputError(
+            f"the controller's lowest_factor is {lowest:g}, the loss curves of {curves.video!r} begin at "
+            f"{known:g}; raise the one, or analyse the video for lower factors"
+        )
+
+
+def _start(curves: LossCurves, controller: Controller, start_factor: float | None) -> float:
+    """Return the factor of the first frame."""
+    settings = controller.settings
+    if start_factor is None:
+        wanted = factor_at_loss(curves, np.full(curves.n_frames, settings.target_loss))[0]
+        return float(np.clip(wanted, settings.lowest_factor, settings.highest_factor))
+    if not settings.lowest_factor <= start_factor <= settings.highest_factor:
+        raise InputError(
+            f"the first factor must lie in {settings.lowest_factor:g} to {settings.highest_factor:g}, "
+            f"got {start_factor:g}"
+        )
+    return start_factor
+
+
+def _states(
+    curves: LossCurves,
+    controller: Controller,
+    luminance: Array,
+    first_factor: float,
+    governed: VideoGovernor | None,
+) -> tuple[list[ControllerState], list[float], list[bool]]:
+    """Return the controller's state at each frame, its target, and whether a bound held the governor."""
+    knots = curves.factors.tolist()
+    frames = zip(curves.loss.tolist(), luminance.tolist(), curves.durations.tolist(), strict=True)
+    steering = _Steering(controller.settings.target_loss, governed)
+    states: list[ControllerState] = []
+    targets: list[float] = []
+    held: list[bool] = []
+    for losses, light, duration in frames:
+        factor = states[-1].factor if states else first_factor
+        seen = FrameMeasurement(_interpolated(factor, knots, losses), light, duration)
+        state = controller.step(states[-1], seen, steering.aim) if states else controller.start(factor, seen)
+        states.append(state)
+        targets.append(steering.target)
+        if governed is not None:
+            steering.take(state, _interpolated(state.factor, knots, losses))
+        held.append(steering.held)
+    return states, targets, held
+
+
+class _Steering:
+    """The governor's side of the loop: where the controller is to aim with the next frame.
+
+    Parameters
+    ----------
+    target : float
+        c_r at the first frame.
+    governed : VideoGovernor or None
+        Without it, the target stays.
+    """
+
+    def __init__(self, target: float, governed: VideoGovernor | None) -> None:
+        self.target, self.held = target, False
+        self.aim: SteeredTarget | None = None
+        self._state: GovernorState | None = None
+        if governed is not None:
+            self._governor, self._costs = governed.governor, iter(governed.costs)
+
+    def take(self, shown: ControllerState, loss: float) -> None:
+        """Take note of a frame that was shown with some factor and has some loss."""
+        if self._state is None:
+            self._state = self._governor.start(self.target, shown.factor, loss)
+        excess = next(self._costs).excess(shown.factor)
+        self._state, self.aim = self._governor.step(self._state, shown, loss, excess)
+        self.target, self.held = self._state.target_loss, self._state.held
+
+
+def _interpolated(factor: float, knots: list[float], losses: list[float]) -> float:
+    """Return the loss at a factor, between knots linearly; `loss_and_slope` for one frame, much faster."""
+    above = min(max(bisect_right(knots, factor), 1), len(knots) - 1)
+    share = (factor - knots[above - 1]) / (knots[above] - knots[above - 1])
+    return losses[above - 1] + share * (losses[above] - losses[above - 1])

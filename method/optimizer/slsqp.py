@@ -1,0 +1,140 @@
+"""The paper's solver: sequential least-squares programming, for short clips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.optimizer.objective import order_weights, weight_of_pairs
+from evenlight.method.optimizer.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
+
+NO_LIMIT = 2.0  # change of a factor: twice what any step can be
+
+
+@dataclass(frozen=True, slots=True)
+class SlsqpSolver:
+    """Minimize by SciPy's SLSQP from a perturbed constant, as the paper does (Section 3.5).
+
+    Attributes
+    ----------
+    rng : np.random.Generator
+        For the perturbation.
+    tolerance : float
+        Convergence tolerance; the paper's.
+    perturbation : float
+        Standard deviation of the start about the constant.
+    max_frames : int
+        Longer problems are refused: time grows with the cube of N.
+    """
+
+    rng: np.random.Generator
+    tolerance: float = 1e-8
+    perturbation: float = 0.01
+    max_frames: int = 500
+
+    def solve(self, problem: Problem) -> Solution:
+        """Return SLSQP's answer, made feasible; the baseline where that is better."""
+        n = problem.curves.n_frames
+        if n > self.max_frames:
+            raise InputError(
+                f"the solver slsqp takes at most {self.max_frames} frames, this video has {n}; "
+                f"use the solver splitting"
+            )
+        baseline = problem.baseline()
+        if not weight_of_pairs(problem.frame_importance()) > 0:  # nothing differs from anything
+            return Solution(baseline, 0)
+        noise = self.perturbation * self.rng.standard_normal(n)
+        factors, iterations = slsqp_from(problem, baseline + noise, self.tolerance)
+        if problem.objective(factors) > problem.objective(baseline):
+            factors = baseline
+        return Solution(factors, iterations)
+
+
+def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array, int]:
+    """Return what SLSQP makes of a start, drawn into the limits, and its iterations.
+
+    Where it ends off the budget, the answer is the constant baseline.
+
+    Parameters
+    ----------
+    problem : Problem
+        N frames; time grows with the cube of N.
+    start : array, (N,)
+        Factors; they need not keep the limits.
+    tolerance : float
+        Of convergence.
+    """
+    n, budget = len(start), problem.baseline_factor
+    limits: list[LinearConstraint | NonlinearConstraint] = [
+        LinearConstraint(problem.budget_weights[None], budget, budget),
+        NonlinearConstraint(
+            lambda b: _slack(problem, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, b)
+        ),
+    ]
+    result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
+        problem.objective,
+        np.clip(start, problem.lowest_factor, 1.0),
+        jac=lambda b: _objective_slope(problem, b),
+        method="SLSQP",
+        bounds=[(problem.lowest_factor, 1.0)] * n,
+        constraints=limits,
+        options={"maxiter": 1000, "ftol": tolerance},
+    )
+    factors = np.clip(result.x, problem.lowest_factor, 1.0)
+    met = abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE
+    return feasible_blend(problem, factors) if met else problem.baseline(), int(result.nit)
+
+
+def _objective_slope(problem: Problem, factors: Array) -> Array:
+    """Return a (sub)gradient of the mean absolute pairwise difference of loss, (N,)."""
+    loss, slope = loss_and_slope(problem.curves, factors)
+    counts, order = problem.frame_importance(), np.argsort(loss, kind="stable")
+    weights = np.empty(len(loss))
+    weights[order] = order_weights(counts[order]) / weight_of_pairs(counts)
+    return weights * slope
+
+
+def _slack(problem: Problem, factors: Array) -> Array:
+    """Return how much further each step could go, upwards and downwards, in units of the factor, (2(N-1),).
+
+    In cd/m^2/s, bright frames beside dark ones would have slopes of 1e7 beside 1e-320, with which SLSQP does
+    not end, or, compiled as it is, leaves its memory.
+    """
+    furthest, _ = _furthest_steps(problem, factors)
+    step = np.diff(factors)
+    return np.concatenate([furthest - step, furthest + step])
+
+
+def _slack_slope(problem: Problem, factors: Array) -> Array:
+    """Return the derivative of the slack, (2(N-1), N)."""
+    n = len(factors)
+    _, slope = _furthest_steps(problem, factors)
+    step = np.arange(n - 1)
+    limit = problem.rate_limit(factors * problem.luminance)
+    end = np.where(limit[:-1] <= limit[1:], step, step + 1)
+    furthest, change = np.zeros((n - 1, n)), np.zeros((n - 1, n))
+    furthest[step, end] = slope
+    change[step, step], change[step, step + 1] = -1.0, 1.0
+    return np.concatenate([furthest - change, furthest + change])
+
+
+def _furthest_steps(problem: Problem, factors: Array) -> tuple[Array, Array]:
+    """Return how far each step may go, and its slope over the factor of the end that limits it, (N-1,) each.
+
+    No factor can change by more than 1, so that beyond `NO_LIMIT` a step counts as free.
+    """
+    seen, reach = factors * problem.luminance, problem.step_reach()
+    nudge = 1e-5 * np.maximum(seen, 1e-6)
+    limit = problem.rate_limit(seen)
+    gain = (problem.rate_limit(seen + nudge) - limit) / nudge * problem.luminance
+    at_first = limit[:-1] <= limit[1:]
+    lower = np.where(at_first, limit[:-1], limit[1:])
+    bound = np.isfinite(reach) & (lower < NO_LIMIT / np.maximum(reach, 1e-300))
+    length = np.where(bound, reach, 0.0)
+    furthest = np.where(bound, lower * length, NO_LIMIT)
+    return furthest, np.where(at_first, gain[:-1], gain[1:]) * length

@@ -1,0 +1,373 @@
+"""Where rings are put: places around a keypoint that lie on a surface and are evenly lit.
+
+Decision (docs/decisions/landolt-rings.md): a place is drawn at random among the directions that are far
+enough from the first view, and near enough. It counts if a ring there, with all that its contrast is measured
+against, lies on one surface that does not shine itself, and if that is evenly bright. Of those found, the
+two are taken that are most alike in luminance. A third is for practice: one that suits the larger ring of
+practice as well, away from both, and as much like them in luminance as there is.
+
+`python -m evenlight.stimuli.rings.ring_places NAME...` writes `NAME.rings.json` beside each camera path. Run
+it again when a scene or a path has changed: the places are directions only, and a wall that was moved does
+not take its ring with it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring
+from evenlight.stimuli.rings.place_files import (
+    PLACES,
+    PRACTICE_SIZE,
+    SUFFIX,
+    KeypointRings,
+    RingPlaces,
+)
+from evenlight.stimuli.rings.ring_scene import RingScene
+from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.camera_path import PATHS, CameraPath, path_named
+from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.drawing.shaders import PEAK
+from evenlight.stimuli.scenes.scene import Floats, Patches, Scene, Vector, direction_of, scene_named, stream
+from evenlight.stimuli.sequence_format import ENCODING_GAMMA
+
+if TYPE_CHECKING:
+    import moderngl
+
+DRAWS = 600  # directions that are looked at
+ENOUGH = 24  # places that are found suitable before two are chosen
+AROUND = 12  # rays around a place
+STEEPEST = 0.25  # cosine of the angle at which a surface is looked at
+NEAREST = 0.4  # [m]
+DECIMALS = 2  # of an angle [deg]: a quarter of a pixel at 24 pixels per degree
+NOTHING = -1  # in place of a patch: the sky
+SEED = 1
+# What scenes are made for, at a headset's resolution; other displays show the same places.
+DISPLAY = Display("scenes", PEAK, 0.0, ENCODING_GAMMA, pixels_per_degree=24.0)
+PICTURE_SIZE = (
+    96,
+    96,
+)  # of the pictures [pixels]: twice the radius of practice's ring is 40 pixels from the middle
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceRules:
+    """What is asked of the places of rings.
+
+    Attributes
+    ----------
+    smallest_eccentricity, largest_eccentricity : float
+        From the first direction of view [deg].
+    highest : float
+        Altitude, up or down [deg].
+    apart : float
+        Least angle between the two places [deg].
+    practice_apart : float
+        Least angle from both of them to the place for practice [deg].
+    gap : float
+        Of the rings [arcmin].
+    contrast : float
+        Of the rings, for whether the display can show them.
+    largest_variation : float
+        Standard deviation of the luminance around a place, over its mean.
+    darkest : float
+        Least mean luminance around a place at full brightness [cd/m^2].
+    """
+
+    smallest_eccentricity: float = 10.0
+    largest_eccentricity: float = 45.0
+    highest: float = 35.0
+    apart: float = 20.0
+    practice_apart: float = 12.0
+    gap: float = 10.0
+    contrast: float = -0.3
+    largest_variation: float = 0.25
+    darkest: float = 0.3
+
+
+DEFAULT_RULES = PlaceRules()
+
+
+@dataclass(frozen=True, slots=True)
+class RingPlace:
+    """A direction in which a ring may be shown.
+
+    Attributes
+    ----------
+    azimuth, altitude : float
+        In the scene: clockwise from north, and up [deg].
+    luminance : float
+        Mean luminance I around it at full brightness [cd/m^2].
+    variation : float
+        Standard deviation of that luminance over its mean.
+    """
+
+    azimuth: float
+    altitude: float
+    luminance: float
+    variation: float
+
+
+def choose_places(
+    scene: Scene, rings: RingScene, camera: Camera, rules: PlaceRules, rng: np.random.Generator
+) -> tuple[RingPlace, RingPlace, RingPlace]:
+    """Return three places of rings around a point of a scene: two of the session, and one for practice.
+
+    The light of the last one is that around a ring of practice, `PRACTICE_SIZE` times as large.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    rings : RingScene
+        Draws it.
+    camera : Camera
+        The point, and the first direction of view.
+    rules : PlaceRules
+        What is asked of the places.
+    rng : Generator
+        Draws the directions.
+
+    Raises
+    ------
+    InputError
+        If no three are found.
+    """
+    larger = replace(rules, gap=PRACTICE_SIZE * rules.gap)
+    found: list[RingPlace] = []
+    roomy: list[RingPlace] = []
+    for azimuth, altitude in _directions(camera, rules, rng):
+        place = _suitable((scene, rings), camera, (azimuth, altitude), rules)
+        if place is None:
+            continue
+        found.append(place)
+        place = _suitable((scene, rings), camera, (azimuth, altitude), larger)
+        roomy += [place] if place is not None else []
+        if len(found) >= ENOUGH and (chosen := _three(found, roomy, rules)) is not None:
+            return chosen
+    chosen = _three(found, roomy, rules)
+    if chosen is None:
+        x, y, z = camera.position
+        raise InputError(
+            f"{scene.name}: around ({x:g}, {y:g}, {z:g}) m, towards {camera.azimuth:g} degrees, {len(found)} "
+            f"of {DRAWS} directions suit a ring of {rules.gap:g} arcmin, {len(roomy)} of them one of "
+            f"{larger.gap:g}; two that are {rules.apart:g} degrees apart are needed, and a larger one "
+            f"{rules.practice_apart:g} from both: take another keypoint, or one with larger even surfaces "
+            "around it"
+        )
+    return chosen
+
+
+def lies_on_a_surface(scene: Scene, camera: Camera, ring: Ring) -> bool:
+    """Return whether a ring, out to twice its radius, lies on one flat surface that does not shine.
+
+    Foliage, nets and other surfaces with holes do not count, nor does what is seen at a grazing angle.
+    """
+    patches, rays = scene.patches, _rays(ring)
+    distance, met = seen_along(patches, camera.position, rays[:1])
+    if not _is_sound(scene, met) or distance[0] < NEAREST:
+        return False
+    normal = np.cross(patches.along[met[0]], patches.across[met[0]])
+    towards_eye = -rays @ normal / np.linalg.norm(normal)
+    if (towards_eye < STEEPEST).any():
+        return False
+    distances, met = seen_along(patches, camera.position, rays[1:])
+    on_plane = distance[0] * towards_eye[0] / towards_eye[1:]
+    # What is around it may stand out from the surface by no more than the ring's radius.
+    radius = distance[0] * ring.gap_on_plane * GAPS_IN_DIAMETER / 2
+    return _is_sound(scene, met) and bool((np.abs(distances - on_plane) <= radius).all())
+
+
+def _is_sound(scene: Scene, met: NDArray[np.int64]) -> bool:
+    """Return whether all rays met surfaces without holes that do not shine themselves."""
+    if (met == NOTHING).any():
+        return False
+    holes = [scene.materials[kind].cutout for kind in scene.patches.material[met]]
+    return not (any(holes) or scene.patches.emission[met].any())
+
+
+def _rays(ring: Ring) -> Floats:
+    """Return the directions of a ring's middle and of points on twice its radius, and half of that."""
+    right, up, ahead = Camera((0.0, 0.0, 0.0), ring.azimuth, ring.altitude).axes()
+    turns = 2 * np.pi * np.arange(AROUND)[:, np.newaxis] / AROUND
+    radius = np.where(np.arange(AROUND) % 3 == 0, 0.5, 1.0)[:, np.newaxis]
+    radius = radius * GAPS_IN_DIAMETER * ring.gap_on_plane
+    around = ahead + radius * (np.cos(turns) * right + np.sin(turns) * up)
+    rays = np.concatenate([ahead[np.newaxis], around])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def _directions(camera: Camera, rules: PlaceRules, rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Return directions at random, evenly over the visual field where rings may lie [deg]."""
+    least, most = np.cos(np.radians([rules.largest_eccentricity, rules.smallest_eccentricity]))
+    ahead = rng.uniform(least, most, DRAWS)
+    turn = rng.uniform(0, 2 * np.pi, DRAWS)
+    aside = np.sqrt(1 - ahead**2)
+    x, y, z = (np.stack([aside * np.cos(turn), aside * np.sin(turn), ahead], axis=1) @ camera.axes()).T
+    # Rounded before they are looked at: the file that keeps them has no more decimals.
+    azimuths = np.degrees(np.arctan2(x, y)).round(DECIMALS)
+    altitudes = np.degrees(np.arcsin(np.clip(z, -1, 1))).round(DECIMALS)
+    within = np.abs(altitudes) <= rules.highest
+    return list(zip(azimuths[within].tolist(), altitudes[within].tolist(), strict=True))
+
+
+def _suitable(
+    drawn: tuple[Scene, RingScene], camera: Camera, direction: tuple[float, float], rules: PlaceRules
+) -> RingPlace | None:
+    """Return a direction as a place, with its light; None if a ring would not suit it.
+
+    It must lie on a surface that is neither too dark, nor too uneven, nor out of the display's reach.
+    """
+    scene, rings = drawn
+    ring = Ring(*direction, rules.gap, rules.contrast, 0)
+    if not lies_on_a_surface(scene, camera, ring):
+        return None
+    around = rings.surroundings(ring, camera.position)
+    if around.luminance < rules.darkest or around.variation > rules.largest_variation:
+        return None
+    if not rings.can_show(ring, around):
+        return None
+    return RingPlace(ring.azimuth, ring.altitude, around.luminance, around.variation)
+
+
+def _three(
+    places: list[RingPlace], roomy: list[RingPlace], rules: PlaceRules
+) -> tuple[RingPlace, RingPlace, RingPlace] | None:
+    """Return the two places most alike, and of those for practice the one most like them; None without."""
+    pair = _pair(places, rules.apart)
+    if pair is None:
+        return None
+    near = math.cos(math.radians(rules.practice_apart))
+    level = math.log(pair[0].luminance)
+    third = min(
+        (place for place in roomy if all(_towards(place) @ _towards(other) <= near for other in pair)),
+        key=lambda place: abs(math.log(place.luminance) - level),
+        default=None,
+    )
+    return None if third is None else (*pair, third)
+
+
+def _pair(places: list[RingPlace], apart: float) -> tuple[RingPlace, RingPlace] | None:
+    """Return the two places most alike in luminance that are far enough apart; None if there are none."""
+    if not places:
+        return None
+    towards = np.array([_towards(place) for place in places])
+    brightness = np.log([place.luminance for place in places])
+    unlike = np.abs(brightness[:, np.newaxis] - brightness)
+    unlike[towards @ towards.T > math.cos(math.radians(apart))] = np.inf
+    first, second = np.unravel_index(np.argmin(unlike), unlike.shape)
+    return (places[first], places[second]) if unlike[first, second] < np.inf else None
+
+
+def _towards(place: RingPlace) -> Floats:
+    """Return the direction of a place, a unit vector."""
+    return direction_of(place.azimuth, place.altitude)
+
+
+def seen_along(patches: Patches, position: Vector, directions: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Return what rays from a point meet first.
+
+    Parameters
+    ----------
+    patches : Patches
+        The surfaces; their back sides are met too.
+    position : (float, float, float)
+        Where the rays start [m].
+    directions : array, (m, 3)
+        Their unit vectors.
+
+    Returns
+    -------
+    distance : array, (m,)
+        To what is met [m]; infinite for nothing.
+    patch : array of int, (m,)
+        Which patch that is; `NOTHING` for none.
+    """
+    distances, met = np.full(len(directions), np.inf), np.full(len(directions), NOTHING)
+    to_eye = np.asarray(position) - patches.origin
+    q = np.cross(to_eye, patches.along)
+    for k, direction in enumerate(np.asarray(directions, dtype=float)):
+        # Moller & Trumbore (1997), for parallelograms and their halves.
+        p = np.cross(direction, patches.across)
+        determinant = np.einsum("ij,ij->i", patches.along, p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = np.einsum("ij,ij->i", to_eye, p) / determinant
+            t = q @ direction / determinant
+            distance = np.einsum("ij,ij->i", patches.across, q) / determinant
+            inside = (s >= 0) & (t >= 0) & np.where(patches.triangle, s + t <= 1, (s <= 1) & (t <= 1))
+            distance = np.where(inside & (distance > 0), distance, np.inf)
+        nearest = int(np.argmin(distance))
+        if distance[nearest] < np.inf:
+            distances[k], met[k] = distance[nearest], nearest
+    return distances, met
+
+
+def main() -> None:
+    """Write the places of the paths that are named."""
+    parser = argparse.ArgumentParser(prog="ring_places", description=__doc__)
+    parser.add_argument("paths", nargs="+", metavar="NAME", help="of camera paths")
+    parser.add_argument("--seed", type=int, default=SEED)
+    options = parser.parse_args()
+    context = offscreen_context()
+    try:
+        for name in options.paths:
+            places = places_along(context, path_named(name), options.seed)
+            write_json_record(PATHS / f"{name}{SUFFIX}", places)
+    except InputError as error:
+        raise SystemExit(str(error)) from None
+    finally:
+        context.release()
+
+
+def places_along(
+    context: moderngl.Context, path: CameraPath, seed: int, rules: PlaceRules = DEFAULT_RULES
+) -> RingPlaces:
+    """Return the places of rings at the keypoints of a path that suit a search.
+
+    Each keypoint has chance of its own, so that a new one leaves the others as they are.
+
+    Raises
+    ------
+    InputError
+        If around one of them no three places are found.
+    """
+    scene = scene_named(path.scene)
+    rings = RingScene(context, SceneRenderer(context, scene, PICTURE_SIZE), DISPLAY)
+    chosen = []
+    for name in path.places:
+        point = path.keypoint(name)
+        camera = Camera(point.position, point.azimuth, point.altitude)
+        places = choose_places(scene, rings, camera, rules, stream(seed, f"{path.name}/{name}"))
+        chosen.append(_in_file(name, point.azimuth, places))
+        print(f"{path.name}/{name}: " + ", ".join(f"{place.luminance:.2f} cd/m^2" for place in places))
+    return RingPlaces(path.name, seed, tuple(chosen))
+
+
+def _in_file(name: str, ahead: float, places: tuple[RingPlace, RingPlace, RingPlace]) -> KeypointRings:
+    """Return the places at a keypoint as they are kept: azimuths from its first direction of view."""
+    azimuths = [round((place.azimuth - ahead + 180) % 360 - 180, DECIMALS) for place in places]
+    altitudes = [round(place.altitude, DECIMALS) for place in places]
+    luminances = [round(place.luminance, 3) for place in places]
+    return KeypointRings(
+        keypoint=name,
+        azimuths=tuple(azimuths[:PLACES]),
+        altitudes=tuple(altitudes[:PLACES]),
+        luminances=tuple(luminances[:PLACES]),
+        practice_azimuth=azimuths[PLACES],
+        practice_altitude=altitudes[PLACES],
+        practice_luminance=luminances[PLACES],
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""Draws a Landolt ring into the picture of a scene, wherever one looks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring, require_drawable
+from evenlight.stimuli.rings.ring_light import (
+    OUTER,
+    PaintedRing,
+    Surroundings,
+    levels_of,
+    painted,
+    surroundings_of,
+)
+from evenlight.stimuli.scenes.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.drawing import graphics_state
+from evenlight.stimuli.scenes.drawing.shaders import WHOLE_VERTEX
+from evenlight.stimuli.scenes.scene import Vector
+
+if TYPE_CHECKING:
+    import moderngl
+
+SUBSAMPLES = 8  # along each side of a pixel: an edge is drawn within 1/16 pixel of its place
+
+# The scene's codes of 10 bits become pixel values over the 16-bit range, as `sequence_format.on_grid` has
+# them, row 0 on top. The ring's own are finer: at 0.5 cd/m^2, a step of 10 bits is 2.4 % of the light.
+RING_FRAGMENT = """
+#version 330
+uniform usampler2D codes;
+uniform bool there;
+uniform vec3 right;      // the ring's axes as the camera has them
+uniform vec3 up;
+uniform vec3 towards;
+uniform vec2 gap;        // cosine and sine of its direction
+uniform float size;      // of the gap, on the plane that touches the unit sphere at the ring
+uniform float focal;     // [pixels]
+uniform float outer;     // radius [gaps]
+uniform float black;     // [cd/m^2]
+uniform float white;
+uniform float gamma;
+uniform vec3 light;      // of the ring [cd/m^2]
+uniform uvec3 levels;    // its pixel values
+out uvec4 pixel_values;
+
+vec2 on_plane(vec2 pixel) {
+    vec3 ray = vec3((pixel - 0.5 * vec2(textureSize(codes, 0))) / focal, 1.0);
+    float depth = dot(ray, towards);
+    return depth > 0.0 ? vec2(dot(ray, right), dot(ray, up)) / (depth * size) : vec2(1e6);
+}
+
+bool covers(vec2 p) {
+    float along = dot(p, gap);
+    float beside = p.y * gap.x - p.x * gap.y;
+    float radius = length(p);
+    return radius <= outer && radius >= outer - 1.0 && !(along > 0.0 && abs(beside) < 0.5);
+}
+
+float coverage(vec2 corner) {
+    // A pixel is no larger than 1 / focal on the ring's plane, so those beyond its edge are left at once.
+    if (length(on_plane(corner + 0.5)) > outer + 2.0 / (focal * size)) return 0.0;
+    int inside = 0;
+    for (int i = 0; i < SUBSAMPLES * SUBSAMPLES; ++i) {
+        vec2 within = (vec2(i % SUBSAMPLES, i / SUBSAMPLES) + 0.5) / float(SUBSAMPLES);
+        inside += covers(on_plane(corner + within)) ? 1 : 0;
+    }
+    return float(inside) / float(SUBSAMPLES * SUBSAMPLES);
+}
+
+void main() {
+    // The codes are read from below, as OpenGL draws; what is written counts its rows from the top.
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    pixel.y = textureSize(codes, 0).y - 1 - pixel.y;
+    uvec3 values = (texelFetch(codes, pixel, 0).rgb * 65535u + 511u) / 1023u;
+    float share = there ? coverage(vec2(pixel)) : 0.0;
+    if (share == 1.0) {
+        values = levels;
+    } else if (share > 0.0) {
+        vec3 scene = pow(vec3(values) / 65535.0, vec3(gamma)) * (white - black) + black;
+        vec3 mixed = max((mix(scene, light, share) - black) / (white - black), 0.0);
+        values = uvec3(pow(mixed, vec3(1.0 / gamma)) * 65535.0 + 0.5);
+    }
+    pixel_values = uvec4(values, 65535u);
+}
+""".replace("SUBSAMPLES", str(SUBSAMPLES))
+
+
+class Pictures(Protocol):
+    """What draws a scene: `stimuli.scenes.renderer.SceneRenderer`."""
+
+    size: tuple[int, int]
+    codes: moderngl.Texture
+
+    def render(self, camera: Camera) -> None:
+        """Draw the scene's linear luminance."""
+
+    def encode(self) -> None:
+        """Draw its codes, 0 to 1023, into `codes`."""
+
+
+class RingScene:
+    """A scene whose pictures have a ring in them.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the renderer.
+    renderer : Pictures
+        Draws the scene.
+    display : Display
+        What shows it.
+    """
+
+    def __init__(self, context: moderngl.Context, renderer: Pictures, display: Display) -> None:
+        self._context, self._renderer, self._display = context, renderer, display
+        self.size = renderer.size
+        self.texture = context.texture(self.size, 4, dtype="u2")
+        self.texture.filter = graphics_state.NEAREST, graphics_state.NEAREST
+        self._target = context.framebuffer(self.texture)
+        self._program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=RING_FRAGMENT)
+        self._whole = context.vertex_array(self._program, [])
+        self._set(codes=0, outer=GAPS_IN_DIAMETER / 2, gamma=display.gamma)
+        self._set(black=display.black_level, white=display.peak_luminance)
+
+    def surroundings(self, ring: Ring, position: Vector) -> Surroundings:
+        """Return the light around a ring's place, measured on a picture that has it in its middle.
+
+        The picture has the display's resolution, or less if the surroundings would not fit into it.
+
+        Raises
+        ------
+        InputError
+            If the ring itself is larger than the picture.
+        """
+        require_drawable(ring, self._display)
+        focal = focal_length_of(self._display)
+        if focal * ring.gap_on_plane * GAPS_IN_DIAMETER > min(self.size):
+            raise InputError(
+                f"ring_gap_arcmin: a ring of {ring.diameter / 60:.3g} degrees is larger than a window of "
+                f"{self.size[0]} x {self.size[1]} pixels on the display {self._display.name!r}: give a "
+                "smaller gap, or a larger window"
+            )
+        focal = min(focal, min(self.size) / 2 / (ring.gap_on_plane * OUTER))
+        self.draw(Camera(position, ring.azimuth, ring.altitude, focal_length=focal))
+        return surroundings_of(self.pixel_values(), focal, ring, self._display)
+
+    def paint(self, ring: Ring, position: Vector) -> PaintedRing:
+        """Return a ring with the light that it has at a place, seen from a position [m].
+
+        Raises
+        ------
+        InputError
+            If the display does not reach its luminance.
+        """
+        return painted(ring, self.surroundings(ring, position), self._display)
+
+    def can_show(self, ring: Ring, surroundings: Surroundings) -> bool:
+        """Return whether the display reaches a ring's luminance."""
+        try:
+            painted(ring, surroundings, self._display)
+        except InputError:
+            return False
+        return True
+
+    def draw(self, camera: Camera, painted_ring: PaintedRing | None = None) -> None:
+        """Draw the scene, and the ring in it if one is given, into `texture`.
+
+        `texture` has pixel values over the 16-bit range in its first three components, row 0 on top.
+        """
+        self._renderer.render(camera)
+        self._renderer.encode()
+        self._set(there=painted_ring is not None)
+        if painted_ring is not None:
+            self._place(camera, painted_ring)
+        with graphics_state.own(self._context):
+            self._target.use()
+            self._renderer.codes.use(0)
+            self._whole.render(vertices=3)
+
+    def pixel_values(self) -> NDArray[np.uint16]:
+        """Return the pixel values that `texture` holds, (height, width, 3), row 0 on top."""
+        width, height = self.size
+        data = np.frombuffer(self.texture.read(), dtype=np.uint16)
+        return data.reshape(height, width, 4)[:, :, :3].copy()
+
+    def release(self) -> None:
+        """Free what the graphics card holds of it; the renderer stays."""
+        for held in (self._whole, self._program, self._target, self.texture):
+            held.release()
+
+    def _place(self, camera: Camera, painted_ring: PaintedRing) -> None:
+        """Tell the shader where the ring is, as the camera sees it."""
+        ring = painted_ring.ring
+        seen = Camera(camera.position, ring.azimuth, ring.altitude).axes() @ camera.axes().T
+        turn = math.radians(ring.orientation)
+        self._set(right=seen[0], up=seen[1], towards=seen[2], gap=(math.cos(turn), math.sin(turn)))
+        self._set(size=ring.gap_on_plane, focal=camera.focal_pixels(self.size[0]))
+        self._set(light=painted_ring.light, levels=levels_of(painted_ring.light, self._display))
+
+    def _set(self, **uniforms: object) -> None:
+        """Set uniforms of the shader."""
+        for name, value in uniforms.items():
+            plain = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
+            self._program[name].value = plain  # type: ignore[union-attr] # they are uniforms, all of them

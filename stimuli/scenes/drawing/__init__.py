@@ -1,0 +1,1 @@
+"""Scenes on the graphics processor, and their pictures."""

@@ -1,0 +1,1 @@
+"""The house and what stands in it."""

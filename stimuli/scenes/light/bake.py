@@ -1,0 +1,221 @@
+"""The light on all surfaces of a scene, from lamps, sky and sun, over several reflections.
+
+It takes long to compute, and is stored in the user's cache between runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.stimuli.scenes.array_cache import cached_array, light_sources, one_at_a_time, store_array
+from evenlight.stimuli.scenes.light import bake, bake_kernels, bake_lights
+from evenlight.stimuli.scenes.light.bake_lights import GRADIENT
+from evenlight.stimuli.scenes.light.charts import Charts, Texels, texels_of
+from evenlight.stimuli.scenes.light.ray_tree import RayTree, ray_tree
+from evenlight.stimuli.scenes.scene import Floats, Patches, Quality, Scene
+from evenlight.stimuli.scenes.textures.material_textures import MaterialTextures
+
+BOUNCES = 5
+SLICES = 64  # of the work, shared out among threads
+BURIED_SHARE = 0.6  # of a sample's rays end at once, or inside something
+MIXED = 0.35  # light is mixed over this share of the distance to what is around
+SMOOTHINGS = 3  # of light that is gathered with few rays
+SHARPER = 0.1  # lamps' light has hardly any noise: it is mixed over so much less
+
+
+def light_picture(
+    scene: Scene, charts: Charts, textures: MaterialTextures, quality: Quality | None
+) -> NDArray[np.float16]:
+    """Return the light on all surfaces, (height, width, 3): the luminance of white paper [cd/m^2].
+
+    Without a quality it is only a guess, brighter from above: for a quick look.
+    """
+    surfaces = textures.albedo, textures.coverage
+    if quality is None:
+        light = _guess(scene, charts)
+    else:
+        group = f"light-{scene.name}-{quality.name.lower()}"
+        name = f"{group}-{_key(scene, surfaces, quality)}"
+        with one_at_a_time(group):
+            stored = _fitting(cached_array(name), int((charts.columns * charts.rows).sum()))
+            if stored is None:
+                stored = bake.baked(scene, charts, surfaces, quality).astype(np.float16)
+                store_array(name, stored, instead_of=f"{group}-*")
+            light = stored
+    texels = texels_of(scene.patches, charts)
+    picture = np.zeros((charts.size[1], charts.size[0], 3), dtype=np.float16)
+    picture[charts.top[texels.patch] + texels.row, charts.left[texels.patch] + texels.column] = light
+    return picture
+
+
+def _guess(scene: Scene, charts: Charts) -> NDArray[np.float16]:
+    """Return light that depends on the direction of surfaces alone."""
+    texels, patches = texels_of(scene.patches, charts), scene.patches
+    normal = patches.normals[texels.patch, 0]
+    light = (15 + 9 * normal[:, 2:] + 3 * normal[:, :1] + 1.5 * normal[:, 1:2]) * np.ones(3)
+    own = patches.emission[texels.patch]
+    return np.where(own.any(axis=1, keepdims=True), own, light).astype(np.float16)
+
+
+def _key(scene: Scene, surfaces: tuple[Floats, Floats], quality: Quality) -> str:
+    """Return the SHA-256 of all that the light depends on."""
+    patches = scene.patches
+    digest = hashlib.sha256(repr((quality.name, quality.value, scene.sun, scene.sky)).encode())
+    for file in light_sources():
+        digest.update(file.read_bytes())
+    for array in (
+        patches.origin, patches.along, patches.across, patches.triangle, patches.normals, patches.material,
+        patches.tint, patches.emission, scene.windows, *surfaces,
+    ):  # fmt: skip
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _fitting(light: NDArray[Any] | None, texels: int) -> NDArray[np.float16] | None:
+    """Return what was stored, if it is the light of so many texels."""
+    if light is None or light.shape != (texels, 3) or light.dtype != np.float16:
+        return None
+    return light if np.isfinite(light).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Where light is gathered: places that several texels share are sampled once."""
+
+    of_texel: NDArray[np.int64]
+    place: Floats
+    normal: Floats
+    patch: NDArray[np.int64]
+    both: NDArray[np.bool_]
+    spread: Floats
+
+
+def baked(
+    scene: Scene, charts: Charts, surfaces: tuple[Floats, Floats], quality: Quality
+) -> NDArray[np.float32]:
+    """Return the light on every texel: the luminance of white paper there, without direct sun, (t, 3).
+
+    Parameters
+    ----------
+    scene : Scene
+        What is lit.
+    charts : Charts
+        Of its patches.
+    surfaces : (array (m, 3), array (m,))
+        Mean albedo and coverage of the materials.
+    quality : Quality
+        How carefully.
+    """
+    patches = scene.patches
+    albedo, coverage = surfaces
+    texels = texels_of(patches, charts)
+    samples = _samples(scene, charts, texels)
+    tree = ray_tree(patches, coverage[patches.material])
+    budget, least, most = quality.value
+    n = len(samples.place)
+    rays = int(np.clip(budget // n, least, most))
+    where = samples.place, samples.normal, samples.patch, samples.both
+    sky = np.asarray(scene.sky.zenith), np.asarray(scene.sky.horizon), GRADIENT
+    facing = np.cross(patches.along, patches.across)
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    hits, near = np.empty((n, rays), dtype=np.int32), np.empty((n, 2))
+    gathered, lamps = np.zeros((n, 3)), np.zeros((n, 3))
+    layout = charts.columns, charts.rows, texels.start, facing, samples.of_texel
+    _shared(bake_kernels.gather, n, tree, layout, scene.windows, *where, sky, hits, gathered, near)
+    _shared(bake_lights.from_lamps, n, tree, _lamps(scene, facing), *where, lamps)
+    _shared(bake_lights.through_windows, n, tree, scene.windows, sky, *where, gathered)
+    sun = _sun(scene, tree, samples)
+    reflected = albedo[patches.material[samples.patch]] * patches.tint[samples.patch]
+    first, received = lamps + sun + gathered, np.zeros((n, 3))
+    for _ in range(BOUNCES):
+        _shared(bake_kernels.bounce, n, hits, reflected * (first + received), received)
+    light, lamps, near = (
+        (gathered + received)[samples.of_texel],
+        lamps[samples.of_texel],
+        near[samples.of_texel],
+    )
+    for _ in range(SMOOTHINGS):
+        light = _smoothed(patches, charts, texels, light, near)
+    light = light + _smoothed(patches, charts, texels, lamps, near * [SHARPER, 1])
+    return _finished(scene, charts, texels, light)
+
+
+def _shared(kernel: Callable[..., None], n: int, *arguments: object) -> None:
+    """Run a kernel over n samples on all processors; which thread does what does not change the result."""
+    edges = np.linspace(0, n, SLICES + 1).astype(int).tolist()
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        list(threads.map(lambda k: kernel(edges[k], edges[k + 1], *arguments), range(SLICES)))
+
+
+def _samples(scene: Scene, charts: Charts, texels: Texels) -> _Samples:
+    """Return where light is gathered."""
+    patches, p = scene.patches, texels.patch
+    s, t = texels.s[:, None], texels.t[:, None]
+    place = patches.origin[p] + s * patches.along[p] + t * patches.across[p]
+    ends = patches.normals[p]
+    normal = ends[:, 0] + s * (ends[:, 1] - ends[:, 0]) + t * (ends[:, 2] - ends[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    # Neighbouring pieces of a smooth surface share their corners: one sample there, or it would show facets.
+    bent = np.abs(np.diff(patches.normals, axis=1)).max(axis=(1, 2)) > 1e-9
+    key = np.arange(len(p), dtype=np.int64) + (1 << 40)
+    chosen = bent[p]
+    numbers = np.rint(np.column_stack([place[chosen] * 1000, normal[chosen] * 32])).astype(np.int64)
+    key[chosen] = (numbers * [73856093, 19349663, 83492791, 2654435, 805459861, 3674653]).sum(axis=1) % (
+        1 << 40
+    )
+    _, kept, of_texel = np.unique(key, return_index=True, return_inverse=True)
+    counts = np.stack([charts.columns, charts.rows])[:, p[kept]]
+    spread = np.stack([patches.along[p[kept]], patches.across[p[kept]]], axis=1) / counts.T[..., None]
+    return _Samples(of_texel.ravel(), place[kept], normal[kept], p[kept], scene.holed()[p[kept]], spread)
+
+
+def _lamps(scene: Scene, facing: Floats) -> tuple[NDArray[np.generic], ...]:
+    """Return the luminous patches as the kernels take them."""
+    patches = scene.patches
+    k = np.flatnonzero(patches.emission.any(axis=1))
+    return (
+        patches.origin[k], patches.along[k], patches.across[k], facing[k], patches.triangle[k], k,
+        patches.emission[k],
+    )  # fmt: skip
+
+
+def _sun(scene: Scene, tree: RayTree, samples: _Samples) -> Floats:
+    """Return the direct light of the sun on the samples, (n, 3)."""
+    light = np.zeros((len(samples.place), 1))
+    if scene.sun is None:
+        return np.zeros((1, 3))
+    _shared(bake_lights.from_sun, len(light),
+        tree, scene.sun.direction(), samples.spread, samples.place, samples.normal, samples.patch,
+        samples.both, light,
+    )  # fmt: skip
+    return np.asarray(light * scene.sun.luminance())
+
+
+def _smoothed(patches: Patches, charts: Charts, texels: Texels, light: Floats, near: Floats) -> Floats:
+    """Return the light of texels, (t, 3), blurred within each chart; `near` as `gather` gives it, (t, 2)."""
+    lengths = np.stack([np.linalg.norm(edge, axis=1) for edge in (patches.along, patches.across)], axis=1)
+    step = lengths / np.maximum(np.stack([charts.columns, charts.rows], axis=1) - 1, 1)
+    out = np.empty_like(light)
+    good = near[:, 1] < BURIED_SHARE
+    reach = MIXED * near[:, 0]
+    layout = charts.columns, charts.rows, texels.start, step, patches.triangle
+    _shared(bake_kernels.smooth, len(patches), *layout, reach, good, light, out)
+    return out
+
+
+def _finished(scene: Scene, charts: Charts, texels: Texels, light: Floats) -> NDArray[np.float32]:
+    """Return the light with that of lamps' own, and the unseen halves of triangles continued evenly."""
+    own = scene.patches.emission[texels.patch]
+    light = np.where(own.any(axis=1, keepdims=True), own, light)
+    small = np.flatnonzero(scene.patches.triangle & (charts.columns == 2) & (charts.rows == 2))
+    first = texels.start[small]
+    light[first + 3] = np.maximum(light[first + 1] + light[first + 2] - light[first], 0)
+    return light.astype(np.float32)

@@ -1,0 +1,1 @@
+"""Videos as frames: files and folders of images, their colours and times, reading ahead, writing."""

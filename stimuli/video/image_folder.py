@@ -1,0 +1,165 @@
+"""A folder of images as a video: one image a frame, in the natural order of their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from av.error import FFmpegError
+from numpy.typing import NDArray
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
+from evenlight.stimuli.video.colour_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.video.frame_times import rate_from_number
+from evenlight.stimuli.video.video_file import decode_strictly
+
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+ARRAYS = (".npy",)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFolder:
+    """A folder of images, shown at a constant rate.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    files : tuple of Path
+        Its images in order.
+    frames_per_second : float
+        How many are shown in a second [Hz].
+    """
+
+    path: Path
+    files: tuple[Path, ...]
+    frames_per_second: float = 25.0
+
+    def __post_init__(self) -> None:
+        try:
+            rate_from_number(self.frames_per_second)
+        except ValueError as error:
+            raise InputError(f"{self.path}: {error}") from error
+
+    @property
+    def name(self) -> str:
+        """Short name for titles."""
+        return self.path.resolve().name
+
+    @property
+    def n_frames(self) -> int:
+        """How many images there are."""
+        return len(self.files)
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the images' names and contents, in order; other files do not count."""
+        return sha256_of_bytes("".join(f"{f.name}\0{sha256_of_file(f)}\n" for f in self.files).encode())
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the images in order.
+
+        Raises
+        ------
+        InputError
+            If an image cannot be read, or differs in size from the first one.
+        """
+        rate = rate_from_number(self.frames_per_second)
+        convert = ColourConverter()
+        shape = None
+        for k, file in enumerate(self.files):
+            pixels = _read_array(file) if file.suffix.lower() in ARRAYS else _read_image(file, convert)
+            if shape not in (None, pixels.shape):
+                raise InputError(
+                    f"{file} is {pixels.shape[1]}x{pixels.shape[0]}, the images before it are "
+                    f"{shape[1]}x{shape[0]}; all images of a folder must be of one size"
+                )
+            shape = pixels.shape
+            yield Frame(float(k / rate), float(1 / rate), pixels)
+
+
+def open_image_folder(path: Path, frames_per_second: float | None = None) -> ImageFolder:
+    """Return the images of a folder, in the natural order of their names.
+
+    Parameters
+    ----------
+    path : Path
+        The folder; files that are hidden or no images are passed over.
+    frames_per_second : float, optional
+        How many are shown in a second, 25 if not given [Hz].
+
+    Raises
+    ------
+    InputError
+        If the folder holds no image or cannot be read.
+    """
+    try:
+        files = [f for f in path.iterdir() if f.suffix.lower() in IMAGES + ARRAYS and f.name[0] != "."]
+    except OSError as error:
+        raise InputError(f"cannot read the folder {path}: {error.strerror}") from error
+    if not files:
+        raise InputError(
+            f"the folder {path} holds no images; give one with {', '.join(IMAGES + ARRAYS)} files"
+        )
+    files.sort(key=lambda file: natural_order(file.name))
+    return ImageFolder(path, tuple(files), 25.0 if frames_per_second is None else frames_per_second)
+
+
+def natural_order(name: str) -> list[tuple[int, str]]:
+    """Return a sorting key in which numbers count as numbers.
+
+    >>> sorted(["frame10.png", "frame2.png", "frame1.png"], key=natural_order)
+    ['frame1.png', 'frame2.png', 'frame10.png']
+    """
+    parts = re.findall(r"[0-9]+|[^0-9]+", name)
+    return [(int(part), "") if part[0] in "0123456789" else (-1, part.casefold()) for part in parts] + [
+        (-2, name)
+    ]
+
+
+def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
+    """Read an image with FFmpeg, the first one if the file holds several."""
+    try:
+        with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
+            stream = container.streams.video[0]
+            decode_strictly(stream.codec_context)
+            picture = next(container.decode(stream))
+            if picture.is_corrupt:
+                raise InputError(f"{file} is damaged; replace this image")
+            return convert.rgb(picture)
+    except UnsupportedColourError as error:
+        raise InputError(f"{file} holds {error}; convert it to 8 or 16 bits, gamma-encoded") from error
+    except (FFmpegError, IndexError, StopIteration, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or "it holds no image"
+        raise InputError(f"cannot read the image {file}: {reason}; replace this image") from error
+
+
+def _read_array(file: Path) -> NDArray[Any]:
+    """Read a NumPy array of pixel values: floats in [0, 1], or integers of 8 or 16 bits over their range."""
+    try:
+        pixels: NDArray[Any] = np.load(file, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"cannot read the array {file}: {error}") from error
+    if pixels.ndim == 2:
+        pixels = np.repeat(pixels[..., np.newaxis], 3, axis=-1)
+    if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.size == 0:
+        raise InputError(
+            f"{file} is of shape {pixels.shape}; an image has (height, width, 3) or (height, width)"
+        )
+    pixels = pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
+    if pixels.dtype in (np.uint8, np.uint16):
+        return pixels
+    if not np.issubdtype(pixels.dtype, np.floating):
+        raise InputError(f"{file} holds {pixels.dtype}; pixel values are uint8, uint16 or floats in [0, 1]")
+    if not np.isfinite(pixels).all():
+        raise InputError(f"{file} holds values that are not finite; pixel values are in [0, 1]")
+    low, high = float(pixels.min()), float(pixels.max())
+    if low < 0 or high > 1:
+        raise InputError(f"{file} holds values from {low:g} to {high:g}; floating pixel values are in [0, 1]")
+    return pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)

@@ -1,0 +1,92 @@
+"""The online controller as an object: what `evenlight control` does, a frame at a time."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import evenlight
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.method.contrast.loss_curves import analyze_frames
+from evenlight.method.modulation import allowed_rate, modulation_rate
+from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.rate_limit import scalar_rate_limit
+
+RATE = 10.0  # [Hz]
+
+
+def scene(seconds: float = 12.0) -> Iterator[NDArray[np.float32]]:
+    """A texture that becomes darker, then brighter again."""
+    texture = np.random.default_rng(1).random((48, 64, 1)).repeat(3, axis=2)
+    for number in range(round(seconds * RATE)):
+        yield (texture * (0.55 + 0.4 * np.cos(number / 40))).astype(np.float32)
+
+
+def test_it_chooses_the_factors_that_the_command_chooses() -> None:
+    frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
+    display, limit = evenlight.load_display("varjo-xr3"), evenlight.load_rate_limit("surace2025")
+    curves = analyze_frames(iter(frames), "scene", display)
+    known = control_curves(
+        curves, Controller(ControllerSettings(0.05), scalar_rate_limit(limit, display.reflected_luminance))
+    )
+    online = evenlight.OnlineController(0.05, frames_per_second=RATE)
+    factors = [online.step(frame) for frame in frames]
+    # The curves interpolate the loss between knots; the object measures it at the factor itself.
+    np.testing.assert_allclose(factors, known.factors, atol=3e-3)
+    assert np.ptp(factors) > 0.05  # the scene makes it move
+
+
+def test_no_step_is_faster_than_the_rate_limit() -> None:
+    display, limit = evenlight.load_display("varjo-xr3"), evenlight.load_rate_limit("surace2025")
+    frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
+    curves = analyze_frames(iter(frames), "scene", display)
+    allowed = scalar_rate_limit(limit, display.reflected_luminance)
+    for settings in ({"target_loss": 0.3}, {"budget": 0.3, "horizon": 5.0}):
+        online = evenlight.OnlineController(**settings, frames_per_second=RATE, start_factor=0.9)
+        factors = np.array([online.step(frame) for frame in frames])
+        rate = modulation_rate(factors, curves.mean_luminance, curves.durations)
+        bound = allowed_rate(
+            factors, curves.mean_luminance, lambda L: np.array([allowed(x) for x in L.tolist()])
+        )
+        assert np.abs(rate[:-1] / bound[:-1]).max() <= 1 + 1e-6
+        assert factors[-1] < 0.85
+
+
+@pytest.mark.parametrize("unit", [unit.value for unit in BudgetUnit])
+def test_a_budget_is_met_over_the_horizon(unit: str) -> None:
+    """Power is linear in brightness (Eq. 7), so each of the three budgets is a mean factor of 0.5."""
+    model = evenlight.load_power_model("surace2025")
+    full = model.base_power + model.power_per_luminance * model.peak_luminance
+    wanted = {"factor": 0.5, "power": (model.base_power + 0.5 * (full - model.base_power)) / full}
+    budget = wanted.get(unit, wanted["power"] * full)  # all three are a mean factor of 0.5
+    online = evenlight.OnlineController(budget=budget, budget_unit=unit, horizon=4.0, frames_per_second=RATE)
+    factors = np.array([online.step(pixels) for pixels in scene(40.0)])
+    assert factors[100:].mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_frames_of_another_size_are_refused() -> None:
+    online = evenlight.OnlineController(0.05)
+    online.step(np.full((16, 16, 3), 100, dtype=np.uint8))
+    with pytest.raises(evenlight.InputError, match="expected a frame of the shape"):
+        online.step(np.full((16, 24, 3), 100, dtype=np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "give target_loss"),
+        ({"target_loss": 2.0}, "target_loss"),
+        ({"budget": 0.5, "budget_unit": "percent"}, "percent"),
+        ({"target_loss": 0.1, "display": "varjo"}, "did you mean 'varjo-xr3'"),
+        ({"target_loss": 0.1, "lowest_factor": 0.0}, "lowest_factor"),
+        ({"target_loss": 0.1, "start_factor": 0.1}, "start_factor"),
+        ({"target_loss": 0.1, "frames_per_second": 0.0}, "frames_per_second"),
+    ],
+)
+def test_what_cannot_be_used_is_named(given: dict[str, object], says: str) -> None:
+    with pytest.raises(evenlight.InputError, match=says) as refused:
+        evenlight.OnlineController(**given)  # type: ignore[arg-type] # wrong on purpose
+    assert "--" not in str(refused.value)

@@ -1,0 +1,144 @@
+"""The public interface: from frames to a track, and from a folder back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import evenlight
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import OptimizationSummary
+
+
+def scene(seed: int = 1) -> list[NDArray[np.uint8]]:
+    """Forty frames of a texture under light that comes and goes."""
+    texture = np.random.default_rng(seed).random((48, 64, 1)).repeat(3, axis=2)
+    return [(255 * texture * (0.5 + 0.45 * np.cos(k / 6))).astype(np.uint8) for k in range(40)]
+
+
+@pytest.fixture(scope="module")
+def track() -> evenlight.Track:
+    return evenlight.optimize(scene(), 0.5, frames_per_second=2.0)
+
+
+def test_a_track_keeps_its_promises(track: evenlight.Track) -> None:
+    assert len(track) == 40
+    assert track.factors.mean() == pytest.approx(0.5, abs=1e-6)  # frames last equally long
+    assert track.baseline == pytest.approx(0.5, abs=1e-6)
+    assert track.objective < track.objective_baseline
+    table = track.to_frame()
+    assert (table["rate_cd_m2_s"].abs() <= table["rate_limit_cd_m2_s"] * (1 + 1e-6))[:-1].all()
+    assert 0 <= track.gap < 1
+
+
+def test_objective_and_baseline_are_the_spread_of_the_losses_that_the_track_tells(
+    track: evenlight.Track,
+) -> None:
+    """Eq. 6, transcribed: the mean absolute difference over all pairs of frames."""
+    for loss, expected in (
+        (track.loss(), track.objective),
+        (track.loss(track.baseline), track.objective_baseline),
+    ):
+        i, j = np.triu_indices(40, k=1)
+        assert np.abs(loss[i] - loss[j]).mean() == pytest.approx(expected, abs=1e-9)
+
+
+def test_power_is_linear_in_the_factor(track: evenlight.Track) -> None:
+    """Eq. 7 with the panel of `surace2025`: P = P_0 + c · b · L_peak."""
+    model = evenlight.load_power_model("surace2025")
+    by_hand = model.base_power + model.power_per_luminance * model.peak_luminance * track.factors
+    np.testing.assert_allclose(track.power(), by_hand)
+
+
+def test_what_is_saved_is_loaded_again(track: evenlight.Track, tmp_path: Path) -> None:
+    track.save(tmp_path / "track")
+    again = evenlight.load(tmp_path / "track")
+    np.testing.assert_array_equal(again.factors, track.factors)
+    np.testing.assert_array_equal(again.loss(0.4), track.loss(0.4))
+    assert again.summary == track.summary
+    assert (tmp_path / "track" / "track.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_and_the_function_give_the_same_track(command, tmp_path: Path, make_video) -> None:
+    video = tmp_path / "film.mkv"
+    make_video(video, 0.5 + 0.4 * np.cos(np.arange(30) / 5), (48, 32), 5.0)
+    assert command("optimize", video, "--budget", 0.6, "--out", tmp_path / "by-command", "--quiet").code == 0
+    by_command = evenlight.load(tmp_path / "by-command")
+    by_function = evenlight.optimize(video, 0.6)
+    np.testing.assert_array_equal(by_function.factors, by_command.factors)
+    by_function.save(tmp_path / "by-function")
+    rows = [(tmp_path / by / "track.csv").read_bytes() for by in ("by-command", "by-function")]
+    assert rows[0] == rows[1]
+    inputs = [
+        read_json_record(OptimizationSummary, tmp_path / by / "summary.json").provenance.inputs
+        for by in ("by-command", "by-function")
+    ]
+    assert inputs[0] == inputs[1]
+
+
+def test_curves_serve_for_several_budgets() -> None:
+    curves = evenlight.loss_curves(scene(), frames_per_second=2.0)
+    for budget in (0.4, 0.7):
+        direct = evenlight.optimize(scene(), budget, frames_per_second=2.0)
+        np.testing.assert_array_equal(evenlight.optimize(curves, budget).factors, direct.factors)
+
+
+def test_the_loss_of_a_frame_is_that_of_its_curve() -> None:
+    frame = scene()[0]
+    curves = evenlight.loss_curves([frame])
+    direct = evenlight.frame_loss(frame, curves.factors)
+    np.testing.assert_allclose(direct, curves.loss[0], atol=1e-3)  # the documented error of the one pass
+    assert direct.shape == curves.factors.shape
+    assert direct[-1] == 0
+
+
+def test_an_iterator_of_frames_is_read_once() -> None:
+    direct = evenlight.optimize(scene(), 0.5, frames_per_second=2.0)
+    once = evenlight.optimize(iter(scene()), 0.5, frames_per_second=2.0)
+    np.testing.assert_array_equal(once.factors, direct.factors)
+    assert once.summary.provenance.inputs["video"] == "unknown"
+
+
+def test_what_is_shown_says_what_it_is(track: evenlight.Track) -> None:
+    assert "40 frames" in repr(track)
+    assert "mean factor 0.500" in repr(track)
+    for thing in (track.curves, track.track):
+        assert len(repr(thing)) < 300
+
+
+def test_the_figure_shows_the_factor_the_loss_and_the_rate(track: evenlight.Track) -> None:
+    labels = {axes.get_ylabel() for axes in track.plot().axes}
+    assert {"factor b", "contrast loss"} <= labels
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"budget": 1.5}, "budget"),
+        ({"budget_unit": "percent"}, "percent"),
+        ({"rate_limit": "nowhere.json"}, "nowhere.json"),
+        ({"lowest_factor": 0.0}, "lowest_factor"),
+        ({"calm": 2.0}, "calm must lie in 0 to 1"),
+        ({"solver": "magic"}, "magic"),
+        ({"frames_per_second": -1.0}, "frames_per_second must be above 0"),
+        ({"video": "nowhere.mp4"}, "nowhere.mp4"),
+        ({"video": [np.zeros((8, 8))]}, "frame 0: .*pixel values of shape"),
+    ],
+)
+def test_errors_name_the_argument(given: dict[str, object], says: str) -> None:
+    arguments = {"video": scene(), "budget": 0.5, "frames_per_second": 2.0, **given}
+    if "nowhere.mp4" in str(arguments["video"]):
+        arguments["frames_per_second"] = None
+    with pytest.raises(evenlight.InputError, match=says) as refused:
+        evenlight.optimize(**arguments)  # type: ignore[arg-type] # wrong on purpose
+    assert "--" not in str(refused.value)
+
+
+def test_factors_beyond_the_curves_are_refused(track: evenlight.Track) -> None:
+    with pytest.raises(evenlight.InputError, match=r"factors must lie in 0\.2 to 1"):
+        track.loss(0.1)
+    with pytest.raises(evenlight.InputError, match="one for each of the 40 frames"):
+        track.loss([0.5, 0.6])
+    with pytest.raises(evenlight.InputError, match="no such folder"):
+        evenlight.load("nowhere")
