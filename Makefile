@@ -1,5 +1,5 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test check format benchmarks
+.PHONY: setup lab demo test test-fast check format benchmarks
 
 BIN := .venv/bin
 
@@ -20,6 +20,10 @@ demo: setup
 # The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
 test: lab
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+
+# Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.
+test-fast: setup
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow"
 
 check: lab
 	$(BIN)/ruff format --check .

@@ -43,6 +43,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # It imports what a session needs, warnings of PsychoPy and all, and is run by processes of its own.
 collect_ignore = ["companions/warm_modules.py"]
 
+SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")  # commands from end to end, simulated studies, timings
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark by its folder what `make test-fast` leaves out; other files and tests have marks of their own."""
+    for item in items:
+        if item.path.parent.name in SLOW_FOLDERS:
+            item.add_marker(pytest.mark.slow)
+
+
 # A busy machine is no failure; pytest's own timeout ends what hangs.
 settings.register_profile("evenlight", deadline=None)
 settings.load_profile("evenlight")

@@ -25,6 +25,8 @@ from evenlight.method.adaptation import response_differences
 from evenlight.method.optimizer.splitting import SplittingSolver
 from evenlight.method.preset_files import load_display
 
+pytestmark = pytest.mark.slow
+
 
 def maps_of(luminance: np.ndarray, seconds: float = 0.1) -> LuminanceMaps:
     maps = LuminanceMaps(load_display("varjo-xr3"))

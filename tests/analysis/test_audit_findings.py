@@ -33,6 +33,7 @@ def number(findings: Findings, table: str, group: str, what: str) -> float:
     return found.value
 
 
+@pytest.mark.slow
 def test_every_number_is_published_says_how_and_stands_once(findings: Findings) -> None:
     keys = [(s.table, s.group, s.what) for s in findings.statistics]
     repeated = {key for key in keys if keys.count(key) > 1}
@@ -42,6 +43,7 @@ def test_every_number_is_published_says_how_and_stands_once(findings: Findings) 
     assert all(s.method for s in findings.statistics)
 
 
+@pytest.mark.slow
 def test_seventeen_is_the_only_number_of_people_that_fits_every_cell(findings: Findings) -> None:
     fitting = {s.n: s.value for s in findings.statistics if s.table == "numbers_of_people"}
     assert min(fitting) == 8

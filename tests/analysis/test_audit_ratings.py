@@ -119,6 +119,7 @@ def test_totals_are_the_extremes_over_all_orders_of_all_possibilities() -> None:
     assert totals.mean == (13 - 12 + 14 - 12) / 4 / 2
 
 
+@pytest.mark.slow
 def test_totals_of_the_paper_are_as_even_as_whole_numbers_can_be(table) -> None:
     totals = participant_totals(list(table.values()), np.random.default_rng(5))
     # Differences of 3, 8, 6 and 14 points: 31 for 17 people, so 14 twos and 3 ones.

@@ -139,6 +139,7 @@ def test_a_participant_who_tires_is_named_with_the_drift() -> None:
     assert 2.0 < ratio < 5.0
 
 
+@pytest.mark.slow
 def test_durations_are_compared_in_one_fit() -> None:
     # A limit on the rate alone: ten seconds make no difference, and the interval says so.
     rng = np.random.default_rng(3)
@@ -191,6 +192,7 @@ def test_who_says_yes_to_nothing_is_kept_out_of_the_random_threshold(six: list[R
         assert level.n_participants == 7
 
 
+@pytest.mark.slow
 def test_a_data_set_of_20_participants_and_10_levels_is_fitted_in_15_seconds_of_one_core() -> None:
     trials = people(20, np.random.default_rng(7))
     start = time.process_time()

@@ -64,6 +64,7 @@ def test_pings_without_delay_give_the_clock() -> None:
     assert found.bound == pytest.approx(0.0, abs=1e-7)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.lists(st.tuples(st.floats(1e-4, 0.05), st.floats(1e-4, 0.05)), min_size=2, max_size=12),
        st.floats(-5e-3, 5e-3))  # fmt: skip

@@ -109,6 +109,7 @@ def test_one_condition_has_no_effects_and_nothing_to_say_of_them() -> None:
     assert not any("The limit is that of" in note for note in fit.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("personal", [0.0, 0.3])
 def test_the_interval_of_a_ratio_holds_the_truth_even_if_people_differ_in_it(personal: float) -> None:
     # 60 experiments of 8 people: 95 % show as 86 to 100 % in 999 of 1000 studies.

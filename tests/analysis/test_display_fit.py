@@ -195,6 +195,7 @@ def test_the_interval_of_a_curve_that_does_not_fit_is_that_of_least_squares() ->
         assert (high - low) / 2 == pytest.approx(half[k], rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("black", "n_levels"),
     [(0.3, 17), (0.0, 17), (0.0, 9)],
@@ -207,6 +208,7 @@ def test_the_lack_of_fit_of_a_gamma_display_is_as_improbable_as_it_says(black: f
     assert (0.4 < held.mean() < 0.6) == (black == 0)  # of a black of 0, half the sweeps say less
 
 
+@pytest.mark.slow
 def test_a_black_too_dark_for_the_meter_makes_no_lack_of_fit() -> None:
     # 120 sweeps: 1 to 10 % are 0.05 ± 2.2 · sqrt(0.05 · 0.95/120). Black and the lowest level are not read.
     p, _ = many_fits(120, 0.1, np.arange(13) / 12, Meter(floor=0.01, digits=0, lowest=1.2))

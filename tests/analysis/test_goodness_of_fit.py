@@ -38,6 +38,7 @@ def person(rng: np.random.Generator, two: bool) -> PsychometricFunction:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("two", [False, True])
 def test_under_the_true_model_one_fit_in_twenty_is_called_poor_at_5_percent(two: bool) -> None:
     # 300 data sets: a true rate of 5 % shows as 2 to 8 % in 98 of 100 studies.
@@ -53,6 +54,7 @@ def fit_p(counts: RampCounts) -> float:
     return found.p_value
 
 
+@pytest.mark.slow
 def test_adaptively_placed_answers_are_judged_over_bins_and_not_called_poor_too_often() -> None:
     # A staircase, 3 steps up and 1 down, with jitter: rates and answers depend on each other.
     rng = np.random.default_rng(12)

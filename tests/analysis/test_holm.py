@@ -13,6 +13,7 @@ def test_the_smallest_p_is_multiplied_by_the_number_of_tests_that_could_be_made(
     assert holm([]) == []
 
 
+@pytest.mark.slow
 def test_random_p_values_are_adjusted_as_by_statsmodels() -> None:
     for p in np.random.default_rng(1).random((4, 6)) ** 3:
         assert holm(p.tolist()) == pytest.approx(multipletests(p, method="holm")[1])

@@ -47,6 +47,8 @@ from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at, require_same_display
 
+pytestmark = pytest.mark.slow
+
 LUMINANCE = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 42.0, 63.0, 84.0, 104.0])
 SLACK = 0.005  # of the objective: what the solver leaves between two problems that are nearly the same
 

@@ -129,6 +129,7 @@ def test_a_contrast_is_the_combination_of_the_effects_and_of_their_covariance() 
 EXPERIMENTS = 40
 
 
+@pytest.mark.slow
 def test_the_effect_is_recovered_with_its_interval_where_capping_and_dropping_lose_it() -> None:
     # A quarter to a third is undetected. 95 % of 40 show as 33 to 40 in 999 of 1000 studies.
     rng = np.random.default_rng(12)
@@ -149,6 +150,7 @@ def test_the_effect_is_recovered_with_its_interval_where_capping_and_dropping_lo
     assert capped < dropped - 0.03
 
 
+@pytest.mark.slow
 def test_an_effect_that_differs_between_people_keeps_its_level_only_with_a_random_slope() -> None:
     # 5 % of 16 are at most 4 in 999 of 1000 studies. Without the slope, times of one person count as if they
     # were of many: the plain model errs in more than half.

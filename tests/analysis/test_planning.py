@@ -43,6 +43,8 @@ from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.method.preset_files import load_display
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
+pytestmark = pytest.mark.slow
+
 PARTICIPANT_SD, LEVEL_SD = 0.25, 0.1  # of ln(threshold)
 RELATIVE_THRESHOLD = 0.03  # [1/s]
 # One screen of five factors: enough for the fourth degree, and few fits.

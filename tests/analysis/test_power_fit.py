@@ -60,6 +60,7 @@ def test_a_bend_is_as_high_as_its_quadratic_over_the_chord() -> None:
     assert fit.bend == pytest.approx(-5 / 120, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("own", "shared"),
     [(0.002, 0.0), (0.01, 0.0), (0.002, 0.01)],

@@ -161,6 +161,7 @@ def test_a_trial_without_its_counterpart_is_no_pair() -> None:
     assert ordered_pairs(rated("1", "gym", True, 3, 4)[:1]) == ()
 
 
+@pytest.mark.slow
 def test_tests_without_a_model_keep_their_level_and_their_intervals_hold_0() -> None:
     # What a level of 5 % and a coverage of 92 % give in all but one of 500 such studies each;
     # docs/decisions/rating-inference.md has 4000 experiments.

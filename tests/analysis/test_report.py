@@ -238,6 +238,7 @@ def test_what_the_fit_remarks_upon_is_in_the_section(calibration: Calibration) -
     assert len(notes) == len(calibration.rate_limit.notes)
 
 
+@pytest.mark.slow
 def test_the_figures_of_a_calibration_are_written(calibration: Calibration, tmp_path: Path) -> None:
     names = write_figures(calibration, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)

@@ -87,6 +87,7 @@ def findings() -> Findings:
     return search_findings(task_data(searches()))
 
 
+@pytest.mark.slow
 def test_every_drawn_number_is_written_beside_its_figure(findings: Findings, tmp_path: Path) -> None:
     write_findings(tmp_path, findings)
     rows = read_rows(Statistic, tmp_path / "search_statistics.csv")
@@ -105,6 +106,7 @@ def test_simulated_searches_are_called_so_in_every_section(findings: Findings) -
     assert "5 simulated participants looked for a ring 40 times, at 4 locations" in findings.lead
 
 
+@pytest.mark.slow
 def test_the_same_searches_give_the_same_numbers_in_whatever_order_they_are_read() -> None:
     again = results(searches()[::-1])[1]
     for key, row in as_simulated()[1].items():
@@ -142,6 +144,7 @@ def test_everything_undetected_gives_counts_and_no_times() -> None:
     assert "cannot be given" in lead_of(found)
 
 
+@pytest.mark.slow
 def test_a_location_that_nobody_found_is_flagged_and_leaves_the_others_alone() -> None:
     found, rows = results(changed(lambda t: lost(t) if t.keypoint == "spot01" else t))
     _, without = results(changed(lambda t: None if t.keypoint == "spot01" else t))

@@ -56,6 +56,7 @@ def least_squares(data: SearchTable, *columns: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.lstsq(design, np.log(data.times), rcond=None)[0][: len(columns)])
 
 
+@pytest.mark.slow
 def test_leaving_out_the_undetected_hides_half_of_an_effect_and_the_model_finds_it() -> None:
     # The case of the literature on it: a true effect of -0.25 with a quarter undetected. Five experiments.
     truth = {"middle": 22.0, "version": -0.25}

@@ -200,6 +200,7 @@ def test_mcnemars_test_is_that_of_statsmodels(one: int, other: int) -> None:
     assert mcnemar_p(one, other) == pytest.approx(min(theirs, 1.0))
 
 
+@pytest.mark.slow
 def test_mcnemars_test_rejects_at_most_5_percent_exactly() -> None:
     # All divisions of 17 pairs, at each chance of a discordant pair: it is exact given their number.
     sizes = []

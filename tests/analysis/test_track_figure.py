@@ -189,6 +189,7 @@ def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(sp
     assert not plain.patches
 
 
+@pytest.mark.slow
 def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
     given = data()
     (line,) = lines_of(track_figure(given), 2, OURS)
@@ -262,11 +263,13 @@ DEGENERATE: dict[str, Callable[[], TrackFigureData]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
     assert png_bytes(track_figure(DEGENERATE[name](), SMALL)).startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @MEDIA
 def test_a_track_is_legible_in_every_medium(
     medium: Medium, require_legible: Callable[[Figure, Medium], None]
@@ -288,6 +291,7 @@ def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> Non
     assert (tmp_path / "track.png").read_bytes() == first
 
 
+@pytest.mark.slow
 def test_a_figure_has_the_size_of_its_medium() -> None:
     for medium in (PAGE, SLIDE, COLUMN):
         pixels = imread(io.BytesIO(png_bytes(track_figure(data(), medium))))

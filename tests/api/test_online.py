@@ -25,6 +25,7 @@ def scene(seconds: float = 12.0) -> Iterator[NDArray[np.float32]]:
         yield (texture * (0.55 + 0.4 * np.cos(number / 40))).astype(np.float32)
 
 
+@pytest.mark.slow
 def test_it_chooses_the_factors_that_the_command_chooses() -> None:
     frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
     display, limit = evenlight.load_display("varjo-xr3"), evenlight.load_rate_limit("surace2025")

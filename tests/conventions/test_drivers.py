@@ -43,6 +43,8 @@ from evenlight.hardware.protocols import (
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(evenlight.__file__).parents[1]
 LIBRARIES = ("serial", "ppk2_api", "monitorcontrol", "pyvisa", "pyvisa_py", "psychopy", "numpy", "scipy")
 PROTOCOLS: dict[str, tuple[type, dict[str, Driver]]] = {

@@ -17,6 +17,7 @@ FOLDERS = ("data_schema", "method", "hardware", "stimuli", "experiments", "analy
 BIN = Path(sys.executable).parent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
@@ -43,6 +44,7 @@ def test_the_documents_list_exactly_the_commands_there_are() -> None:
     assert listed == command_names()
 
 
+@pytest.mark.slow
 def test_every_command_helps_within_its_own_words(command) -> None:
     for name in sorted(command_names()):
         result = command(name, "--help")

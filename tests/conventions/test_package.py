@@ -43,6 +43,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(out.glob("*.whl"))
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_one_package_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names} == {
@@ -51,6 +52,7 @@ def test_the_wheel_holds_one_package_and_nothing_else(wheel: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_every_module_and_every_file_that_they_read(wheel: Path) -> None:
     held = set(zipfile.ZipFile(wheel).namelist())
     wanted = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file()]
@@ -59,6 +61,7 @@ def test_the_wheel_holds_every_module_and_every_file_that_they_read(wheel: Path)
     assert own - held == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program", [("-m", "evenlight", "--help"), ("-c", "import evenlight.method.contrast.csf")]
 )

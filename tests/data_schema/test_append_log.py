@@ -48,6 +48,7 @@ def test_a_log_opened_again_goes_on_at_its_end(tmp_path: Path) -> None:
     assert [json.loads(line)["time_s"] for line in path.read_text().splitlines()] == [0, 1, 0]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_wherever_a_crash_tears_a_log_no_whole_line_is_lost(

@@ -41,6 +41,7 @@ def test_records_are_light_to_import(module: str) -> None:
     assert imported_by(f"import evenlight.data_schema.{module}").isdisjoint(SLOW)
 
 
+@pytest.mark.slow
 def test_help_is_there_within_half_a_second() -> None:
     """The target is 0.5 s of one core; the fastest of three, because the machine has other work."""
     fastest = min(_time_of_help() for _ in range(3))

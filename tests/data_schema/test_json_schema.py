@@ -85,6 +85,7 @@ def test_limits_units_and_choices_are_in_the_schema() -> None:
     assert limit["coefficients"]["minItems"] == 1
 
 
+@pytest.mark.slow
 @kinds
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())
@@ -106,6 +107,7 @@ JUNK = st.one_of(
 
 
 # To draw a record takes ten times as long as to change it: each is changed in four ways.
+@pytest.mark.slow
 @kinds
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())

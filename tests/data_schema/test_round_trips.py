@@ -58,6 +58,7 @@ JSON_AND_TOML = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", JSON_AND_TOML)
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
@@ -70,6 +71,7 @@ def test_json_gives_back_the_record(
     assert read_json_record(cls, path) == record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", [Display, PowerModel, RampDesign, Rig])
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
@@ -82,6 +84,7 @@ def test_toml_gives_back_the_record(
     assert read_toml_record(cls, path) == record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", [Threshold, RampTrial])
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
@@ -184,6 +187,7 @@ def _two_frames(factors: Any) -> BrightnessTrack:
     return BrightnessTrack(np.array([0.0, 0.04]), factors, *rest, header=header)
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(data=st.data())
 def test_a_mapping_survives_the_record(records_of: Strategies, data: st.DataObject) -> None:

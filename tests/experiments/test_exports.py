@@ -14,6 +14,8 @@ import pytest
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.storage.text_files import write_toml_record
 
+pytestmark = pytest.mark.slow
+
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
 # The file names that the specification of Psych-DS, schema 1.5.0, allows.
 FILE_NAME = re.compile(r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")

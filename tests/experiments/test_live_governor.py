@@ -146,6 +146,7 @@ def day_after_night(limit: ScalarRateLimit) -> tuple[float, list[LiveRefresh]]:
     return met.errors.above / full, rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faster", [1.0, 10.0])
 def test_of_a_day_after_a_night_no_horizon_uses_much_too_much(
     faster: float, monkeypatch: pytest.MonkeyPatch

@@ -116,6 +116,7 @@ def test_what_fails_on_its_way_is_tried_again_and_noted(tmp_path, failing, fault
     assert all(fault.value in event["detail"] and "tried again" in event["detail"] for event in failed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [
@@ -138,6 +139,7 @@ def test_what_fails_for_good_stops_the_sweep_which_goes_on_where_it_was(tmp_path
     assert [row["index"] for row in lines(tmp_path)] == list(range(N_LUMINANCE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), PausePressed()])
 @pytest.mark.parametrize("call", [1, 2, 9, N_LUMINANCE])
 def test_a_sweep_interrupted_anywhere_resumes(tmp_path, failing, stop, call):
@@ -156,6 +158,7 @@ def test_a_sweep_interrupted_anywhere_resumes(tmp_path, failing, stop, call):
     assert shown == [(row["pixel_value"], row["factor"], row["repeat"]) for row in lines(uninterrupted)]
 
 
+@pytest.mark.slow
 def test_a_program_that_is_killed_in_the_midst_of_a_reading_loses_none(tmp_path):
     script = f"""
 import dataclasses, os, signal, sys

@@ -90,6 +90,7 @@ def unbroken(procedure: Procedure, placement: Placement, flagged: frozenset[int]
     return go_on(RampSchedule(design, DISPLAY, SEED), design, flagged=flagged)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.sampled_from(Procedure),

@@ -89,6 +89,7 @@ def test_texture_of_the_rings_own_scale_masks_it() -> None:
     assert ring_visibility(alone, alone * blobs, 1.0, LAB) < 0.9 * ring_visibility(alone, alone, 1.0, LAB)
 
 
+@pytest.mark.slow
 def test_the_direction_of_the_gap_changes_visibility_by_less_than_12_percent() -> None:
     for display in (LAB, Display("fine", 100.0, 0.1, 2.2, pixels_per_degree=72.0)):
         for luminance in (0.2, 20.0):

@@ -30,6 +30,8 @@ from evenlight.stimuli.rings.place_files import KeypointRings
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 
+pytestmark = pytest.mark.slow
+
 XR3 = load_display("varjo-xr3")
 NAMES = ("dark", "bright")
 DESIGNS = {

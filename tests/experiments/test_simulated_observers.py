@@ -63,6 +63,7 @@ def test_answers_follow_the_psychometric_function() -> None:
     assert share_of_yes(who, 60.0, 100 * threshold) == pytest.approx(0.95, abs=0.014)
 
 
+@pytest.mark.slow
 def test_of_two_intervals_75_percent_are_right_at_a_lower_threshold() -> None:
     who = observer()
     function = who.function_at(60.0, Procedure.TWO_INTERVAL)

@@ -210,6 +210,7 @@ def test_a_night_before_the_day_on_an_oled_panel_online(make_curves) -> None:
     assert np.ptp(factors[-2 * window :]) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("luminance", [1e-300, 1e-6, 1e-4, 1e4, 1e6])
 def test_luminances_of_any_size(make_curves, luminance) -> None:
     strength = np.array([0.2, 0.5, 0.6, 0.3])
@@ -225,6 +226,7 @@ def test_luminances_of_any_size(make_curves, luminance) -> None:
     solved(pose(curves, request))
 
 
+@pytest.mark.slow
 def test_bright_frames_and_dark_ones_have_steps_of_one_scale(make_curves) -> None:
     rng = np.random.default_rng(7)
     strength, exponent = rng.uniform(0.1, 0.9, 40), rng.uniform(0.5, 2, 40)

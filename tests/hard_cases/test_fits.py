@@ -57,6 +57,7 @@ def test_cells_without_trials_and_saturated_cells() -> None:
     fitted(*counts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n_yes",
     [[20] * 5, [0] * 5, [0, 0, 0, 20, 20], [20, 20, 10, 0, 0]],

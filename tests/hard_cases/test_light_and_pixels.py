@@ -76,6 +76,7 @@ def test_rounding_noise_in_a_flat_frame_masks_nothing() -> None:
     assert not any(band.any() for band in laplacian_bands(gaussian_pyramid(flat.astype(np.float64), 4)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", [np.zeros((16, 16)), np.full((9, 8), 0.5), np.ones((8, 13))])
 def test_a_frame_without_contrast_has_nothing_to_lose(picture) -> None:
     display = lab()
@@ -89,6 +90,7 @@ def test_a_frame_without_contrast_has_nothing_to_lose(picture) -> None:
     assert contrast_loss(emitted, 0.5, display) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [1e-7, 1e-3, 0.1, 0.5])
 def test_one_odd_pixel_in_a_flat_frame(height) -> None:
     picture = np.full((24, 24), 0.5)
@@ -101,6 +103,7 @@ def test_one_odd_pixel_in_a_flat_frame(height) -> None:
     np.testing.assert_allclose(found, by_definition(picture, display), atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("peak", [1e-6, 1e-4, 1e-2, 1e4, 1e6])
 def test_dim_and_glaring_displays_agree_with_the_definition(peak) -> None:
     rng = np.random.default_rng(1)

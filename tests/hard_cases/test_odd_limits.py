@@ -38,6 +38,7 @@ def odd_problem(make_curves, seed: int) -> tuple[Problem, np.random.Generator]:
     return pose(curves, Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)), rng
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=st.integers(0, 100_000))
 def test_every_answer_is_feasible_and_no_feasible_track_goes_below_the_bound(make_curves, seed) -> None:

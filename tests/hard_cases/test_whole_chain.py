@@ -167,6 +167,7 @@ def header_of(request: Request) -> TrackHeader:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=30, derandomize=True)
 @given(case=cases())
 def test_every_result_is_one(case, tmp_path_factory) -> None:
@@ -218,6 +219,7 @@ NANOSECONDS = Case(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=50, derandomize=True)
 @example(case=NANOSECONDS, target=0.3, gains=(50.0, 5.0, 5.0))
 @given(case=cases(), target=st.floats(0, 1), gains=st.sampled_from([(0.2, 0.01, 0.05), (50.0, 5.0, 5.0)]))
@@ -230,6 +232,7 @@ def test_the_controller_never_exceeds_the_limit(case, target, gains) -> None:
     assert largest_rate_ratio(track.rate, track.rate_limit) <= 1 + 1e-6
 
 
+@pytest.mark.slow
 @settings(max_examples=30, derandomize=True)
 @given(case=cases(), stretch=st.sampled_from([1e-3, 0.5, 2.0, 1e3]), seed=st.integers(0, 99))
 def test_slower_video_under_a_slower_limit_is_the_same_problem(case, stretch, seed) -> None:
@@ -248,6 +251,7 @@ def test_slower_video_under_a_slower_limit_is_the_same_problem(case, stretch, se
     assert second.budget_error(factors) == pytest.approx(first.budget_error(factors), abs=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, derandomize=True)
 @given(case=cases())
 def test_a_video_backwards_has_the_same_tracks_backwards(case) -> None:
@@ -271,6 +275,7 @@ def test_a_video_backwards_has_the_same_tracks_backwards(case) -> None:
         assert lower_bound(p, a) <= min(objectives) + 1e-9
 
 
+@pytest.mark.slow
 @settings(max_examples=25, derandomize=True)
 @given(case=cases(), seed=st.integers(0, 99))
 def test_the_order_of_identical_frames_and_their_number_do_not_matter(case, seed) -> None:

@@ -17,6 +17,8 @@ from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_c
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
+pytestmark = pytest.mark.slow
+
 
 @contextmanager
 def on_the_desk(monitor: EmulatedMonitor, plan: FaultPlan | None = None) -> Iterator[DdcBacklight]:

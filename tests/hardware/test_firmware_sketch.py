@@ -64,6 +64,7 @@ def board(program) -> Iterator[PowerBoard]:
         os.close(other)
 
 
+@pytest.mark.slow
 def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
     meter = BoardPowerMeter(board)
     assert meter.start(200.0) == 200.0
@@ -88,6 +89,7 @@ def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
     assert {sample.sync for sample in samples} == {False, True}
 
 
+@pytest.mark.slow
 def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
     meter, backlight = BoardPowerMeter(board), BoardBacklight(board)
     assert backlight.set_factor(0.5) == backlight.read_factor() == 128 / 255

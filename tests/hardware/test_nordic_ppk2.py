@@ -19,6 +19,8 @@ from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
+pytestmark = pytest.mark.slow
+
 FULL = 0.2945 + 0.001858 * 200  # [W]
 
 

@@ -159,6 +159,7 @@ def test_none_is_no_instrument() -> None:
         open_luminance_meter("none", time.monotonic)
 
 
+@pytest.mark.slow
 def test_a_port_that_holds_no_board_is_closed_again() -> None:
     class Mute:
         def receive(self, data: bytes) -> bytes:

@@ -7,8 +7,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 import evenlight
 from evenlight.hardware.rig import open_pointer
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(evenlight.__file__).parents[1]
 

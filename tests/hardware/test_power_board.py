@@ -22,6 +22,8 @@ from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
+pytestmark = pytest.mark.slow
+
 BASE, SLOPE = 0.2945, 0.001858 * 200  # [W] of the panel: P(b) = BASE + SLOPE * b
 TIMEOUT = 3.0  # [s]
 

@@ -46,6 +46,7 @@ def averaged(meter: ScpiPowerMeter, simulation: Simulation) -> float:
     return average_power(meter, 0.5, 100.0, simulation.clock, simulation.wait).power
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("known", "options", "asked"),
     [
@@ -64,6 +65,7 @@ def test_it_is_asked_for_what_it_measures(simulation, known, options, asked) -> 
         assert averaged(meter, simulation) == pytest.approx(FULL, abs=0.0014)
 
 
+@pytest.mark.slow
 def test_an_instrument_that_measures_no_power_is_refused(simulation) -> None:
     with (
         EmulatedLink(ScpiEmulator(simulation, known=("MEAS:VOLT?",))) as link,
@@ -146,6 +148,7 @@ class Slow:
         return b""
 
 
+@pytest.mark.slow
 def test_nobody_waits_for_a_slow_answer() -> None:
     panel = SimulatedPanel(PanelPhysics(), time.monotonic)
     simulation = Simulation(panel, np.random.default_rng(2), time.monotonic, time.sleep)

@@ -76,6 +76,7 @@ class Listener:
         return streamed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "driver"), [one[1:] for one in DRIVERS], ids=[one[0] for one in DRIVERS])
 def test_a_port_is_opened_as_the_manual_says(
     name: str, driver: Driver, monkeypatch: pytest.MonkeyPatch

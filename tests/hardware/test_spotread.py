@@ -70,6 +70,7 @@ def test_what_the_program_complains_of_is_an_error_in_words(fault: Fault, simula
         assert WORDS[fault] in str(failed.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
@@ -106,6 +107,7 @@ def test_a_program_that_ends_in_mid_measurement_gave_no_reading(simulation: Simu
     assert failed.value.fault is Fault.GARBLED
 
 
+@pytest.mark.slow
 def test_a_program_that_stops_while_it_looks_for_instruments_is_ended(simulation: Simulation) -> None:
     """The real one does, where a serial port takes its question and never answers."""
     plan = FaultPlan(LinkFault.PARTIAL_LINE, first=1)

@@ -13,6 +13,8 @@ import pytest
 
 import evenlight
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(evenlight.__file__).parents[1]
 Drawn = dict[str, Any]
 

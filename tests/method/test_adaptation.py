@@ -47,6 +47,7 @@ def euler(luminance: float, start: float, seconds: float, step: float) -> float:
     return total
 
 
+@pytest.mark.slow
 @given(luminances)
 def test_half_saturation_is_the_printed_formula(luminance: float) -> None:
     assert half_saturation(luminance).item() == pytest.approx(sigma_as_printed(luminance), rel=1e-12)

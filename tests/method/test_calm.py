@@ -17,6 +17,7 @@ def flickering(make_curves, n=200):
     return make_curves(0.3 + 0.3 * share + 0.03 * rng.standard_normal(n), frames_per_second=5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_it_is_calmer_feasible_and_keeps_the_gain(make_curves, make_problem, share) -> None:
     problem = make_problem(flickering(make_curves), 0.5)
@@ -38,6 +39,7 @@ def test_a_share_of_nothing_changes_nothing(make_curves, make_problem) -> None:
 paths = arrays(np.float64, st.integers(2, 25), elements=st.floats(0.2, 1.0))
 
 
+@pytest.mark.slow
 @given(paths, st.floats(1e-3, 0.3))
 def test_the_string_stays_in_its_tube_and_is_no_longer_than_the_path(values, radius) -> None:
     times = np.arange(len(values), dtype=float)

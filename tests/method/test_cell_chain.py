@@ -42,6 +42,7 @@ def bound(costs: ChainCosts, places: int, block_moves: float, per_knot: int) -> 
     return cheapest_chain(costs, rates, np.full(n - 1, step), blocks, per_knot)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 10_000), st.integers(2, 24), st.sampled_from([0, 1, 3, 7, 20]), st.integers(1, 40))
 def test_no_chain_costs_less_whatever_the_blocks_and_cells(seed, n, moves, per_knot) -> None:

@@ -115,12 +115,14 @@ def test_equation_5_by_hand(dimmed, reference, loss):
     assert loss_of(dimmed, reference) == pytest.approx(loss)
 
 
+@pytest.mark.slow
 @given(frames, st.floats(0.01, 1))
 def test_loss_is_a_share_and_0_undimmed(frame, factor):
     assert 0 <= contrast_loss(frame, factor, LAB) <= 1
     assert contrast_loss(frame, 1.0, LAB) == 0
 
 
+@pytest.mark.slow
 @given(st.floats(0, 1e4), st.floats(0.01, 1), st.sampled_from(ALTERNATIVES))
 def test_a_uniform_frame_shows_and_loses_nothing(value, factor, model):
     frame = np.full((9, 13), value)
@@ -128,6 +130,7 @@ def test_a_uniform_frame_shows_and_loses_nothing(value, factor, model):
     assert contrast_loss(frame, factor, LAB, model) == 0
 
 
+@pytest.mark.slow
 @given(frames)
 def test_rows_and_columns_matter_alike(frame):
     """Up to one pixel at the very threshold."""
@@ -135,6 +138,7 @@ def test_rows_and_columns_matter_alike(frame):
     assert visible_contrast(frame.T, LAB) == pytest.approx(visible_contrast(frame, LAB), abs=one_pixel / 2)
 
 
+@pytest.mark.slow
 @given(arrays(np.float64, (17, 9), elements=st.sampled_from([1.0, 20.0, 100.0])))
 def test_a_mirrored_frame_shows_the_same(frame):
     maps, mirrored = visible_map(frame, LAB), visible_map(frame[:, ::-1], LAB)

@@ -23,6 +23,7 @@ LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 MODEL = ContrastModel()
 
 
+@pytest.mark.slow
 @given(st.floats(*MASKING_RANGE))
 def test_at_the_threshold_both_sides_are_equal(log_masking):
     """t^0.7 = 1 + m · t^0.2 at t = T(m), read from the table."""
@@ -31,6 +32,7 @@ def test_at_the_threshold_both_sides_are_equal(log_masking):
     assert t**0.7 / (1 + 2**log_masking * t**0.2) == pytest.approx(1, abs=2e-5)
 
 
+@pytest.mark.slow
 @given(st.floats(-14, 20), st.floats(-10, 20))
 def test_visibility_changes_once_as_contrast_grows(log_masking, log_contrast):
     """Where t^0.7 - m · t^0.2 has reached 1 it rises: its slope is there 0.5 · m · t^0.2 + 0.7 > 0."""

@@ -56,6 +56,7 @@ class OffTheBudget:
         return replace(answer, factors=answer.factors + self.by)
 
 
+@pytest.mark.slow
 def test_an_answer_is_held_to_the_budget_that_the_bound_covers(make_curves, make_problem) -> None:
     problem = make_problem(make_curves(np.linspace(0.2, 0.3, 4), luminance=30.0), 0.5)
     for by in (1e-7, -1e-7):

@@ -1,6 +1,7 @@
 """Tracks over a grid of factors: the cheapest there are, within the limits, and good to start from."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +30,7 @@ def test_the_distance_from_a_track_is_the_mean_over_its_frames_as_printed() -> N
     np.testing.assert_allclose(distance_from(problem, grid.loss, loss), by_hand, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_starts_keep_all_limits_and_the_best_of_them_leads_further_down_than_slsqp() -> None:
     problem = rising(12, 2)
     starts = grid_starts(problem)
@@ -39,6 +41,7 @@ def test_the_starts_keep_all_limits_and_the_best_of_them_leads_further_down_than
     assert objectives[0] < best_of(problem, 3, 1)  # SLSQP's, in the nearest of many optima
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(st.integers(0, 10**6))
 def test_improved_tracks_keep_all_limits_and_none_becomes_worse(seed: int) -> None:
@@ -72,6 +75,7 @@ def test_a_budget_at_its_end_leaves_nothing_to_start_from() -> None:
         np.testing.assert_allclose(start, 0.2, atol=12 * 1e-9)  # the tolerance of the budget, in one frame
 
 
+@pytest.mark.slow
 def test_where_the_limit_allows_a_few_cells_per_step_ours_is_no_worse_than_slsqps_best() -> None:
     # Of curves that rise and fall, 62 frames: the four searches alone, and pushes, end 0.03 above.
     problem = odd_problems(np.random.default_rng(12), (SHORTEST + 1, SHORTEST + 5), 1)[0]

@@ -41,12 +41,14 @@ def loss_error(frames, tolerance):
     return np.abs(thrifty.loss - exact.loss).max(), thrifty.counted.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PICTURES)
 def test_the_tolerance_holds_on_hard_videos(name):
     error, _ = loss_error(list(hard_video(name)), 1e-3)
     assert error <= 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pan", "grain"])
 def test_the_tolerance_and_the_one_pass_together_keep_to_the_definition(name):
     """Where they differ most from each other, at knots."""
@@ -60,6 +62,7 @@ def test_the_tolerance_and_the_one_pass_together_keep_to_the_definition(name):
     assert np.abs(found[worst, ::4] - expected).max() <= 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flash", "odd rows", "odd columns", "odd checks", "odd blur", "odd grain"])
 def test_one_odd_frame_is_found_among_steady_ones(name):
     """Its loss is more than 0.003 apart from that of its neighbours."""
@@ -101,6 +104,7 @@ SHOTS = st.tuples(
 )
 
 
+@pytest.mark.slow
 def test_the_tolerance_holds_where_two_bands_are_taken_from_other_frames():
     shots = [((1.1, 1), 3, (0.9, 1.1), 0.005, 12), ((1.0, 2), 0, (0.2, 0.8), 0.03, 20)]
     error, counted = loss_error(film(shots, TWO_BANDS), 1e-3)
@@ -108,6 +112,7 @@ def test_the_tolerance_holds_where_two_bands_are_taken_from_other_frames():
     assert counted < 0.9
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8)
 @given(st.lists(SHOTS, min_size=1, max_size=3), st.sampled_from([1e-3, 1e-2]))
 def test_the_tolerance_holds_on_films_made_by_chance(shots, tolerance):

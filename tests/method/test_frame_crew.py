@@ -33,6 +33,7 @@ def noise(n, shape=(257, 257)):
     return list(frames_of(0.5 + 0.02 * (k % 7) * rng.normal(size=shape) for k in range(n)))
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("n", [1, 2, 16, 17, 18, 40])
 def test_the_result_does_not_depend_on_the_number_of_threads(n, tolerance):

@@ -53,6 +53,7 @@ def test_the_least_cost_of_the_rows_is_the_pair_sum(n, even, seed) -> None:
     assert found.fun == pytest.approx(pairwise_spread(loss, weights) * weight_of_pairs(weights), abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GENERAL)
 def test_a_general_solver_agrees_with_ours_on_convex_curves(make_curves, make_problem, name) -> None:
     share = 1 / (1 + np.exp(-np.linspace(-5, 5, 14)))
@@ -146,6 +147,7 @@ def test_a_coarse_problem_has_the_budget_and_the_weights_of_the_full_one(
     assert is_feasible(problem, fine.factors)
 
 
+@pytest.mark.slow
 def test_the_bound_says_as_much_of_a_long_video_as_of_a_short_one(make_curves, make_problem) -> None:
     share = []
     for n in (1500, 6000):

@@ -96,6 +96,7 @@ def deepest_swing(share: float) -> float:
     return -lowest
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(
     st.floats(0.02, 1.0),
@@ -210,6 +211,7 @@ def test_what_stays_out_of_reach_is_forgotten_and_never_grows() -> None:
     assert state.excess == pytest.approx(0.3 * np.exp(-2), rel=0.02)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.floats(0.25, 0.85),
@@ -249,6 +251,7 @@ def test_of_a_day_after_a_night_no_horizon_uses_a_tenth_too_much(
     assert np.abs(windows[4 * night :] - fair).max() < 0.03
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.lists(st.tuples(st.floats(0.02, 1.5), st.floats(0.0, 100.0)), min_size=2, max_size=12),

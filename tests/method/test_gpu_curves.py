@@ -27,6 +27,8 @@ from evenlight.method.contrast.pyramid import band_frequencies, level_shapes
 from evenlight.method.gpu import one_pass
 from evenlight.method.gpu.frame_loss import GpuFrameAnalysis
 
+pytestmark = pytest.mark.slow
+
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)
 BRIGHT_ROOM = dataclasses.replace(HEADSET, reflected_luminance=2.0)

@@ -18,6 +18,8 @@ from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.gpu.frame_loss import GpuLoss
 from evenlight.method.gpu.pyramid import FrameTexture, TextureContent
 
+pytestmark = pytest.mark.slow
+
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 BRIGHT_ROOM = dataclasses.replace(HEADSET, peak_luminance=600.0, reflected_luminance=2.0)
 SHAPE = (72, 120)

@@ -10,6 +10,8 @@ from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.pyramid import gaussian_pyramid
 from evenlight.method.gpu.pyramid import SUM_WORDS, GpuPyramid, packed, sums_of
 
+pytestmark = pytest.mark.slow
+
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 LEVELS = 5
 

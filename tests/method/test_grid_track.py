@@ -39,6 +39,7 @@ def cost_by_trying_all(cost, cells: GridCells, miss: float) -> float:
     return float(cost[frame, tracks].sum(axis=1)[kept].min(initial=np.inf))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @example(7712)  # even the lowest cells use more than the budget
 @example(8141)

@@ -47,6 +47,7 @@ def loss_error(frame, display, model=DEFAULT_MODEL, factors=FACTORS):
     return np.abs(fast - loss_curves_by_definition(emitted, factors, display, model)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("display", [HEADSET, OLED, BRIGHT_ROOM], ids=["headset", "oled", "bright room"])
 def test_one_pass_equals_the_definition_to_a_thousandth(display):
     errors = {name: loss_error(frame_of(picture), display) for name, picture in pictures().items()}
@@ -96,6 +97,7 @@ def test_curves_fall_within_0_and_1_to_0_undimmed(frame, display):
     assert loss[0] <= 1
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(arrays(np.uint8, (12, 9, 3)))
 def test_rows_and_columns_are_treated_alike(frame):

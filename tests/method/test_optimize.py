@@ -31,6 +31,7 @@ def solve(problem: Problem, name: SolverName) -> Solution:
     return optimize(problem, make_solver(name, np.random.default_rng(1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("budget", [0.2, 0.3, 0.5, 0.8, 1.0])
 def test_budget_rate_limit_and_bounds_are_met_and_the_baseline_is_not_better(
@@ -45,12 +46,14 @@ def test_budget_rate_limit_and_bounds_are_met_and_the_baseline_is_not_better(
     assert problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, name) -> None:
     factors = solve(make_problem(two_scenes(make_curves), 0.5), name).factors
     assert factors[-10:].mean() > factors[:10].mean() + 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) -> None:
     problem = make_problem(two_scenes(make_curves, 40), 0.5)
@@ -65,6 +68,7 @@ def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) 
                 assert problem.objective(feasible) >= problem.objective(answer) - 2e-6
 
 
+@pytest.mark.slow
 def test_the_two_solvers_agree(make_curves, make_problem) -> None:
     problem = make_problem(two_scenes(make_curves), 0.5)
     ours, paper = (problem.objective(solve(problem, name).factors) for name in SOLVERS)
@@ -133,6 +137,7 @@ def test_a_curve_that_jumps_and_one_that_is_not_monotone_are_survived(make_curve
     assert problem.rate_ratio(factors) <= 1 + 1e-9
 
 
+@pytest.mark.slow
 def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem) -> None:
     i = np.arange(10_000)
     curves = make_curves(
@@ -154,6 +159,7 @@ def test_slsqp_refuses_a_long_video_and_names_the_other_solver(make_curves, make
 # --- the lower bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget", [0.3, 0.5, 0.8])
 def test_the_lower_bound_lies_below_every_track_that_any_solver_finds(
     make_curves, make_problem, budget
@@ -173,6 +179,7 @@ def test_the_lower_bound_is_nearly_reached_on_convex_curves(make_curves, make_pr
     assert lower_bound(problem, ours) > 0.9 * problem.objective(ours.factors)
 
 
+@pytest.mark.slow
 def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_problem) -> None:
     problem = make_problem(two_scenes(make_curves), 0.5)
     ours = solve(problem, SolverName.SPLITTING)
@@ -181,6 +188,7 @@ def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_prob
     assert lower_bound(problem, backwards) <= problem.objective(ours.factors)
 
 
+@pytest.mark.slow
 def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     make_curves, make_problem, monkeypatch
 ) -> None:
@@ -193,6 +201,7 @@ def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     assert lower_bound(problem, poor) < both <= problem.objective(ours.factors)
 
 
+@pytest.mark.slow
 def test_the_frame_weights_lie_in_the_permutahedron(make_curves, make_problem) -> None:
     # Sums of the k largest entries are at most those of the k largest order weights, and all add up to 0.
     problem = make_problem(two_scenes(make_curves), 0.5)

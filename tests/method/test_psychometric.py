@@ -18,6 +18,7 @@ functions = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(functions)
 def test_the_threshold_is_the_raw_75_percent_point_whatever_the_asymptotes(
     function: PsychometricFunction,

@@ -31,6 +31,7 @@ def largest_root(gains: FrameGains, slope: float) -> float:
     return float(np.abs(np.roots(polynomial)).max())
 
 
+@pytest.mark.slow
 @given(GAINS)
 def test_the_loop_is_stable_just_below_the_stable_slope_and_not_just_above(gains: FrameGains) -> None:
     edge = stable_slope(gains)

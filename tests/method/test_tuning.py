@@ -71,6 +71,7 @@ def test_nobody_who_guesses_gains_within_the_margins_does_better(
     assert tried > 30
 
 
+@pytest.mark.slow
 def test_margins_are_kept_where_the_content_asks_for_less(rooms: LossCurves) -> None:
     """Without a rate limit, the boldest gains follow best: each margin is what holds them."""
     unlimited = replace(CONTROLLER, rate_limit=lambda _: 1e9)
@@ -106,6 +107,7 @@ def test_content_that_loses_nothing_is_no_trouble(make_curves: Callable[..., Los
     assert np.isfinite(tuned.error)
 
 
+@pytest.mark.slow
 def test_gains_that_count_frames_stay_such(rooms: LossCurves) -> None:
     asked = replace(CONTROLLER, settings=replace(CONTROLLER.settings, gain_rate=None))
     tuned = tune(rooms, asked)

@@ -78,6 +78,7 @@ def odd_curves(make_curves, rng, n):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_answers_keep_odd_weights_and_allowances_and_no_track_goes_below_the_bound(

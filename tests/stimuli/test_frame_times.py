@@ -23,6 +23,7 @@ def test_time_stamps_in_milliseconds_become_the_exact_grid(rate, frames, offset)
     np.testing.assert_allclose(found.durations, float(1 / rate), rtol=1e-12)
 
 
+@pytest.mark.slow
 @given(rate=rates, frames=st.integers(1200, 3000))
 def test_a_long_grid_is_recovered_without_a_claimed_rate(rate, frames):
     # After 1200 frames, 24 and 24000/1001 Hz are 50 ms apart: only one of them explains the stamps.

@@ -51,6 +51,7 @@ def test_the_words_of_a_page_appear_in_full_whatever_it_is_wrapped_to() -> None:
     assert narrow.sum(dtype=float) == pytest.approx(wide.sum(dtype=float), rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_long_page_is_set_smaller_and_one_too_long_is_refused() -> None:
     tall = max(text_rows(page_image("Ap " * 40, (640, 480))))
     small = max(text_rows(page_image("Ap " * 400, (640, 480))))

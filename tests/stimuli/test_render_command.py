@@ -9,6 +9,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.open_video import open_video
 from evenlight.stimuli.sequences import built_in_sequence
 
+pytestmark = pytest.mark.slow
+
 
 def render(*arguments):
     """Run the command; errors of input come out as exceptions, which `main` turns into a line."""

@@ -25,6 +25,8 @@ from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
 from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import direction_of, scene_named
 
+pytestmark = pytest.mark.slow
+
 RULES = PlaceRules()
 MEASURED = "basement"  # of both scenes, its scene is drawn the sooner
 ROUNDING = 0.02  # [deg] the files have hundredths

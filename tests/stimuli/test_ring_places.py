@@ -31,6 +31,8 @@ from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
 from evenlight.stimuli.scenes.model import Material, SceneModel
 from evenlight.stimuli.scenes.scene import Scene, direction_of
 
+pytestmark = pytest.mark.slow
+
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=24.0)
 EYE = Camera((0.0, 0.0, 1.5), azimuth=0.0)
 RULES = PlaceRules(gap=10.0)

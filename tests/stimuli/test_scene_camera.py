@@ -32,6 +32,7 @@ def test_what_lies_behind_has_no_place():
     assert np.isnan(Camera((0.0, 0.0, 0.0), 0.0).project([[0.0, -1.0, 0.0]], SIZE)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("azimuth", "altitude"), [(0, 0), (37, -20), (201, 35), (300, 80)])
 def test_a_lit_square_is_drawn_where_the_projection_says(azimuth, altitude):
     camera = Camera((3.0, -2.0, 1.6), azimuth, altitude, focal_length=250.0)

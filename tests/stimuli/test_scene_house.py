@@ -13,6 +13,8 @@ from evenlight.stimuli.scenes.house import materials
 from evenlight.stimuli.scenes.house.house import house
 from evenlight.stimuli.scenes.scene import Floats, Material, Scene
 
+pytestmark = pytest.mark.slow
+
 PATHS = ("living_room", "basement", "house")
 CLEARANCE = 0.2  # [m] that an eye keeps from everything
 SIZE = 128  # of the textures [pixels]

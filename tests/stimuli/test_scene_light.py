@@ -12,6 +12,8 @@ from evenlight.stimuli.scenes.drawing.shaders import PEAK, shown_share
 from evenlight.stimuli.scenes.model import Material, SceneModel
 from evenlight.stimuli.scenes.scene import Quality
 
+pytestmark = pytest.mark.slow
+
 SIZE = (64, 48)
 
 

@@ -101,6 +101,7 @@ def frames():
     return dict(zip(CAMERAS, zip(*pictures, counts, strict=True), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", CAMERAS)
 def test_nothing_vanishes_that_is_not_behind_a_wall(frames, view):
     """But for single pixels: walls that meet leave pixels between them where rounding lets through what is
@@ -112,6 +113,7 @@ def test_nothing_vanishes_that_is_not_behind_a_wall(frames, view):
     assert np.ptp(without) > 100 * CODE  # there is something to be seen
 
 
+@pytest.mark.slow
 def test_what_is_in_another_room_is_left_out(frames):
     """Else the comparison would be of equals: facing a wall, less than half of what is ahead is drawn."""
     ahead, kept = frames["close to a wall"][2]
@@ -120,6 +122,7 @@ def test_what_is_in_another_room_is_left_out(frames):
     assert sum(kept < ahead for _, _, (ahead, kept) in frames.values()) >= 5
 
 
+@pytest.mark.slow
 def test_a_picture_lacks_what_is_wrongly_taken_for_hidden(monkeypatch):
     """The comparison tells: with every other block left out, far more pixels differ than may."""
     camera = CAMERAS["at the door, from afar"]

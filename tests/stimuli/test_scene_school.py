@@ -11,6 +11,8 @@ from evenlight.stimuli.scenes.school.school import school
 from evenlight.stimuli.scenes.school.shelves import book_row
 from evenlight.stimuli.scenes.textures.school import SPINE_ROWS, library_spines
 
+pytestmark = pytest.mark.slow
+
 CLEARANCE = 0.2  # [m] between an eye and what it passes
 WALKS = ("library", "gym")
 PLACES = {

@@ -65,6 +65,7 @@ def test_shipped_paths_pass_through_their_keypoints_at_their_times(name):
         assert camera.altitude == pytest.approx(point.altitude, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WALKS)
 def test_shipped_paths_stay_on_walkable_ground_at_the_speed_of_people(name):
     walk = path_named(name)

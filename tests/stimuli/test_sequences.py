@@ -9,6 +9,8 @@ from evenlight.stimuli.open_video import open_video
 from evenlight.stimuli.sequence_format import SequenceFormat, encoded_light, on_grid
 from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence
 
+pytestmark = pytest.mark.slow
+
 SMALL = (96, 54)
 # Those that are painted; walks through scenes are tested in test_scene_sequences.py.
 PAINTED = [name for name in SEQUENCES if name not in WALKS]

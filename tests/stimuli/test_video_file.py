@@ -40,6 +40,7 @@ def encode(
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "codec", "pixel_format"),
     [
