@@ -96,10 +96,11 @@ def _text(thing: Any) -> str:
         if number + 1 < len(lines) and set(lines[number + 1]) == {"-"} and len(lines[number + 1]) > 2:
             section = line
             out += ["", f"*{line}*", ""]
+        elif line.startswith((">>>", "...")) or (out and out[-1].startswith("    >>>") and line):
+            section = "Examples"
+            out.append(f"    {line}")
         elif section in ("Parameters", "Attributes", "Returns", "Raises") and line:
             out.append(f"  {line.strip()}" if line.startswith(" ") else f"- `{line}`  ")
-        elif line.startswith((">>>", "...")) or (section == "Examples" and line):
-            out.append(f"    {line}")
         else:
             out.append(line)
     return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).strip() + "\n"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Callable
+from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,7 +22,7 @@ PRESETS = Path(__file__).parent / "presets"
 Record = TypeVar("Record")
 
 
-def load_display(name_or_path: str) -> Display:
+def load_display(name_or_path: str | PathLike[str]) -> Display:
     """Return the display of a preset (`varjo-xr3`) or of a toml file.
 
     Raises
@@ -34,12 +36,12 @@ def load_display(name_or_path: str) -> Display:
     return _load(name_or_path, "display", "toml", lambda path: read_toml_record(Display, path))
 
 
-def load_power_model(name_or_path: str) -> PowerModel:
+def load_power_model(name_or_path: str | PathLike[str]) -> PowerModel:
     """Return the power model of a preset (`surace2025`) or of a toml file; errors as `load_display`."""
     return _load(name_or_path, "power", "toml", lambda path: read_toml_record(PowerModel, path))
 
 
-def load_rate_limit(name_or_path: str) -> RateLimit:
+def load_rate_limit(name_or_path: str | PathLike[str]) -> RateLimit:
     """Return the rate limit of a preset (`surace2025`) or of a json file; errors as `load_display`."""
     return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
 
@@ -80,9 +82,11 @@ def preset_names(kind: str) -> list[str]:
     return sorted(path.name.split(".")[0] for path in PRESETS.glob(f"*.{kind}.*"))
 
 
-def _load(name_or_path: str, kind: str, suffix: str, read: Callable[[Path], Record]) -> Record:
+def _load(
+    name_or_path: str | PathLike[str], kind: str, suffix: str, read: Callable[[Path], Record]
+) -> Record:
     """Return a preset if there is one of that name, else read the file."""
-    known = preset_names(kind)
+    name_or_path, known = os.fspath(name_or_path), preset_names(kind)
     if name_or_path in known:
         return read(PRESETS / f"{name_or_path}.{kind}.{suffix}")
     path = Path(name_or_path)
