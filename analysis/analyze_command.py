@@ -16,7 +16,8 @@ REPORT, SUMMARY = "report.html", "analysis.json"
 
 def analyze(
     dataset: Annotated[
-        Path, typer.Argument(help="Data set with sessions of ramp, rating, comparison or search.")
+        Path,
+        typer.Argument(help="Data set with sessions of ramp, rating, comparison, search, or your own tasks."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the tables, figures and report.html.")],
     task: Annotated[
@@ -35,13 +36,13 @@ def analyze(
     from evenlight.analysis.dataset_findings import AnalysisOptions
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
     from evenlight.data_schema.errors import InputError
-    from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
     from evenlight.data_schema.recordings.dataset_layout import require_apart
+    from evenlight.data_schema.recordings.session import TASKS
     from evenlight.data_schema.storage.whole_files import results_folder
 
     for name in task or ():
-        if name not in TRIALS_OF_TASK:
-            raise InputError(f"--task must be one of {', '.join(TRIALS_OF_TASK)}, got {name!r}")
+        if name not in TASKS:
+            raise InputError(f"--task must be one of {', '.join(TASKS)}, got {name!r}")
     require_apart(out, dataset)
     options = AnalysisOptions(
         seed=seed, margin=margin, slowing=slowing, tasks=tuple(dict.fromkeys(task or ()))

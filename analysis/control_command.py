@@ -105,7 +105,7 @@ def control(
         load_power_model,
         load_rate_limit_for,
     )
-    from evenlight.stimuli.open_video import open_video
+    from evenlight.stimuli.sequences import open_video
 
     check_video(video, min_factor, field_of_view, jobs)
     if target_loss is None and budget is None:

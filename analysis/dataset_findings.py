@@ -11,19 +11,13 @@ from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.report import Report, Section
 from evenlight.analysis.report_sections import files_section, provenance_section
-from evenlight.analysis.session_loading import TaskData, load_task, tasks_in
+from evenlight.analysis.session_loading import TaskData, load_task, tasks_in, unknown_tasks_in
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION
+from evenlight.data_schema.recordings.session import TASKS
 
-TITLES = {
-    "ramp": "How fast a change is noticed",
-    "rating": "Quality of details",
-    "comparison": "Noticing the modulation",
-    "search": "Finding things",
-}
 SIMULATED = (
     "Simulated: the answers come from simulated participants. They show how the experiments and their "
     "analysis work, and say nothing about people."
@@ -60,9 +54,53 @@ class AnalysisOptions:
     def __post_init__(self) -> None:
         require_seed(self.seed)
         if not 0 < self.slowing <= 9:
-            raise InputError(f"--slowing must lie above 0 and not above 9, got {self.slowing:g}")
+            raise InputError(f"slowing must lie above 0 and not above 9, got {self.slowing:g}")
         if not 0 < self.margin < 0.5:
-            raise InputError(f"--margin must lie between 0 and 0.5, got {self.margin:g}")
+            raise InputError(f"margin must lie between 0 and 0.5, got {self.margin:g}")
+
+
+FindingsOf = Callable[[TaskData[Any], AnalysisOptions], Findings]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskAnalysis:
+    """The analysis of a task: its title in the report, and what makes the findings of its trials.
+
+    Those of ramps are made by a calibration, which writes files of its own.
+    """
+
+    title: str
+    findings: FindingsOf | None
+
+
+def _rating(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+    """Analyse ratings; each of the three imports its analysis when it is first made."""
+    from evenlight.analysis.rating.rating_findings import rating_findings
+
+    return rating_findings(data, options.seed)
+
+
+def _comparison(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+    """Analyse comparisons."""
+    from evenlight.analysis.comparison.comparison_findings import comparison_findings
+
+    return comparison_findings(data, options.seed, options.margin)
+
+
+def _search(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+    """Analyse searches."""
+    from evenlight.analysis.search.search_findings import search_findings
+
+    return search_findings(data, options.seed, options.slowing)
+
+
+# By the names of `data_schema.recordings.session.TASKS`.
+ANALYSES = {
+    "ramp": TaskAnalysis("How fast a change is noticed", None),
+    "rating": TaskAnalysis("Quality of details", _rating),
+    "comparison": TaskAnalysis("Noticing the modulation", _comparison),
+    "search": TaskAnalysis("Finding things", _search),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +186,8 @@ def _no_session(dataset: Path) -> str:
     inside = sorted(path.parent.name for path in dataset.glob(f"*/{DESCRIPTION}"))
     if inside:
         return f"holds data sets in folders of their own: {', '.join(inside)}; give one of them"
+    if unknown := unknown_tasks_in(dataset):
+        return f"holds sessions of {', '.join(unknown)}, which is not registered (EVENLIGHT_TASKS)"
     return "holds no session (sub-*/ses-*/manifest.json)"
 
 
@@ -156,10 +196,10 @@ def _analysed(
 ) -> tuple[Findings, TaskData[Any]]:
     """Return what the sessions of a task show, and the data themselves."""
     if task != "ramp":
-        data = load_task(dataset, task, TRIALS_OF_TASK[task].record)
+        data = load_task(dataset, task, TASKS[task].trial)
         return task_findings(data, options), data
     from evenlight.analysis.calibration.calibration import calibrate
-    from evenlight.analysis.calibration.calibration_files import write_calibration
+    from evenlight.analysis.calibration.fit_report import write_calibration
     from evenlight.analysis.calibration.ramp_findings import ramp_findings
     from evenlight.analysis.ramp_loading import load_ramp_data
     from evenlight.data_schema.provenance import provenance_now
@@ -171,7 +211,7 @@ def _analysed(
 
 
 def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
-    """Analyse the ratings, comparisons or searches of one task; no file is read or written.
+    """Analyse the trials of one viewing task; no file is read or written.
 
     Parameters
     ----------
@@ -185,19 +225,11 @@ def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
     InputError
         If the trials cannot be analysed; or of another task.
     """
-    if data.task == "rating":
-        from evenlight.analysis.rating.rating_findings import rating_findings
-
-        return rating_findings(data, options.seed)
-    if data.task == "comparison":
-        from evenlight.analysis.comparison.comparison_findings import comparison_findings
-
-        return comparison_findings(data, options.seed, options.margin)
-    if data.task == "search":
-        from evenlight.analysis.search.search_findings import search_findings
-
-        return search_findings(data, options.seed, options.slowing)
-    raise InputError(f"the task must be rating, comparison or search, got {data.task!r}")
+    how = ANALYSES[data.task].findings
+    if how is None:
+        others = [name for name, analysis in ANALYSES.items() if analysis.findings]
+        raise InputError(f"the task must be {', '.join(others[:-1])} or {others[-1]}, got {data.task!r}")
+    return how(data, options)
 
 
 def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
@@ -233,7 +265,7 @@ def _files(found: DatasetFindings) -> dict[str, str]:
     """Return the files that were written, with what they hold."""
     files = {}
     for task, findings in found.findings.items():
-        files[f"{findings.name}_statistics.csv"] = f"every number of {TITLES[task].lower()}"
+        files[f"{findings.name}_statistics.csv"] = f"every number of {ANALYSES[task].title.lower()}"
         for drawing in findings.drawings:
             files[f"{drawing.name}.png, {drawing.name}_points.csv"] = drawing.caption
     if "ramp" in found.findings:

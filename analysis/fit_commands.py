@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
     from evenlight.analysis.measurement.sweeps.sweep_loading import ChosenSweep
-    from evenlight.analysis.measurement.sweeps.sweep_results import SweepResults
+    from evenlight.analysis.measurement.sweeps.sweep_report import SweepResults
     from evenlight.analysis.ramp_loading import RampData
     from evenlight.stimuli.video.video_source import VideoSource
 
@@ -107,7 +107,7 @@ def fit(
 
 def _write_sweeps(sweeps: tuple[ChosenSweep, ...], folder: Path, *, needed: bool) -> SweepResults:
     """Fit the sweeps and write their files."""
-    from evenlight.analysis.measurement.sweeps.sweep_results import write_chosen_sweeps
+    from evenlight.analysis.measurement.sweeps.sweep_report import write_chosen_sweeps
 
     return write_chosen_sweeps(sweeps, folder, needed=needed)
 
@@ -134,11 +134,15 @@ class _Results:
 def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     """Fit, compare the curves, and write every file."""
     from evenlight.analysis.calibration.calibration import calibrate
-    from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
     from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, curves_of, in_words
     from evenlight.analysis.calibration.choices.limit_choices import limit_choices
     from evenlight.analysis.calibration.choices.limit_choices_report import write_limit_choices
-    from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
+    from evenlight.analysis.calibration.fit_report import (
+        FitResults,
+        write_calibration,
+        write_figures,
+        write_fit_report,
+    )
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.method.preset_files import load_power_model
 

@@ -97,7 +97,7 @@ def optimize(
         load_power_model,
         load_rate_limit_for,
     )
-    from evenlight.stimuli.open_video import open_videos
+    from evenlight.stimuli.sequences import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
     require_curves_to_compute(curves, jobs, device)

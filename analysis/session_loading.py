@@ -11,15 +11,13 @@ from typing import Generic, TypeVar
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
-from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
-from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
-from evenlight.data_schema.recordings.search import SearchTrial
-from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
-from evenlight.data_schema.recordings.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.ramp import Trial as AnyTrial
+from evenlight.data_schema.recordings.session import TASKS, SessionManifest, SessionStatus
 from evenlight.data_schema.storage.text_files import read_json, read_text
 
-Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
+Trial = TypeVar("Trial", bound=AnyTrial)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,7 @@ class TaskData(Generic[Trial]):
     Attributes
     ----------
     task : str
-        "ramp", "rating", "comparison" or "search".
+        A key of `data_schema.recordings.session.TASKS`.
     sessions : tuple of Session
         In order of participant and session.
     simulated : bool
@@ -121,7 +119,7 @@ def task_data_of(task: str, trials: Iterable[Trial], simulated: bool = False) ->
     Parameters
     ----------
     task : str
-        Which one, a key of `data_schema.record_kinds.TRIALS_OF_TASK`.
+        Which one, a key of `data_schema.recordings.session.TASKS`.
     trials : iterable of trials
         Of the class of that task.
     simulated : bool
@@ -139,7 +137,7 @@ def task_data_of(task: str, trials: Iterable[Trial], simulated: bool = False) ->
 
 
 def tasks_in(dataset: Path) -> tuple[str, ...]:
-    """Return the tasks of which a data set has sessions, in the order ramp, rating, comparison, search.
+    """Return the tasks of which a data set has sessions, in the order of `TASKS`.
 
     Raises
     ------
@@ -149,7 +147,13 @@ def tasks_in(dataset: Path) -> tuple[str, ...]:
     _require_folder(dataset)
     _require_manifests(dataset)
     found = {task_of(folder / MANIFEST) for folder in session_folders(dataset)}
-    return tuple(task for task in TRIALS_OF_TASK if task in found)
+    return tuple(task for task in TASKS if task in found)
+
+
+def unknown_tasks_in(dataset: Path) -> tuple[str, ...]:
+    """Return the tasks of which a data set has sessions, and that are not registered here."""
+    found = {str(task_of(folder / MANIFEST)) for folder in session_folders(dataset)}
+    return tuple(sorted(found - set(TASKS)))
 
 
 def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
@@ -160,7 +164,7 @@ def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
     dataset : Path
         The data set.
     task : str
-        Which one, a key of `data_schema.record_kinds.TRIALS_OF_TASK`.
+        Which one, a key of `data_schema.recordings.session.TASKS`.
     cls : type
         The class of its trials.
 
@@ -252,9 +256,7 @@ def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[
     return session, warnings + session.remarks
 
 
-def _require_own(
-    trial: RampTrial | RatingTrial | ComparisonTrial | SearchTrial, manifest: SessionManifest, path: Path
-) -> None:
+def _require_own(trial: AnyTrial, manifest: SessionManifest, path: Path) -> None:
     """Refuse a trial that does not belong to its session."""
     for name in ("participant_id", "session_id", "simulated"):
         got, right = getattr(trial, name), getattr(manifest, name)

@@ -7,7 +7,7 @@ import platform
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.graphics import offscreen_context
 
 
 def machine() -> dict[str, str]:

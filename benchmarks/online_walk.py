@@ -18,15 +18,14 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.online.control_curves import VideoGovernor, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
-from evenlight.method.online.frame_costs import frame_costs
-from evenlight.method.online.governor import GovernorSettings, governor_of
+from evenlight.method.online.governor import GovernorSettings, frame_costs, governor_of
 from evenlight.method.online.tuning import TuningResult, tune
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.splitting import SplittingSolver
+from evenlight.method.rate_limit import largest_rate_ratio
 
 TARGET = 0.03  # contrast loss held on the walk
 PAPER_RATIO = 0.12 / 0.19  # SD ours / SD constant on the paper's walk (caption of its figure)

@@ -72,7 +72,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
     for key in required:
         if key not in data:
             raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
-    kinds = type_hints(cls)
+    kinds = types_in(cls, data)
     values = {}
     for key, name in fields.items():
         if key in data:
@@ -139,6 +139,14 @@ def type_hints(cls: type[Any]) -> dict[str, Any]:
 @cache
 def _hints(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
+
+
+def types_in(cls: type[Any], data: object) -> dict[str, Any]:
+    """Return the types of a record's fields, those that depend on its content among them."""
+    if hasattr(cls, "types_in") and isinstance(data, Mapping):
+        own: dict[str, Any] = cls.types_in(data)
+        return type_hints(cls) | own
+    return type_hints(cls)
 
 
 def refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:

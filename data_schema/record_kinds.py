@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,10 +31,8 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PowerSample,
 )
 from evenlight.data_schema.recordings.played_power import FrameEnergy, PlayedPower, VersionPower
-from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
-from evenlight.data_schema.recordings.session import SessionEvent, SessionManifest
+from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, SessionEvent, SessionManifest
 from evenlight.data_schema.recordings.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
@@ -42,13 +41,6 @@ from evenlight.data_schema.recordings.sweep import (
     SweepManifest,
 )
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
-from evenlight.data_schema.recordings.viewing import (
-    ClipLog,
-    ComparisonDesign,
-    ComparisonTrial,
-    RatingDesign,
-    RatingTrial,
-)
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import (
     AllowanceSection,
@@ -117,6 +109,32 @@ class RecordKind:
         return tuple(self.patterns.split())
 
 
+def _designs(tasks: Iterable[str]) -> tuple[RecordKind, ...]:
+    """Return the kinds of the designs of tasks; the names of ramp designs have no task in them."""
+    names = "design.toml *.design.toml"
+    return tuple(
+        RecordKind(
+            TASKS[task].design,
+            _TOML,
+            names if task == "ramp" else f"{names} *.{task}.design.toml",
+            "an experimenter",
+        )
+        for task in tasks
+    )
+
+
+def _trials(tasks: Iterable[str]) -> tuple[RecordKind, ...]:
+    """Return the kinds of the trials and frames of tasks; several may have the same kind of frames."""
+    writers: dict[tuple[type[Any], str], list[str]] = {}
+    for task in tasks:
+        for record, name in ((TASKS[task].trial, "trials.jsonl"), (TASKS[task].frames, "frames.jsonl")):
+            writers.setdefault((record, name), []).append(f"`{task}`")
+    return tuple(
+        RecordKind(record, _LINES, name, f"the experiment{'s' * (len(of) > 1)} {' and '.join(of)}")
+        for (record, name), of in writers.items()
+    )
+
+
 # Of several that a name fits equally well, the keys tell which it is; the first, if they tell nothing.
 KINDS = (
     RecordKind(Display, _TOML, "display.toml *.display.toml", "a luminance sweep, or by hand"),
@@ -124,19 +142,8 @@ KINDS = (
     RecordKind(ContrastModel, _TOML, "contrast_model.toml *.contrast_model.toml", "a researcher"),
     RecordKind(Rig, _TOML, "rig.toml *.rig.toml", "an experimenter"),
     RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment"),
-    RecordKind(RampDesign, _TOML, "design.toml *.design.toml", "an experimenter"),
-    RecordKind(RatingDesign, _TOML, "design.toml *.design.toml *.rating.design.toml", "an experimenter"),
-    RecordKind(
-        ComparisonDesign, _TOML, "design.toml *.design.toml *.comparison.design.toml", "an experimenter"
-    ),
-    RecordKind(SearchDesign, _TOML, "design.toml *.design.toml *.search.design.toml", "an experimenter"),
-    RecordKind(RampTrial, _LINES, "trials.jsonl", "the experiment `ramp`"),
-    RecordKind(FrameLog, _LINES, "frames.jsonl", "an experiment with a window"),
-    RecordKind(RatingTrial, _LINES, "trials.jsonl", "the experiment `rating`"),
-    RecordKind(ComparisonTrial, _LINES, "trials.jsonl", "the experiment `comparison`"),
-    RecordKind(ClipLog, _LINES, "frames.jsonl", "the experiments `rating` and `comparison`"),
-    RecordKind(SearchTrial, _LINES, "trials.jsonl", "the experiment `search`"),
-    RecordKind(ViewLog, _LINES, "frames.jsonl", "the experiment `search`"),
+    *_designs(BUILT_IN_TASKS),
+    *_trials(BUILT_IN_TASKS),
     RecordKind(SessionEvent, _LINES, "events.jsonl", "an experiment"),
     RecordKind(Threshold, _CSV, "thresholds.csv", "`evenlight fit`"),
     RecordKind(RateLimit, _JSON, "rate_limit.json *.rate_limit.json", "`evenlight fit`"),
@@ -195,17 +202,16 @@ KINDS = (
     ),
 )
 KIND_OF: dict[type[Any], RecordKind] = {kind.record: kind for kind in KINDS}
-# The kind of the lines of trials.jsonl, frames.jsonl and readings.jsonl, by the manifest's task.
-TRIALS_OF_TASK = {
-    "ramp": KIND_OF[RampTrial],
-    "rating": KIND_OF[RatingTrial],
-    "comparison": KIND_OF[ComparisonTrial],
-    "search": KIND_OF[SearchTrial],
-}
-FRAMES_OF_TASK = {
-    "ramp": KIND_OF[FrameLog],
-    "rating": KIND_OF[ClipLog],
-    "comparison": KIND_OF[ClipLog],
-    "search": KIND_OF[ViewLog],
-}
+# The kind of the lines of readings.jsonl, by the manifest's task.
 READINGS_OF_SWEEP = {"luminance-sweep": KIND_OF[LuminanceReading], "power-sweep": KIND_OF[PowerReading]}
+
+
+def known_kinds() -> tuple[RecordKind, ...]:
+    """Return all kinds of file: those of Evenlight, and those of registered tasks."""
+    others = [task for task in TASKS if task not in BUILT_IN_TASKS]
+    return KINDS + tuple(kind for kind in (*_designs(others), *_trials(others)) if kind.record not in KIND_OF)
+
+
+def kind_of(record: type[Any] | None) -> RecordKind | None:
+    """Return the kind of file that holds a record, None if there is none."""
+    return next((kind for kind in known_kinds() if kind.record is record), None)

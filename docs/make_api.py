@@ -19,13 +19,14 @@ GROUPS = {
     "A brightness track": ("optimize", "Track", "load", "loss_curves", "LossCurves", "frame_loss"),
     "Online": ("OnlineController",),
     "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
+    "Viewing tasks": ("register_task", "ViewingTaskDeclaration"),
     "Errors": ("InputError",),
 }  # fmt: skip
 HEAD = """# The Python interface
 
 `import evenlight` gives these names; each is loaded when it is first used. Quantities are in cd/m², s, Hz, W,
 degrees and cycles per degree; arrays are NumPy's, tables are pandas'. Bad input raises `InputError`, with one
-line that says what was wrong, what was got, and what would be right. Three short scripts stand in
+line that says what was wrong, what was got, and what would be right. Scripts that use it stand in
 [examples/](../examples/). This page is generated from the docstrings (`python docs/make_api.py`).
 """
 

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from evenlight.data_schema.tracks.loss_curves import LossCurves
     from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
     from evenlight.online import OnlineController
-    from evenlight.stimuli.open_video import open_video
+    from evenlight.stimuli.sequences import open_video
     from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
     from evenlight.track import Track, frame_loss, load, loss_curves, optimize
+    from evenlight.viewing_task import ViewingTaskDeclaration, register_task
 
 # In the order of docs/api.md: what goes in, a track, online, data.
 _PLACES = {
-    "open_video": "evenlight.stimuli.open_video",
+    "open_video": "evenlight.stimuli.sequences",
     "Frame": "evenlight.data_schema.frame",
     "Display": "evenlight.data_schema.display",
     "PowerModel": "evenlight.data_schema.power_model",
@@ -46,13 +47,15 @@ _PLACES = {
     "RampFit": "evenlight.tables",
     "analyze": "evenlight.tables",
     "Analysis": "evenlight.tables",
+    "register_task": "evenlight.viewing_task",
+    "ViewingTaskDeclaration": "evenlight.viewing_task",
     "InputError": "evenlight.data_schema.errors",
 }
 __all__ = [
     "Analysis", "Display", "Frame", "InputError", "LossCurves", "OnlineController", "PowerModel", "RampFit",
-    "RateLimit", "Track",
+    "RateLimit", "Track", "ViewingTaskDeclaration",
     "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
-    "loss_curves", "open_video", "optimize",
+    "loss_curves", "open_video", "optimize", "register_task",
 ]  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, NoReturn, cast
 
 import typer
 
@@ -31,6 +31,7 @@ from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.stimuli import commands as stimuli_commands
+from evenlight.viewing_task import load_tasks
 
 if TYPE_CHECKING:
     from evenlight.analysis.plans.ramp_plan_pool import TrueThresholds
@@ -48,7 +49,8 @@ INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the
 DATASET = "dataset"  # the demo's
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
-UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
+UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
+TASK_COMMANDS = ("run", "simulate", "validate", "analyze", "export")  # they know tasks from elsewhere
 
 
 @app.callback(invoke_without_command=True)
@@ -63,6 +65,8 @@ def start(
         typer.echo(f"evenlight {metadata.version('evenlight')}")
     elif context.invoked_subcommand is None:
         typer.echo(context.get_help())
+    elif context.invoked_subcommand in TASK_COMMANDS:
+        load_tasks()
 
 
 def _simulated_ramps(
@@ -83,7 +87,7 @@ def _ramp_design(name_or_path: str) -> RampDesign:
 
 def _fit_sweep(folder: Path) -> list[str]:
     """Write the results of a sweep into its folder, and return what is to be said of them."""
-    from evenlight.analysis.measurement.sweeps.sweep_results import fit_sweep
+    from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
 
     return fit_sweep(folder, folder)
 
@@ -170,7 +174,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 class _Terminated(BaseException):
-    """Somebody asked the process to end; like an interruption, it is no error that a program handles."""
+    """Someone asked the process to end; like an interruption, it is no error that a program handles."""
 
 
 @contextmanager
@@ -196,7 +200,7 @@ def _termination_raised() -> Iterator[None]:
             signal.signal(end, handler or signal.SIG_DFL)
 
 
-def _usage(error: Any) -> str:
+def _usage(error: typer.BadParameter) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
     return f"{error.format_message().rstrip('.')}; see {where} --help"

@@ -23,7 +23,7 @@ from evenlight.method.preset_files import (
     load_rate_limit,
 )
 from evenlight.method.rate_limit import require_same_display
-from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource
 
 Named = str | PathLike[str]

@@ -19,7 +19,7 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.inputs import contrast_model_of, display_of, power_model_of, rate_limit_of
 from evenlight.method.choices import LimitCurve
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.frame_analysis import FrameLight
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.online.controller import (
@@ -29,8 +29,15 @@ from evenlight.method.online.controller import (
     FrameMeasurement,
     SteeredTarget,
 )
-from evenlight.method.online.frame_costs import ContentCosts, FrameCost, first_factor
-from evenlight.method.online.governor import HORIZON, GovernorSettings, GovernorState, governor_of
+from evenlight.method.online.governor import (
+    HORIZON,
+    ContentCosts,
+    FrameCost,
+    GovernorSettings,
+    GovernorState,
+    first_factor,
+    governor_of,
+)
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import scalar_rate_limit
 

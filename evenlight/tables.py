@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_files import write_calibration
+from evenlight.analysis.calibration.fit_report import write_calibration
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.dataset_findings import DEFAULT_SLOWING, AnalysisOptions, task_findings
 from evenlight.analysis.findings import Findings, write_findings
@@ -25,16 +25,13 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import RampTrial
-from evenlight.data_schema.recordings.search import SearchTrial
-from evenlight.data_schema.recordings.viewing import ComparisonTrial, RatingTrial
+from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.inputs import Named, display_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-Trial = TypeVar("Trial", RampTrial, RatingTrial, ComparisonTrial, SearchTrial)
-TRIALS: dict[str, type[Any]] = {"rating": RatingTrial, "comparison": ComparisonTrial, "search": SearchTrial}
 # Columns that statistics do not read, and that another laboratory's table need not have.
 NOT_READ: dict[str, dict[str, Any]] = {
     "rating": {"repetition": 1, "mean_factor": 1.0},
@@ -188,7 +185,7 @@ def analyze(
         "second"). Searches: `keypoint`, `version`, `factor` (brightness factor there), `found`,
         `search_time_s`; optional `time_limit_s` (30), `ring_orientation_deg` and `reported_orientation_deg`.
         Other columns of `trials.tsv` may be there.
-    task : {"rating", "comparison", "search"}, optional
+    task : {"rating", "comparison", "search"} or a registered task, optional
         Else the columns tell.
     simulated : bool
         Whether simulated participants answered.
@@ -210,15 +207,15 @@ def analyze(
     """
     rows = _rows_of(table, ("participant_id", "sequence"))
     task = task or _task_of(rows[0])
-    if task not in TRIALS:
-        raise InputError(f"task must be one of {', '.join(TRIALS)}, got {task!r}")
+    viewing = {name: records.trial for name, records in TASKS.items() if name != "ramp"}
+    if task not in viewing:
+        raise InputError(f"task must be one of {', '.join(viewing)}, got {task!r}")
     if task == "rating":
         rows = _with_places(rows)
     if task == "search" and not any("reported_orientation_deg" in row for row in rows):
         rows = [row | {"reported_orientation_deg": 0 if row.get("found") else None} for row in rows]
-    trials = [
-        _record(TRIALS[task], row, number, NOT_READ[task], simulated) for number, row in enumerate(rows)
-    ]
+    cls, defaults = viewing[task], NOT_READ.get(task, {})
+    trials = [_record(cls, row, number, defaults, simulated) for number, row in enumerate(rows)]
     options = AnalysisOptions(seed=seed, margin=margin, slowing=slowing)
     return Analysis(task_findings(task_data_of(task, trials, simulated), options))
 
@@ -240,8 +237,8 @@ def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
 
 
 def _record(
-    cls: type[Trial], row: dict[str, Any], number: int, defaults: Mapping[str, Any], simulated: bool
-) -> Trial:
+    cls: type[Any], row: dict[str, Any], number: int, defaults: Mapping[str, Any], simulated: bool
+) -> Any:
     """Return the trial of a row; what is not in it and not needed has a default."""
     known = {file_key(field): field for field in dataclasses.fields(cls)}
     required = {

@@ -33,6 +33,8 @@ class Purpose(enum.IntEnum):
     RATINGS = 23
     COMPARISONS = 24
     SEARCHES = 25
+    VIEWER = 26  # of a task from elsewhere
+    VIEWERS_ANSWERS = 27
 
 
 def generator_for(seed: int, order_index: int, purpose: Purpose, *key: int) -> np.random.Generator:

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import RampDesign
-from evenlight.data_schema.recordings.session import DESIGN_OF_TASK, Design
+from evenlight.data_schema.recordings.session import TASKS, Design
 from evenlight.data_schema.recordings.sweep import DESIGN_OF_SWEEP, SweepDesign
 from evenlight.data_schema.storage.text_files import read_toml_record
 
@@ -30,13 +30,14 @@ def load_design(name_or_path: str) -> RampDesign:
     return cast(RampDesign, load_task_design("ramp", name_or_path))
 
 
-def load_task_design(task: str, name_or_path: str) -> Design:
-    """Return the design of a preset, or of a toml file, for a task; errors as `load_design`.
+def load_task_design(task: str, name_or_path: str | None) -> Design:
+    """Return the design of a preset, or of a toml file, for a task, None for its default; errors as there.
 
     >>> load_task_design("search", "paper").ring_gap
     10.0
     """
-    return cast(Design, _load(DESIGN_OF_TASK[task], task, name_or_path))
+    cls = TASKS[task].design
+    return cast(Design, cls() if name_or_path is None else _load(cls, task, name_or_path))
 
 
 def _load(cls: type[Any], task: str, name_or_path: str) -> Any:
@@ -48,9 +49,8 @@ def _load(cls: type[Any], task: str, name_or_path: str) -> Any:
     if not path.exists():
         hint = difflib.get_close_matches(name_or_path, known, n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""
-        raise InputError(
-            f"{name_or_path}: no such design; {guess}give a preset ({', '.join(known)}) or a toml file"
-        )
+        preset = f"a preset ({', '.join(known)}) or " if known else ""
+        raise InputError(f"{name_or_path}: no such design; {guess}give {preset}a toml file")
     return read_toml_record(cls, path)
 
 

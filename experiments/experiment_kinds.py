@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_observer import ramp_answers
 from evenlight.experiments.ramp.ramp_task import ramp_task
 from evenlight.experiments.sessions.task import AnswersOf, SessionSetting, Task
+from evenlight.experiments.viewing.comparison_observer import comparison_viewing
 from evenlight.experiments.viewing.comparison_task import ComparisonTask
+from evenlight.experiments.viewing.rating_observer import rating_viewing
 from evenlight.experiments.viewing.rating_task import RatingTask
+from evenlight.experiments.viewing.ring_views import search_viewing
 from evenlight.experiments.viewing.search_task import SearchTask
-from evenlight.experiments.viewing.simulated_viewers import viewing_answers
+from evenlight.experiments.viewing.simulated_viewers import OpenViewing, viewing_answers
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,35 +25,32 @@ class Experiment:
 
     Attributes
     ----------
+    title : str
+        What it is, in the name of a simulated data set.
     task : callable
         Makes its task in a setting.
-    answers : callable
-        Makes the answers of a simulated observer in a setting, drawn by a generator.
+    viewing : callable or None
+        Opens what its simulated observers see in a setting; None for ramps, whose observers are others.
     shows_videos : bool
         Whether the videos of its sequences are shown.
+    pages : mapping of str to mapping of str to str
+        By language: pages that do not lie in `pages/`, by their names.
     """
 
+    title: str
     task: Callable[[SessionSetting], Task]
-    answers: Callable[[SessionSetting, np.random.Generator], AnswersOf]
-    shows_videos: bool = False
-
-    @staticmethod
-    def sequences(design: Any) -> tuple[str, ...]:
-        """Return the sequences of a design; none where no video or scene is shown."""
-        return tuple(getattr(design, "sequences", ()))
+    viewing: OpenViewing | None
+    shows_videos: bool = True
+    pages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-_EXPERIMENTS = {
-    "ramp": Experiment(ramp_task, ramp_answers),
-    "rating": Experiment(RatingTask, viewing_answers, shows_videos=True),
-    "comparison": Experiment(ComparisonTask, viewing_answers, shows_videos=True),
-    "search": Experiment(SearchTask, viewing_answers),
+# By the names of `data_schema.recordings.session.TASKS`.
+EXPERIMENTS = {
+    "ramp": Experiment("ramp sessions", ramp_task, None, shows_videos=False),
+    "rating": Experiment("detail rating", RatingTask, rating_viewing),
+    "comparison": Experiment("artifact comparison", ComparisonTask, comparison_viewing),
+    "search": Experiment("Landolt-ring search", SearchTask, search_viewing, shows_videos=False),
 }
-
-
-def experiment(name: str) -> Experiment:
-    """Return an experiment by its name, a key of `data_schema.session.DESIGN_OF_TASK`."""
-    return _EXPERIMENTS[name]
 
 
 def simulated_answers(setting: SessionSetting) -> AnswersOf:
@@ -68,4 +65,6 @@ def simulated_answers(setting: SessionSetting) -> AnswersOf:
         If something that the observer sees cannot be had.
     """
     who = int(sha256_of_bytes(setting.manifest.participant_id.encode())[:12], 16)
-    return experiment(setting.manifest.task).answers(setting, generator_for(who, 0, Purpose.PERSON))
+    chance = generator_for(who, 0, Purpose.PERSON)
+    open_viewing = EXPERIMENTS[setting.manifest.task].viewing
+    return viewing_answers(open_viewing, setting, chance) if open_viewing else ramp_answers(setting, chance)

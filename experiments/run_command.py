@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from evenlight.experiments.sessions.conduct_session import SessionProgress
     from evenlight.experiments.sweeps.run_sweep import SweepRequest
 
-EXPERIMENTS = ("ramp", "rating", "comparison", "search")
 SWEEPS = ("luminance-sweep", "power-sweep")
-TASKS = (*EXPERIMENTS, *SWEEPS)
 ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
@@ -43,7 +41,8 @@ def run(
     task: Annotated[
         str,
         typer.Argument(
-            help="Experiment: ramp, rating, comparison, search; or luminance-sweep, power-sweep of a display."
+            help="Experiment: ramp, rating, comparison, search, or one of your own; or luminance-sweep, "
+            "power-sweep of a display."
         ),
     ],
     session: Annotated[str, typer.Option(help="Session: letters and digits, e.g. 01.")],
@@ -86,8 +85,11 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
 ) -> Path | None:
     """Run one session of an experiment with a participant, or a sweep of a display, or rehearse it."""
-    if task not in TASKS:
-        raise InputError(f"task {task!r} cannot be run; there is {', '.join(map(repr, TASKS))}")
+    from evenlight.data_schema.recordings.session import TASKS
+
+    known = (*TASKS, *SWEEPS)
+    if task not in known:
+        raise InputError(f"task {task!r} cannot be run; there is {', '.join(map(repr, known))}")
     if participant is None and task not in SWEEPS:
         raise InputError(f"--participant is missing: the task {task} is a session with one, such as 01")
     for option, value in (("--participant", participant), ("--session", session)):
@@ -103,6 +105,7 @@ def run(
         raise InputError("--screenshots needs a window, which --simulate data does not open")
     from evenlight.experiments.calibration_age import require_young
     from evenlight.experiments.design_files import load_sweep_design, load_task_design
+    from evenlight.experiments.experiment_kinds import EXPERIMENTS
     from evenlight.experiments.run_session import SessionRequest
     from evenlight.experiments.sessions.pages import load_pages
     from evenlight.experiments.sessions.staging import Staging
@@ -152,7 +155,7 @@ def run(
         rig=loaded,
         display=display,
         design=load_task_design(task, design) if design else None,
-        pages=load_pages(language or loaded.language, pages),
+        pages=load_pages(language or loaded.language, pages, EXPERIMENTS[task].pages),
         staging=staging,
         seed=seed,
         resume=resume,

@@ -15,14 +15,14 @@ from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sh
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS, session_folder
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import (
-    DESIGN_OF_TASK,
+    TASKS,
     Design,
     EventKind,
     SessionManifest,
     SessionStatus,
 )
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.experiments.experiment_kinds import experiment, simulated_answers
+from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
 from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
 from evenlight.experiments.sessions.dataset import enrol
 from evenlight.experiments.sessions.pages import Pages
@@ -126,12 +126,12 @@ def run_session(
         display, design, stimuli, seed or kind of participant; if something cannot be shown on the display.
     """
     began = _began(request) if request.resume else None
-    design = began.design if began else request.design or DESIGN_OF_TASK[request.task]()
+    design = began.design if began else request.design or TASKS[request.task].design()
     stimuli = _stimuli(request, design)
     manifest = began or _new_manifest(request, design, stimuli)
     _refuse_other_than_began(request, manifest, stimuli)
     setting = SessionSetting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
-    make_task = experiment(request.task).task
+    make_task = EXPERIMENTS[request.task].task
     task = make_task(setting)
     simulated = simulated_answers(setting) if request.staging.simulated else None
     with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
@@ -153,8 +153,7 @@ def run_session(
 
 def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, ...]:
     """Return the sequences of a viewing experiment; none of a ramp session."""
-    kind = experiment(request.task)
-    names = kind.sequences(design)
+    names = tuple(getattr(design, "sequences", ()))
     if names and request.stimuli is None:
         raise InputError(
             f"--stimuli is missing: the task {request.task} needs a folder with {', '.join(names)}, "
@@ -164,9 +163,10 @@ def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, .
         raise InputError(f"--stimuli is for the viewing experiments; the task {request.task} has none")
     if request.stimuli is None:
         return ()
-    shown = kind.shows_videos and request.staging.simulation != "data"
+    shows_videos = EXPERIMENTS[request.task].shows_videos
+    shown = shows_videos and request.staging.simulation != "data"
     stimuli = load_stimuli(request.stimuli, names, request.display, with_video=shown)
-    return stimuli if kind.shows_videos else as_searched(stimuli)
+    return stimuli if shows_videos else as_searched(stimuli)
 
 
 def _new_manifest(
@@ -261,7 +261,7 @@ def _opened(request: SessionRequest, manifest: SessionManifest, setting: Session
     # Another order in the next session of the same participant, too; other experiments have their own orders.
     earlier = _sessions_of_task(request.dataset / f"sub-{request.participant_id}", request.task)
     manifest = dataclasses.replace(manifest, order_index=place + earlier)
-    task = experiment(request.task).task(dataclasses.replace(setting, manifest=manifest))
+    task = EXPERIMENTS[request.task].task(dataclasses.replace(setting, manifest=manifest))
     return begin_session(request.dataset, dataclasses.replace(manifest, n_trials=task.n_trials), utc)
 
 

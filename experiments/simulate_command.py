@@ -11,19 +11,20 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 
-SIMULATED_TASKS = ("ramp", "rating", "comparison", "search")
 MAX_PARTICIPANTS = 9999
 
 
 def simulate(
-    task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
+    task: Annotated[
+        str, typer.Argument(help="Experiment: ramp, rating, comparison, search, or one of your own.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the data set to be made.")],
     participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
     display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
     design: Annotated[
-        str, typer.Option(help="Design: a preset (paper, quick, ...) or a toml file.")
-    ] = "paper",
+        str | None, typer.Option(help="Design: a preset (paper, quick, ...) or a toml file; default paper.")
+    ] = None,
     stimuli: Annotated[
         Path | None,
         typer.Option(help="Folder with a track for each sequence of a viewing experiment."),
@@ -31,17 +32,17 @@ def simulate(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
 ) -> None:
     """Simulate many participants of an experiment at once, without a window."""
-    if task not in SIMULATED_TASKS:
-        raise InputError(
-            f"task {task!r} cannot be simulated; there is {', '.join(map(repr, SIMULATED_TASKS))}"
-        )
+    from evenlight.data_schema.recordings.session import TASKS
+
+    if task not in TASKS:
+        raise InputError(f"task {task!r} cannot be simulated; there is {', '.join(map(repr, TASKS))}")
     if not 1 <= participants <= MAX_PARTICIPANTS:
         raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
     require_seed(seed)
     if (task == "ramp") == (stimuli is not None):
         raise InputError(
-            f"--stimuli goes with rating, comparison and search, which need it; got the task {task} "
-            f"{'with' if stimuli else 'without'} it"
+            f"--stimuli goes with {', '.join(list(TASKS)[1:-1])} and {list(TASKS)[-1]}, which need it; got "
+            f"the task {task} {'with' if stimuli else 'without'} it"
         )
     from rich.console import Console
     from rich.progress import Progress
@@ -60,7 +61,7 @@ def simulate(
 Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set, and reports who is done
 
 
-def _ramps(participants: int, seed: int, display: str, design: str) -> Simulation:
+def _ramps(participants: int, seed: int, display: str, design: str | None) -> Simulation:
     """Return the simulation of ramp sessions."""
     from evenlight.experiments.design_files import load_design
     from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
@@ -71,18 +72,18 @@ def _ramps(participants: int, seed: int, display: str, design: str) -> Simulatio
         participants=participants,
         seed=seed,
         display=load_display(display),
-        design=load_design(design),
+        design=load_design(design or "paper"),
         limit=load_rate_limit("surace2025"),
         population=ObserverPopulation(),
     )
     return lambda out, report: simulate_dataset(simulation, out, report)
 
 
-def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str], Simulation]:
+def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str | None], Simulation]:
     """Return what makes the simulation of a viewing experiment on some stimuli."""
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
 
-    def simulation(participants: int, seed: int, display: str, design: str) -> Simulation:
+    def simulation(participants: int, seed: int, display: str, design: str | None) -> Simulation:
         loaded = load_simulation(task, stimuli, (participants, seed), display, design)
         return lambda out, report: simulate_viewing(loaded, out, report)
 

@@ -20,9 +20,9 @@ from evenlight.data_schema.recordings.viewing import Stimulus, Version
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
-from evenlight.experiments.playback.video_and_track import require_fit
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.rings.place_files import ring_places, search_sha256
+from evenlight.experiments.playback.clip_feeds import require_fit
+from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
+from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"

@@ -25,17 +25,10 @@ LOOKED_AT = 200  # settings of a device, for its widest step of luminance
 
 @dataclass(frozen=True, slots=True)
 class BacklightCurve:
-    """What a backlight makes of the factors that it is set to; both rise.
+    """What a backlight makes of the factors that it is set to; both rise."""
 
-    Attributes
-    ----------
-    factors : tuple of float
-        Factors that the device had taken, in (0, 1]; the last is 1.
-    luminances : tuple of float
-        What the backlight made of the white screen then, without reflected light [cd/m^2], or its share.
-    """
-
-    factors: tuple[float, ...]
+    factors: tuple[float, ...]  # factors that the device had taken, in (0, 1]; the last is 1
+    # what the backlight made of the white screen then, without reflected light [cd/m^2], or its share
     luminances: tuple[float, ...]
 
     def __post_init__(self) -> None:

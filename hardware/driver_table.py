@@ -33,46 +33,24 @@ class LinkKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver: its place, the emulated instrument to try it on, and what `measure list` says of it.
+    """A driver: its place, the emulated instrument to try it on, and what `measure list` says of it."""
 
-    Attributes
-    ----------
-    place : str
-        Module and class in `evenlight.hardware`, as "drivers.power_board:BoardPowerMeter"; empty where the
-        name opens no device.
-    instrument : str
-        What it drives; a driver without it is not listed.
-    address : str
-        The form of its address, e.g. "ls100:PORT".
-    settings : str
-        Of the line and of the instrument, in words.
-    note : str
-        What else to know: an extra or a program to install, what is not confirmed.
-    usb_ids : tuple of (int, int)
-        Vendor and product numbers that the instrument has on USB, where they are known.
-    emulator : str
-        Module and class of the emulated instrument; empty where there is none.
-    link : LinkKind
-        How the driver reaches that.
-    emulated_address : str
-        Of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it.
-    on_link : str
-        Module and function that open the driver on an emulated instrument, where its class does not.
-    needs_address : bool
-        Whether the driver needs to know where the instrument is.
-    """
-
+    # module and class in `evenlight.hardware`, as "drivers.power_board:BoardPowerMeter"; empty where the name
+    # opens no device
     place: str
-    instrument: str = ""
-    address: str = ""
-    settings: str = ""
-    note: str = ""
+    instrument: str = ""  # what it drives; a driver without it is not listed
+    address: str = ""  # the form of its address, e.g. "ls100:PORT"
+    settings: str = ""  # of the line and of the instrument, in words
+    note: str = ""  # what else to know: an extra or a program to install, what is not confirmed
+    # vendor and product numbers that the instrument has on USB, where they are known
     usb_ids: tuple[tuple[int, int], ...] = ()
-    emulator: str = ""
-    link: LinkKind = LinkKind.SOCKET
+    emulator: str = ""  # module and class of the emulated instrument; empty where there is none
+    link: LinkKind = LinkKind.SOCKET  # how the driver reaches that
+    # of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it
     emulated_address: str = "{url}"
+    # module and function that open the driver on an emulated instrument, where its class does not
     on_link: str = ""
-    needs_address: bool = True
+    needs_address: bool = True  # whether the driver needs to know where the instrument is
 
     def load(self) -> Any:
         """Return the class of the driver."""
@@ -116,61 +94,45 @@ BOARD = "board"  # one link, which a power meter and a backlight share
 NO_BACKLIGHT = "none"
 REMOTE_7E2 = "4800 baud, 7 data bits, even parity, 2 stop bits; hold F while switching it on"
 PHOTO_RESEARCH = "9600 baud, 8N1"
-EMULATED_METERS = "emulators.luminance_meters"
+
+
+def _spot_meter(name: str, place: str, instrument: str, settings: str, **more: Any) -> Driver:
+    """Return a luminance meter at a serial port; its emulated one is named after its class."""
+    emulator = f"emulators.luminance_meters:Emulated{place.partition(':')[2]}"
+    return Driver(place, instrument, f"{name}:PORT", settings, emulator=emulator, **more)
+
 
 LUMINANCE_METERS = {
-    "ls100": Driver(
-        "drivers.konica_minolta:Ls100",
-        "Konica Minolta LS-100",
-        "ls100:PORT",
-        REMOTE_7E2,
-        emulator=f"{EMULATED_METERS}:EmulatedLs100",
-    ),
-    "ls110": Driver(
-        "drivers.konica_minolta:Ls110",
-        "Konica Minolta LS-110",
-        "ls110:PORT",
-        REMOTE_7E2,
-        emulator=f"{EMULATED_METERS}:EmulatedLs110",
-    ),
-    "cs100a": Driver(
-        "drivers.konica_minolta:Cs100a",
-        "Konica Minolta CS-100A",
-        "cs100a:PORT",
-        REMOTE_7E2,
-        emulator=f"{EMULATED_METERS}:EmulatedCs100a",
-    ),
-    "pr655": Driver(
+    "ls100": _spot_meter("ls100", "drivers.konica_minolta:Ls100", "Konica Minolta LS-100", REMOTE_7E2),
+    "ls110": _spot_meter("ls110", "drivers.konica_minolta:Ls110", "Konica Minolta LS-110", REMOTE_7E2),
+    "cs100a": _spot_meter("cs100a", "drivers.konica_minolta:Cs100a", "Konica Minolta CS-100A", REMOTE_7E2),
+    "pr655": _spot_meter(
+        "pr655",
         "drivers.photo_research:Pr655",
         "Photo Research PR-655",
-        "pr655:PORT",
         PHOTO_RESEARCH,
-        emulator=f"{EMULATED_METERS}:EmulatedPr655",
         link=LinkKind.TERMINAL,
     ),
-    "pr670": Driver(
+    "pr670": _spot_meter(
+        "pr670",
         "drivers.photo_research:Pr670",
         "Photo Research PR-670",
-        "pr670:PORT",
         PHOTO_RESEARCH,
-        emulator=f"{EMULATED_METERS}:EmulatedPr670",
         link=LinkKind.TERMINAL,
     ),
-    "pr650": Driver(
+    "pr650": _spot_meter(
+        "pr650",
         "drivers.photo_research:Pr650",
         "Photo Research PR-650",
-        "pr650:PORT",
         f"{PHOTO_RESEARCH}; switch it off and on, and connect within 5 s",
-        emulator=f"{EMULATED_METERS}:EmulatedPr650",
         link=LinkKind.TERMINAL,
     ),
-    "colorcal": Driver(
+    "colorcal": _spot_meter(
+        "colorcal",
         "drivers.colorcal:ColorCal",
         "CRS ColorCAL II",
-        "colorcal:PORT",
         "USB, any baud rate; its zero is set with the sensor covered",
         usb_ids=((0x0861, 0x1001),),  # 2145, 4097
-        emulator=f"{EMULATED_METERS}:EmulatedColorCal",
         link=LinkKind.TERMINAL,
     ),
     "spotread": Driver(
@@ -221,7 +183,7 @@ POWER_METERS = {
         "hwmon:NAME or hwmon:FOLDER, e.g. hwmon:ina226; hwmon:NAME?channel=2",
         "files under /sys; as fast as the sensor's update_interval, at most 1000 Hz",
         "samples carry the computer's time; no sync input",
-        emulator="emulators.hwmon:HwmonEmulator",
+        emulator="emulators.power_meters:HwmonEmulator",
         link=LinkKind.OWN,
     ),
     "ppk2": Driver(
@@ -231,7 +193,7 @@ POWER_METERS = {
         "USB; 100 kHz, averaged to the rate asked for, 10 Hz to 10 kHz; frame line on D0",
         "needs the extra: pip install 'evenlight[instruments]' (ppk2-api, GPLv2)",
         usb_ids=((0x1915, 0xC00A),),
-        emulator="emulators.ppk2:Ppk2Emulator",
+        emulator="emulators.power_meters:Ppk2Emulator",
         link=LinkKind.TERMINAL,
         emulated_address="{url}?voltage=5.0",
     ),
@@ -241,7 +203,7 @@ POWER_METERS = {
         "scpi:HOST:PORT, scpi:HOST (port 5025) or scpi:/dev/ttyUSB0; ?voltage=5.0 for an ammeter",
         "raw socket, or 9600 8N1; MEAS:POW?, else MEAS:VOLT? times MEAS:CURR?",
         "samples carry the computer's time; as fast as the instrument answers",
-        emulator="emulators.scpi_instrument:ScpiEmulator",
+        emulator="emulators.power_meters:ScpiEmulator",
         emulated_address="{host}:{port}",
     ),
     "visa": Driver(
@@ -250,7 +212,7 @@ POWER_METERS = {
         "visa:RESOURCE, e.g. visa:USB0::0x2A8D::0x1301::MY1::INSTR; ?voltage=5.0 for an ammeter",
         "those of the resource",
         "needs the extra: pip install 'evenlight[instruments]' (pyvisa, pyvisa-py)",
-        emulator="emulators.scpi_instrument:ScpiEmulator",
+        emulator="emulators.power_meters:ScpiEmulator",
         emulated_address="TCPIP::{host}::{port}::SOCKET",
     ),
     SIMULATED: Driver("simulated.power_meter:SimulatedPowerMeter", needs_address=False),
@@ -293,24 +255,12 @@ BACKLIGHTS = {
 
 @dataclass(frozen=True, slots=True)
 class NamedDriver:
-    """What the name of an instrument says.
+    """What the name of an instrument says."""
 
-    Attributes
-    ----------
-    name : str
-        Of the driver.
-    driver : Driver
-        Where it is.
-    address : str
-        Of the instrument.
-    emulated : bool
-        Whether the instrument is an emulated one.
-    """
-
-    name: str
-    driver: Driver
-    address: str
-    emulated: bool
+    name: str  # of the driver
+    driver: Driver  # where it is
+    address: str  # of the instrument
+    emulated: bool  # whether the instrument is an emulated one
 
 
 def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDriver:

@@ -27,24 +27,12 @@ UNDER_RANGE = "u"
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """One reading of the table.
+    """One reading of the table."""
 
-    Attributes
-    ----------
-    line : int
-        Of the file.
-    pixel_value : float
-        L' that was shown.
-    factor : float or None
-        Brightness factor b of the white screen; None at full brightness.
-    luminance : float or None
-        What the meter showed [cd/m^2]; None where it was too dark for it.
-    """
-
-    line: int
-    pixel_value: float
-    factor: float | None
-    luminance: float | None
+    line: int  # of the file
+    pixel_value: float  # L' that was shown
+    factor: float | None  # brightness factor b of the white screen; None at full brightness
+    luminance: float | None  # what the meter showed [cd/m^2]; None where it was too dark for it
 
 
 def luminance_readings_from_csv(path: Path) -> list[LuminanceReading]:

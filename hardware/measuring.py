@@ -36,24 +36,12 @@ OFF = PanelPhysics(peak_luminance=0.0, black_level=0.0, base_power=0.0, power_pe
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """Time, and what simulated instruments look at.
+    """Time, and what simulated instruments look at."""
 
-    Attributes
-    ----------
-    clock : callable
-        The computer's clock [s].
-    wait : callable
-        Waits for some time [s].
-    simulation : Simulation or None
-        A warm white panel; None where the instrument is a real one.
-    timed : bool
-        Whether time is the world's.
-    """
-
-    clock: Callable[[], float]
-    wait: Callable[[float], None]
-    simulation: Simulation | None
-    timed: bool
+    clock: Callable[[], float]  # the computer's clock [s]
+    wait: Callable[[float], None]  # waits for some time [s]
+    simulation: Simulation | None  # a warm white panel; None where the instrument is a real one
+    timed: bool  # whether time is the world's
 
     def utc(self) -> str:
         """Return the time of day; empty where time passes only while the program waits."""

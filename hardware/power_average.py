@@ -22,34 +22,20 @@ LOOSE_ENDS = 2.0  # samples that may be missing at the ends since start and stop
 
 @dataclass(frozen=True, slots=True)
 class PowerAverage:
-    """The mean power of a panel over some seconds.
+    """The mean power of a panel over some seconds."""
 
-    Attributes
-    ----------
-    power : float
-        Time-weighted mean [W].
-    power_sd : float
-        Standard deviation of the samples [W].
-    duration : float
-        From the first to the last sample, on the meter's clock [s].
-    n_samples, n_lost, n_duplicated : int
-        Samples that came, did not come, came more than once: by the meter's own count between those that
-        came, and by the time asked for before the first and after the last.
-    begun, ended : float
-        Right before the meter was started, and right after it was stopped, on the computer's clock [s].
-    status : str
-        What was wrong with it, in words; empty where nothing was.
-    """
-
-    power: float
-    power_sd: float
-    duration: float
+    power: float  # time-weighted mean [W]
+    power_sd: float  # standard deviation of the samples [W]
+    duration: float  # from the first to the last sample, on the meter's clock [s]
+    # samples that came, did not come, came more than once: by the meter's own count between those that came,
+    # and by the time asked for before the first and after the last
     n_samples: int
     n_lost: int
     n_duplicated: int
+    # right before the meter was started, and right after it was stopped, on the computer's clock [s]
     begun: float
     ended: float
-    status: str = ""
+    status: str = ""  # what was wrong with it, in words; empty where nothing was
 
 
 def average_power(

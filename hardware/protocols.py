@@ -51,44 +51,23 @@ class InstrumentError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One value that an instrument measured.
+    """One value that an instrument measured."""
 
-    Attributes
-    ----------
-    value : float
-        The value, as the instrument gave it: never clipped, never a stand-in for one that failed.
-    unit : str
-        Its unit: "cd/m^2" or "W".
-    begun, ended : float
-        Right before the instrument was asked, and right after it had answered, on the computer's clock [s].
-    status : str
-        The instrument's own word or code on the reading, e.g. "OK00".
-    chromaticity : (float, float) or None
-        CIE 1931 x and y, of instruments that measure them.
-    """
-
-    value: float
-    unit: str
+    value: float  # the value, as the instrument gave it: never clipped, never a stand-in for one that failed
+    unit: str  # its unit: "cd/m^2" or "W"
+    # right before the instrument was asked, and right after it had answered, on the computer's clock [s]
     begun: float
     ended: float
-    status: str = ""
-    chromaticity: tuple[float, float] | None = None
+    status: str = ""  # the instrument's own word or code on the reading, e.g. "OK00"
+    chromaticity: tuple[float, float] | None = None  # CIE 1931 x and y, of instruments that measure them
 
 
 @dataclass(frozen=True, slots=True)
 class KeyPress:
-    """A key that was pressed.
+    """A key that was pressed."""
 
-    Attributes
-    ----------
-    name : str
-        Its name, as in `data_schema.rig.Keys`.
-    time : float
-        When, on the clock of the window that the device belongs to [s].
-    """
-
-    name: str
-    time: float
+    name: str  # its name, as in `data_schema.rig.Keys`
+    time: float  # when, on the clock of the window that the device belongs to [s]
 
 
 class Window(Protocol):

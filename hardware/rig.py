@@ -85,23 +85,21 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
 def open_keyboard() -> ResponseDevice:
     """Return the computer's keyboard; the window must be open."""
-    from evenlight.hardware.presentation.psychopy_input import PsychoPyKeyboard
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyKeyboard
 
     return PsychoPyKeyboard()
 
 
 def open_pointer(window: Window) -> Pointer | None:
     """Return the computer's mouse as it moves over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.presentation.psychopy_input import PsychoPyPointer
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyPointer, PsychoPyWindow
 
     return PsychoPyPointer(window) if isinstance(window, PsychoPyWindow) else None
 
 
 def open_held_keys(window: Window) -> HeldKeys | None:
     """Return which keys are down over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.presentation.psychopy_input import PsychoPyHeldKeys
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
+    from evenlight.hardware.presentation.psychopy_window import PsychoPyHeldKeys, PsychoPyWindow
 
     return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
@@ -139,7 +137,7 @@ def open_luminance_meter(
         )
     named = named_driver(name, LUMINANCE_METERS, "luminance meter")
     if named.emulated:
-        from evenlight.hardware.emulators.emulated_devices import EmulatedLuminanceMeter
+        from evenlight.hardware.emulators.link import EmulatedLuminanceMeter
 
         return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -176,7 +174,7 @@ def open_power_meter(
     """
     named = named_driver(name, POWER_METERS, "power meter")
     if named.emulated:
-        from evenlight.hardware.emulators.emulated_devices import EmulatedPowerMeter
+        from evenlight.hardware.emulators.link import EmulatedPowerMeter
 
         return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -284,7 +282,7 @@ def _open_device(
         return None
     named = named_driver(rig.backlight, BACKLIGHTS, "backlight")
     if named.emulated:
-        from evenlight.hardware.emulators.emulated_devices import EmulatedBacklight
+        from evenlight.hardware.emulators.link import EmulatedBacklight
 
         return EmulatedBacklight(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
@@ -309,7 +307,7 @@ def _on_emulator(
     simulation = simulation or own_simulation(clock)
     if named.name != BOARD:
         return named.driver.open_emulated(clock, simulation)
-    from evenlight.hardware.emulators.emulated_devices import emulated_board
+    from evenlight.hardware.emulators.link import emulated_board
 
     # The link to an emulated board is closed with the board, after the last of its devices.
     return named.driver.load()(emulated_board(simulation, clock), clock), nullcontext()

@@ -32,18 +32,10 @@ _GROWTH = 3.0  # each stretch is so much longer than the one before; the first o
 
 @dataclass(frozen=True, slots=True)
 class ConeState:
-    """How far the cones of each pixel have adapted.
+    """How far the cones of each pixel have adapted."""
 
-    Attributes
-    ----------
-    adaptation_luminance : array, any shape
-        A, the luminance that neural adaptation has reached [cd/m^2].
-    unbleached_pigment : array, same shape
-        B, share of the pigment that is not bleached, in [0, 1].
-    """
-
-    adaptation_luminance: Array
-    unbleached_pigment: Array
+    adaptation_luminance: Array  # A, the luminance that neural adaptation has reached [cd/m^2]
+    unbleached_pigment: Array  # B, share of the pigment that is not bleached, in [0, 1]
 
 
 def half_saturation(adaptation_luminance: ArrayLike) -> Array:

@@ -40,22 +40,15 @@ class Device(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class AnalysisEffort:
-    """How much of a video is counted, on how many cores or on the graphics processor.
+    """How much of a video is counted, on how many cores or on the graphics processor."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Largest error of contrast loss, at the knots of its curve, that is accepted for not counting all bands
-        of every frame; with 0, all are counted.
-    jobs : int
-        How many frames are analysed at a time, each on a core of its own, beside the decoding of those that
-        follow; 0 for one on each core. The result is the same, byte for byte.
-    device : Device
-        What counts; the graphics processor counts all bands of every frame, whatever the tolerance.
-    """
-
+    # largest error of contrast loss, at the knots of its curve, that is accepted for not counting all bands
+    # of every frame; with 0, all are counted
     tolerance: float = 0.0
+    # how many frames are analysed at a time, each on a core of its own, beside the decoding of those that
+    # follow; 0 for one on each core. The result is the same, byte for byte.
     jobs: int = 1
+    # what counts; the graphics processor counts all bands of every frame, whatever the tolerance
     device: Device = Device.CPU
 
     def __post_init__(self) -> None:

@@ -28,23 +28,12 @@ class PsychometricFunction:
     ψ(x) = γ + (1 - γ - λ) F(x), x = ln(rate), F logistic. Its place is given by the rate at which ψ itself,
     asymptotes included, is 75 %: what the paper calls detected in 75 % of the trials
     (docs/decisions/threshold-definition.md).
-
-    Attributes
-    ----------
-    threshold : float
-        Rate at which P("yes") = 0.75 [cd/m^2/s].
-    width : float
-        ln(rate) between 5 % and 95 % of the rise.
-    guess_rate : float
-        γ, P("yes") with nothing to see; below 0.75.
-    lapse_rate : float
-        λ, P("no") with everything to see; below 0.25.
     """
 
-    threshold: float
-    width: float
-    guess_rate: float = 0.0
-    lapse_rate: float = 0.0
+    threshold: float  # rate at which P("yes") = 0.75 [cd/m^2/s]
+    width: float  # ln(rate) between 5 % and 95 % of the rise
+    guess_rate: float = 0.0  # γ, P("yes") with nothing to see; below 0.75
+    lapse_rate: float = 0.0  # λ, P("no") with everything to see; below 0.25
 
     def __post_init__(self) -> None:
         for name in ("threshold", "width"):

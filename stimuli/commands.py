@@ -27,7 +27,7 @@ def render(
 ) -> None:
     """Render a built-in sequence to a lossless video (FFV1, 10 bits, Matroska)."""
     from evenlight.stimuli.sequences import built_in_sequence
-    from evenlight.stimuli.video.video_writer import write_video
+    from evenlight.stimuli.video.video_file import write_video
 
     source = built_in_sequence(sequence, size_in(size), duration, fps)
     with _shown_progress(source, quiet) as frames:

@@ -6,13 +6,16 @@ The land has no light yet: the colours of a day that breaks follow from the alti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from evenlight.stimuli.fractal_noise import fractal_noise, ridged, smoothstep
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 Image = NDArray[np.floating[Any]]  # float32, which NumPy's stubs forget in arithmetic
 # Heights are shares of the picture's height from the top.
@@ -304,13 +307,16 @@ def daylight(altitude: float) -> Daylight:
     True
     """
     at = min(max(altitude, ALTITUDES[0]), ALTITUDES[-1])
-    return Daylight(**{name: np.exp(curve(at)).astype(np.float32) for name, curve in _CURVES.items()})
+    return Daylight(**{name: np.exp(curve(at)).astype(np.float32) for name, curve in _curves().items()})
 
 
-def _curve(colours: str) -> PchipInterpolator:
-    """Return the smooth curve through the logarithms of some colours."""
-    table = np.array([[float(part) for part in colour.split()] for colour in colours.split("|")])
-    return PchipInterpolator(ALTITUDES, np.log(table))
+@cache
+def _curves() -> dict[str, PchipInterpolator]:
+    """Return smooth curves through the logarithms of the colours."""
+    from scipy.interpolate import PchipInterpolator  # here, as it takes long to import
 
-
-_CURVES = {name: _curve(colours) for name, colours in COLOURS.items()}
+    curves = {}
+    for name, colours in COLOURS.items():
+        table = np.array([[float(part) for part in colour.split()] for colour in colours.split("|")])
+        curves[name] = PchipInterpolator(ALTITUDES, np.log(table))
+    return curves

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.stimuli.video.frame_times import rate_from_number
+from evenlight.stimuli.video.video_source import rate_from_number
 
 ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 from evenlight.analysis.audit.conventions import SCORES, Counts, all_histograms
+from evenlight.analysis.inference.exact_tests import holm as adjusted
 from evenlight.analysis.inference.exact_tests import sign_flip_p_values
-from evenlight.analysis.inference.holm import holm as adjusted
 from evenlight.data_schema.arrays import Array
 
 CATEGORIES = len(SCORES)

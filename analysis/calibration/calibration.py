@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -59,14 +60,10 @@ class Calibration:
 
     Attributes
     ----------
-    data : RampData
-        The trials.
-    thresholds : tuple of ThresholdFit
-        One per participant and level.
+    data, thresholds, rate_limit : RampData, tuple of ThresholdFit, RateLimitFit
+        The trials; a threshold per participant and level; the population's curve.
     criteria : dict of str to Criterion
         How readily each participant says "yes"; without those who had no catch trials.
-    rate_limit : RateLimitFit
-        The population's curve.
     pooled : PooledFit or None
         The paper's way; None if too few levels allow it.
     levels : tuple of LevelEstimates
@@ -192,9 +189,7 @@ def trials_of_one_task(
 
 def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
     """Return a warning for each participant with thresholds at one level only, among others with more."""
-    counts: dict[str, int] = {}
-    for fit in thresholds:
-        counts[fit.threshold.participant_id] = counts.get(fit.threshold.participant_id, 0) + 1
+    counts = Counter(fit.threshold.participant_id for fit in thresholds)
     return tuple(
         f"participant {who} has a single level, which says nothing about the curve's shape"
         for who, count in counts.items()

@@ -108,18 +108,15 @@ def _participant_table(calibration: Calibration) -> Table:
         any_own, fit_p = own[0], calibration.participants[who].deviance_p
         bias: tuple[Cell, ...] = (_two_places(any_own.criterion),)
         if not two:
-            bias = (_percent(any_own.false_alarm_rate), *bias, _two_places(any_own.d_prime))
+            alarms = any_own.false_alarm_rate
+            percent = None if alarms is None else f"{100 * alarms:.0f} %"
+            bias = (percent, *bias, _two_places(any_own.d_prime))
         rows.append(
             (
-                who,
-                f"{len(used)} of {len(own)}",
-                ratio,
-                *bias,
-                _drift(any_own),
-                None if fit_p is None else probability(fit_p),
-                _flags(own),
+                who, f"{len(used)} of {len(own)}", ratio, *bias, _drift(any_own),
+                None if fit_p is None else probability(fit_p), _flags(own),
             )
-        )
+        )  # fmt: skip
     columns = ("bias",) if two else ("false alarms", "criterion", "d′ at threshold")
     return Table(
         prose("fit_participants", two=two)[0],
@@ -133,11 +130,6 @@ def _drift(threshold: Threshold) -> str | None:
     if threshold.drift_ratio is None or threshold.drift_p is None:
         return None
     return f"× {threshold.drift_ratio:.2f} (p {probability(threshold.drift_p)})"
-
-
-def _percent(share: float | None) -> str | None:
-    """Return a share in percent."""
-    return None if share is None else f"{100 * share:.0f} %"
 
 
 def _two_places(value: float | None) -> str | None:
@@ -163,10 +155,9 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
     text = prose(
         "fit_rate_limit",
         fit=fit,
-        form=_form_in_words(fit.limit),
         total=len(calibration.thresholds),
         ends=[short(end) for end in fit.limit.luminance_range],
-        effects=_effects_in_words(calibration),
+        effects=[_sentence(effect.in_words.replace(" x ", " × ")) for effect in fit.effects],
         people_differ=None if ln_sd is None else float(np.exp(ln_sd)),
         excluded=calibration.excluded_participants,
     )
@@ -185,12 +176,6 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
         tuple(note.replace("cd/m^2", "cd/m²") for note in fit.notes if note not in said),
         calibration.data.simulated,
     )
-
-
-def _effects_in_words(calibration: Calibration) -> str:
-    """Return how the other conditions compare, in sentences."""
-    sentences = (effect.in_words.replace(" x ", " × ") for effect in calibration.rate_limit.effects)
-    return " ".join(f"{_sentence(words)}." for words in sentences)
 
 
 def _sentence(words: str) -> str:
@@ -215,14 +200,6 @@ def _effect_table(calibration: Calibration) -> Table:
         ("ramps", "ratio", "95 % confidence interval", "if the rate decides", "if the amount does"),
         tuple(rows),
     )
-
-
-def _form_in_words(limit: RateLimit) -> str:
-    """Return what kind of curve it is."""
-    degree = len(limit.coefficients) - 1
-    what = "the rate itself" if limit.form is RateLimitForm.RATE else "the logarithm of the rate"
-    over = "the logarithm of the luminance" if limit.form is RateLimitForm.LOG_LOG else "luminance"
-    return f"A polynomial of degree {degree} for {what} over {over}"
 
 
 def _limit_table(limit: RateLimit) -> Table:
@@ -259,31 +236,21 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
     """
     several = len({(level.level.direction, level.level.ramp_duration) for level in levels}) > 1
     rows: list[tuple[Cell, ...]] = []
-    by_luminance = sorted(levels, key=lambda e: (_order_of_ramps(e), e.level.luminance))
-    for estimates in by_luminance:
+    # Falling ramps first, short ones first.
+    order = sorted(levels, key=lambda e: (e.level.direction.value, e.level.ramp_duration, e.level.luminance))
+    for estimates in order:
         level, random = estimates.level, estimates.random
         interval = None if random is None else f"{random.ci_low:.3g} to {random.ci_high:.3g}"
         spread = None if random is None else f"{np.exp(random.participant_sd):.2f}"
         row = (
-            level.screen,
-            level.factor,
-            level.luminance,
-            None if random is None else random.threshold,
-            interval,
-            spread,
-            estimates.pooled,
-            _ratio(estimates.pooled_ratio),
-            estimates.mean_of_fits,
-            _ratio(estimates.mean_ratio),
-        )
+            level.screen, level.factor, level.luminance, None if random is None else random.threshold,
+            interval, spread, estimates.pooled, _two_places(estimates.pooled_ratio), estimates.mean_of_fits,
+            _two_places(estimates.mean_ratio),
+        )  # fmt: skip
         rows.append((f"{level.direction.value}, {level.ramp_duration:g}\u00a0s", *row) if several else row)
     columns = ("screen", "factor b", "luminance [cd/m²]", "population", "95 % CI", "people differ ×",
                "pooled", "ratio", "mean of fits", "ratio")  # fmt: skip
-    table = Table(
-        prose("fit_population_table")[0],
-        ("ramps", *columns) if several else columns,
-        tuple(rows),
-    )
+    table = Table(prose("fit_population_table")[0], ("ramps", *columns) if several else columns, tuple(rows))
     pooled = mean_ratios(levels)[0]
     text = prose(
         "fit_population",
@@ -294,16 +261,6 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
     return Section("The population's threshold", text, (table,), (), (), simulated)
 
 
-def _order_of_ramps(estimates: LevelEstimates) -> tuple[str, float]:
-    """Return what sorts levels by direction and duration: falling first, short first."""
-    return estimates.level.direction.value, estimates.level.ramp_duration
-
-
-def _ratio(value: float | None) -> str | None:
-    """Return a ratio with two decimals."""
-    return None if value is None else f"{value:.2f}"
-
-
 def thresholds_section(calibration: Calibration) -> Section:
     """Return every threshold with what there is to know about it."""
     thresholds = [fit.threshold for fit in calibration.thresholds]
@@ -311,18 +268,12 @@ def thresholds_section(calibration: Calibration) -> Section:
     rows: list[tuple[Cell, ...]] = []
     for t in thresholds:
         row = (
-            t.participant_id,
-            t.screen,
-            t.factor,
-            t.luminance,
-            t.threshold,
-            f"{t.ci_low:.3g} to {t.ci_high:.3g}",
-            t.threshold_d_prime_1,
-            t.n_trials,
+            t.participant_id, t.screen, t.factor, t.luminance, t.threshold,
+            f"{t.ci_low:.3g} to {t.ci_high:.3g}", t.threshold_d_prime_1, t.n_trials,
             None if t.deviance is None else f"{t.deviance:.1f}",
             None if t.deviance_p is None else probability(t.deviance_p),
             t.flag.value.replace("_", " ") or "–",
-        )
+        )  # fmt: skip
         rows.append((*row[:1], condition_of(t).words, *row[1:]) if several else row)
     columns = ("participant", "screen", "b", "L [cd/m²]", "threshold [cd/m²/s]", "95 % credible interval",
                "at d′ = 1", "ramps", "deviance", "p", "flag")  # fmt: skip

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.calibration_files import calibration_figures, drawn_thresholds
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
     rate_limit_section,
     thresholds_section,
 )
+from evenlight.analysis.calibration.fit_report import calibration_figures, drawn_thresholds
 from evenlight.analysis.calibration.level_estimates import LevelEstimates
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
@@ -84,16 +84,11 @@ def _lead(calibration: Calibration) -> str:
     )
 
 
-def _group(level: LevelEstimates) -> str:
-    """Return the name of a level."""
-    key = level.level
-    condition = f"{key.direction.value}, {key.ramp_duration:g} s"
-    return f"{key.screen}, factor {key.factor:g}, {key.luminance:.4g} cd/m^2, {condition}"
-
-
 def _threshold_rows(level: LevelEstimates, origin: Origin) -> tuple[Statistic, ...]:
     """Return the estimates of the population's threshold at a level."""
-    group, random = _group(level), level.random
+    key, random = level.level, level.random
+    condition = f"{key.direction.value}, {key.ramp_duration:g} s"
+    group = f"{key.screen}, factor {key.factor:g}, {key.luminance:.4g} cd/m^2, {condition}"
     best = Statistic(
         "thresholds", group, "threshold of the population", random.threshold if random else None, UNIT,
         origin,

@@ -33,7 +33,7 @@ from evenlight.analysis.comparison.comparison_shares import (
 )
 from evenlight.analysis.inference.binomial_tests import ALPHA
 from evenlight.analysis.inference.cumulative_link import OrdinalData, OrdinalFit, fit_ordinal
-from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.inference.exact_tests import holm
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few, spaced
 from evenlight.data_schema.errors import InputError

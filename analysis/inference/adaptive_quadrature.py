@@ -64,10 +64,8 @@ class PaddedModel:
         Offsets; ± infinity for a predictor that an observation has not.
     loadings : array (P, m, q)
         w of the q = 0, 1 or 2 participant effects.
-    b_loads : bool
-        κ: whether the participant effects enter b too.
-    density : Density
-        ℓ.
+    b_loads, density : bool, Density
+        κ: whether the participant effects enter b too; and ℓ.
     """
 
     a_design: Array

@@ -144,10 +144,8 @@ def interval_coverage(answers: int, shares: ArrayLike, mid_p: bool) -> Array:
 
     Parameters
     ----------
-    answers : int
-        n.
-    shares : array_like, (shares,)
-        True shares.
+    answers, shares : int, array_like, (shares,)
+        n, and true shares.
     mid_p : bool
         Of the mid-p interval; else of Clopper and Pearson's.
     """

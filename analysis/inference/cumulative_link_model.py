@@ -31,14 +31,10 @@ class OrdinalData:
 
     Attributes
     ----------
-    responses : array (n,) of int
-        Category of each answer, 0 to n_categories - 1.
-    n_categories : int
-        K, at least 2.
-    design : array (n, k)
-        Fixed effects, without an intercept (the cut points are it); k may be 0.
-    names : tuple of str (k,)
-        Of the columns.
+    responses, n_categories : array (n,) of int, int
+        Category of each answer, 0 to K - 1, and K, at least 2.
+    design, names : array (n, k), tuple of str (k,)
+        Fixed effects, without an intercept (the cut points are it), and their names; k may be 0.
     groups : array (n,) of int
         Which participant each answer belongs to.
     slope_column : int, optional
@@ -77,14 +73,11 @@ class OrdinalModel:
 
     Attributes
     ----------
-    padded : PaddedModel
-        Parameters: cut points between the categories used, effects of the fitted columns, rows of Λ.
-    start : array (d,)
-        Where the search starts.
-    columns : Columns
-        Which columns of the design are fitted.
-    n_cuts : int
-        Cut points.
+    padded, start : PaddedModel, array (d,)
+        Parameters: cut points between the categories used, effects of the fitted columns, rows of Λ; and
+        where the search starts.
+    columns, n_cuts : Columns, int
+        Which columns of the design are fitted, and the number of cut points.
     slope : int or None
         Column of the design that has a participant effect too; None without one.
     groups : array (n,) of int
@@ -112,7 +105,7 @@ class CategoryDensity:
 
     def __call__(self, a: Array, b: Array) -> Derivatives:
         """Return ℓ and its derivatives; padding has its cut points at ± infinity, and adds nothing."""
-        return category_density(self.link, a, b)
+        return _category_density(self.link, a, b)
 
 
 def ordinal_model(data: OrdinalData, link: Link) -> OrdinalModel:
@@ -158,16 +151,10 @@ class Link(enum.Enum):
     PROBIT = "probit"  # normal: effects are in standard deviations of an answer
 
 
-def category_density(link: Link, a: Array, b: Array) -> Derivatives:
+def _category_density(link: Link, a: Array, b: Array) -> Derivatives:
     """Return ln(F(a) - F(b)) and its derivatives, for cut points above (a) and below (b) a category.
 
-    Parameters
-    ----------
-    link : Link
-        F.
-    a, b : array (..., Q)
-        Distance of the upper and lower cut point from the linear predictor, ± infinity at the ends; along
-        the last axis the predictor alone differs.
+    Both are distances from the linear predictor, ± infinity at the ends; along the last axis it differs.
     """
     return _logistic(a, b) if link is Link.LOGIT else _normal(a, b)
 

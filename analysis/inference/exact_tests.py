@@ -14,7 +14,9 @@ square of n, and 200 pairs are no more trouble than 17.
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,10 +45,8 @@ class ExactTest:
         Sum of the differences, of their signed ranks, or of their signs.
     p_value : float
         Two-sided; 1 where no pair differs.
-    n : int
-        Pairs.
-    n_different : int
-        Pairs with a difference: the others cannot speak for either side.
+    n, n_different : int
+        Pairs, and those with a difference: the others cannot speak for either side.
     """
 
     statistic: float
@@ -252,10 +252,8 @@ class GroupTest:
 
     Attributes
     ----------
-    difference : float
-        Mean of the first group less mean of the second, in the unit of the scores.
-    p_value : float
-        Two-sided.
+    difference, p_value : float
+        Mean of the first group less mean of the second, in the unit of the scores; two-sided.
     """
 
     difference: float
@@ -289,3 +287,24 @@ def group_test(first: ArrayLike, second: ArrayLike) -> GroupTest:
     found = abs(everybody.size * int(one.sum()) - one.size * int(everybody.sum()))
     p_value = float(ways[distance >= found].sum() / ways.sum())
     return GroupTest(float(one.mean() - other.mean()), min(p_value, 1.0))
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """Return p values adjusted for their number (Holm 1979).
+
+    The k-th smallest of m is multiplied by m - k + 1, and is never below the one before. Rejecting where the
+    adjusted p is at most 5 % keeps the chance of any false rejection at 5 %, however the tests depend on each
+    other. Written out, as `statsmodels` collects garbage for 50 ms at each such call.
+
+    Parameters
+    ----------
+    p_values : sequence of float or None
+        None for a test that could not be made: it stays None, and is not counted.
+
+    >>> holm([0.01, None, 0.04, 0.03])
+    [0.03, None, 0.06, 0.06]
+    """
+    given = sorted((p, place) for place, p in enumerate(p_values) if p is not None)
+    raised = accumulate((min(p * (len(given) - k), 1.0) for k, (p, _) in enumerate(given)), max)
+    adjusted = dict(zip((place for _, place in given), raised, strict=True))
+    return [adjusted.get(place) for place in range(len(p_values))]

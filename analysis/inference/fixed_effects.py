@@ -90,10 +90,8 @@ class FittedModel:
 
     Attributes
     ----------
-    objective : callable
-        The log-likelihood.
-    top : Maximum
-        Its maximum.
+    objective, top : callable, Maximum
+        The log-likelihood, and its maximum.
     furthest : float
         Largest effect over the range of its column that is tried; beyond, an interval has no end.
     """
@@ -122,14 +120,10 @@ class EffectSpec:
 
     Attributes
     ----------
-    name : str
-        Of the effect.
-    held : HeldParameter
-        Which parameter it is.
-    span : float
-        Range of its column: how far the linear predictor moves by it.
-    reference : Reference
-        What its test is compared with.
+    name, held : str, HeldParameter
+        Of the effect, and which parameter it is.
+    span, reference : float, Reference
+        Range of its column: how far the linear predictor moves by it; what its test is compared with.
     """
 
     name: str
@@ -143,10 +137,8 @@ def profiled_effect(model: FittedModel, wanted: EffectSpec, profiled: bool = Tru
 
     Parameters
     ----------
-    model : FittedModel
-        The model.
-    wanted : EffectSpec
-        Which effect.
+    model, wanted : FittedModel, EffectSpec
+        The model, and which effect.
     profiled : bool
         Whether interval and test are by the profile likelihood; else by the standard error and Student's t.
     """

@@ -28,10 +28,8 @@ class Maximum:
 
     Attributes
     ----------
-    parameters : array (d,)
-        Where.
-    likelihood : Likelihood
-        There.
+    parameters, likelihood : array (d,), Likelihood
+        Where, and the likelihood there.
     converged : bool
         Whether next to nothing more is to be gained.
     """
@@ -95,10 +93,8 @@ class WalledLikelihood:
 
     Attributes
     ----------
-    likelihood : callable
-        The log-likelihood.
-    first : int
-        First of the parameters with walls.
+    likelihood, first : callable, int
+        The log-likelihood, and the first of the parameters with walls.
     furthest : float
         Where the walls stand, to both sides of 0.
     """
@@ -126,10 +122,8 @@ class HeldParameter:
 
     Attributes
     ----------
-    index : int
-        j.
-    scale : int or None
-        s; None for θ_j = v itself.
+    index, scale : int, int or None
+        j, and s; None for θ_j = v itself.
     """
 
     index: int

@@ -15,10 +15,8 @@ class GroupedEstimates:
 
     Attributes
     ----------
-    values : array (n,)
-        y, e.g. ln(threshold).
-    standard_errors : array (n,)
-        Known standard error of each value, same unit.
+    values, standard_errors : array (n,)
+        y, e.g. ln(threshold), and the known standard error of each value, same unit.
     design : array (n, k)
         X of the population mean X β.
     groups : array (n,) of int
@@ -42,14 +40,11 @@ class MixedModelFit:
 
     Attributes
     ----------
-    coefficients : array (k,)
-        β of the population mean.
-    covariance : array (k, k)
-        Of β.
-    group_sd : float
-        σ_u, standard deviation between participants.
-    residual_sd : float
-        τ, scatter of a participant's values beyond their standard errors.
+    coefficients, covariance : array (k,), array (k, k)
+        β of the population mean, and its covariance.
+    group_sd, residual_sd : float
+        σ_u, standard deviation between participants; τ, scatter of a participant's values beyond their
+        standard errors.
     log_likelihood : float
         Restricted log-likelihood at the estimate.
     """

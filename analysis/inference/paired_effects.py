@@ -20,7 +20,7 @@ from evenlight.data_schema.arrays import Array
 LEVEL = 0.95
 LARGE_D_Z = 1.5  # beyond it 17 ratings 1 to 5 do not tell their own spread: coverage below 92 % is met
 
-# Two pairs that nobody rated: one without a difference, half a pair with 1 step in either direction. For
+# Two pairs that were not rated: one without a difference, half a pair with 1 step in either direction. For
 # differences of 0 and ± 1 this is the adjustment of Agresti & Min (2005).
 PSEUDO_STEPS = (-1, 0, 1)
 PSEUDO_PAIRS = (0.5, 1.0, 0.5)

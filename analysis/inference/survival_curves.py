@@ -32,16 +32,15 @@ class SurvivalCurve:
     ----------
     times : array (k,)
         When something was found, rising [s].
-    survival : array (k,)
-        Share not yet found from then on.
-    low, high : array (k,)
-        Ends of its pointwise confidence interval.
+    survival, low, high : array (k,)
+        Share not yet found from then on, and the ends of its pointwise confidence interval.
     n, n_found : int
         How many were searched for, and found.
     last : float
         Longest time that was watched: beyond it nothing is known [s].
     median, median_low, median_high : float or None
-        Time until half are found, and its interval [s]; None where it was not reached, or has no such end.
+        Time until half are found, and its confidence interval [s]; None where it was not reached, or has no
+        such end.
     flag : str
         What is to be said about the median; empty for nothing.
     """

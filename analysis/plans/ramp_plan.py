@@ -51,19 +51,15 @@ class PlanRequest:
 
     Attributes
     ----------
-    designs : dict of str to RampDesign
-        The designs that are compared, by name.
-    display : Display
-        What the ramps are shown on.
+    designs, display : dict of str to RampDesign, Display
+        The designs that are compared, by name, and what the ramps are shown on.
     precision : float
         Half-width of the 95 % pointwise band of ΔL(L) that is wanted, as a share: 0.1 is a factor of 1.1
         either way.
     participants, trials : tuple of int
         How many participants, and ramps per level, are tried out.
-    pool, draws : int
-        Simulated participants per design, and experiments drawn from them.
-    seed : int
-        Of all random numbers.
+    pool, draws, seed : int
+        Simulated participants per design, experiments drawn from them, and the seed of all random numbers.
     options : RateLimitOptions
         How the rate limit is fitted.
     """
@@ -132,10 +128,8 @@ def plan_ramps(
 
     Parameters
     ----------
-    request : PlanRequest
-        What is to be planned.
-    simulate : function
-        Who answers the ramps.
+    request, simulate : PlanRequest, function
+        What is to be planned, and who answers the ramps.
     mapped : function, optional
         `map`, or one that shares the work among processes and keeps its order.
     report : function, optional

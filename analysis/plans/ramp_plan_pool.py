@@ -33,14 +33,10 @@ class DrawSettings:
 
     Attributes
     ----------
-    display : Display
-        What the ramps were shown on.
-    options : RateLimitOptions
-        How the rate limit is fitted.
-    draws : int
-        Experiments.
-    seed : tuple of int
-        Of who is drawn.
+    display, options : Display, RateLimitOptions
+        What the ramps were shown on, and how the rate limit is fitted.
+    draws, seed : int, tuple of int
+        Experiments, and the seed of who is drawn.
     """
 
     display: Display
@@ -63,10 +59,8 @@ class Experiments:
 
     Attributes
     ----------
-    half_widths : array (draws, levels)
-        Of the bands, in ln(rate).
-    errors : array (draws, levels)
-        ln(fitted / true rate).
+    half_widths, errors : array (draws, levels)
+        Of the bands, in ln(rate), and ln(fitted / true rate).
     participants : int
         In each.
     """
@@ -126,14 +120,10 @@ def draw_experiments(
 
     Parameters
     ----------
-    drawing : DrawSettings
-        How.
-    pool : sequence of sequences of Threshold
-        The thresholds of each who can be drawn.
-    truth : TrueLevels
-        Of the pool.
-    participants : int
-        How many are drawn.
+    drawing, participants : DrawSettings, int
+        How experiments are drawn, and how many participants.
+    pool, truth : sequence of sequences of Threshold, TrueLevels
+        The thresholds of each who can be drawn, and what is true of the pool.
     """
     rng = np.random.default_rng([*drawing.seed, participants])
     half_widths, errors = [], []
@@ -220,10 +210,8 @@ class SimulationTask:
 
     Attributes
     ----------
-    design : RampDesign
-        With as many trials as the longest session has.
-    display : Display
-        What the ramps are shown on.
+    design, display : RampDesign, Display
+        With as many trials as the longest session has, and what the ramps are shown on.
     trials_per_level : tuple of int
         After how many ramps per level thresholds are fitted.
     participants, seed : int
@@ -243,10 +231,8 @@ class PoolMember:
 
     Attributes
     ----------
-    thresholds : dict of int to tuple of Threshold
-        What was fitted, by the ramps per level.
-    minutes : dict of int to float
-        Length of the session, by the ramps per level [min].
+    thresholds, minutes : dict of int to tuple of Threshold, dict of int to float
+        What was fitted, and the length of the session [min], both by the ramps per level.
     truth : dict of float to float
         True thresholds [cd/m^2/s] by initial luminance [cd/m^2].
     """

@@ -36,20 +36,14 @@ class PlannedTest:
 
     Attributes
     ----------
-    name : str
-        What is tested, and how.
-    key : str
-        Of its p values among those that `Truth.p_values` gives.
-    effect : float
-        True effect with which the power is computed.
-    effect_unit : str
-        Its unit.
+    name, key : str
+        What is tested, and how; its p values among those that `Truth.p_values` gives.
+    effect, effect_unit : float, str
+        True effect with which the power is computed, and its unit.
     null : float
         Effect at which the test must not find anything: none, or one at the margin.
-    level : float
-        Of the test.
-    margin : float or None
-        Of an equivalence test.
+    level, margin : float, float or None
+        Of the test, and of an equivalence test.
     exact, exact_error : callable or None
         Power and type I error by number of participants, where they can be enumerated.
     fewest : int
@@ -91,14 +85,10 @@ class ViewingRequest:
 
     Attributes
     ----------
-    task : str
-        "rating", "comparison" or "search".
-    truth : Truth
-        What is true.
-    participants : tuple of int
-        How many are tried.
-    power : float
-        What is wanted.
+    task, truth : str, Truth
+        "rating", "comparison" or "search", and what is true.
+    participants, power : tuple of int, float
+        How many are tried, and the power that is wanted.
     runs, seed : int
         Simulated experiments for each number, and the seed of all random numbers.
     """
@@ -171,10 +161,8 @@ def plan_viewing(
 
     Parameters
     ----------
-    request : ViewingRequest
-        What is to be planned.
-    mapped : callable, optional
-        A `map`, whose calls may run at once.
+    request, mapped : ViewingRequest, and optional a callable
+        What is to be planned, and a `map`, whose calls may run at once.
     report : callable, optional
         Called with what is done, and of how much.
     """
@@ -312,14 +300,10 @@ def needed_by_line(
 
     Parameters
     ----------
-    participants : sequence of int
-        Numbers that were tried.
-    power : sequence of float
-        Share of experiments that found something.
-    runs : int
-        Experiments of each number.
-    wanted : float
-        Power.
+    participants, power : sequence of int, sequence of float
+        Numbers that were tried, and the share of experiments that found something.
+    runs, wanted : int, float
+        Experiments of each number, and the wanted power.
 
     >>> numbers = [10, 20, 40]
     >>> power = special.ndtr(0.5 * np.sqrt(numbers) - 1.96)

@@ -63,10 +63,11 @@ class ComparisonTruth:
     @property
     def in_words(self) -> str:
         """What is true, and where that comes from."""
+        times = "once" if self.repetitions == 1 else f"{self.repetitions} times"
         return (
             f"a true share of {self.other_share:g} (to find a difference) or of 0.5 (to show one within "
             f"0.5 ± {self.margin:g}), people whose log-odds scatter by {self.spread:g}, "
-            f"{self.sequences} sequences compared {_times(self.repetitions)}"
+            f"{self.sequences} sequences compared {times}"
         )
 
     @property
@@ -138,10 +139,8 @@ def clustered_equivalence(shares: Array, answers: int, margin: float) -> Array:
 
     Parameters
     ----------
-    shares : array (runs, participants)
-        Share of each participant.
-    answers : int
-        Of each participant.
+    shares, answers : array (runs, participants), int
+        Share of each participant, and how many answers it is of.
     margin : float
         Within which a share counts as equivalent to 1/2.
 
@@ -170,7 +169,3 @@ def person_in_the_middle(share: float, spread: float) -> float:
         return float(weights @ special.expit(middle + spread * nodes)) - share
 
     return 0.0 if share == HALF else float(optimize.brentq(surplus, -40.0, 40.0))
-
-
-def _times(number: int) -> str:
-    return "once" if number == 1 else f"{number} times"

@@ -63,14 +63,11 @@ class RatingTruth:
 
     Attributes
     ----------
-    difference : float
-        Mean rating of ours less that of the baseline [rating points].
-    spread : float
-        Standard deviation of that difference between people, for one sequence [rating points].
-    agreement : float
-        Correlation of a person's differences in two sequences.
-    sequences : int
-        How many there are.
+    difference, spread : float
+        Mean rating of ours less that of the baseline, and the standard deviation of that difference between
+        people, for one sequence [rating points].
+    agreement, sequences : float, int
+        Correlation of a person's differences in two sequences, and how many sequences there are.
     """
 
     difference: float = field(default_factory=published_difference)

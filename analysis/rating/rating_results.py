@@ -9,11 +9,11 @@ import numpy as np
 from evenlight.analysis.inference.exact_tests import (
     ExactTest,
     Zeros,
+    holm,
     sign_flip_test,
     sign_test,
     signed_rank_test,
 )
-from evenlight.analysis.inference.holm import holm
 from evenlight.analysis.inference.paired_effects import (
     Effect,
     mean_difference,

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.analysis.inference.cumulative_link import shown_spread
-from evenlight.analysis.inference.exact_tests import ExactTest
+from evenlight.analysis.inference.exact_tests import ExactTest, holm
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.inference.holm import holm
 from evenlight.analysis.inference.paired_effects import LEVEL, Effect, mean_difference, within
 from evenlight.analysis.rating.rating_model import InteractionTest, RatingModel
 from evenlight.analysis.rating.rating_order import PERMUTATIONS, OrderEffects

@@ -211,14 +211,10 @@ class LuminanceChange:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    times : array, (M,)
-        Moments [s]; it begins at 0.
-    static, dynamic : array, (M,)
-        Responses, in [0, 1].
-    integral : float
-        Of their difference over all time shown [s].
+    name, times : str, array, (M,)
+        What it is called, and the moments [s]; it begins at 0.
+    static, dynamic, integral : array, (M,), and float
+        Responses, in [0, 1], and the integral of their difference over all time shown [s].
     """
 
     name: str

@@ -114,10 +114,8 @@ def seen_luminance(emitted: NDArray[Any], factors: NDArray[np.float64], display:
 
     Parameters
     ----------
-    emitted : array, (N, ...)
-        I [cd/m^2].
-    factors : array, (N,)
-        b of each frame.
+    emitted, factors : array, (N, ...), array, (N,)
+        I [cd/m^2], and b of each frame.
     display : Display
         For L_refl.
     """
@@ -146,10 +144,8 @@ class AdaptationInput:
 
     Attributes
     ----------
-    name : str
-        Name of the sequence.
-    budget : float
-        Mean brightness factor that the tracks were made for.
+    name, budget : str, float
+        Of the sequence, and the mean brightness factor that the tracks were made for.
     maps : LuminanceMaps
         Its luminance at factor 1.
     constrained, unconstrained, constant : array, (N,)
@@ -185,14 +181,10 @@ class ResponseDifferences:
 
     Attributes
     ----------
-    integral : float
-        Integral over time, mean of the pixels [s].
-    mean : float
-        Mean over time and pixels, in [0, 1].
-    root_mean_square : float
-        Over time and pixels: it counts what is large more.
-    largest : float
-        Of any pixel at any moment.
+    integral, mean : float
+        Integral over time, mean of the pixels [s]; and mean over time and pixels, in [0, 1].
+    root_mean_square, largest : float
+        Over time and pixels, which counts what is large more; and of any pixel at any moment.
     large : float
         Share of the time, mean of the pixels, in which it is above `LARGE`.
     shares : array, (bins,)
@@ -263,12 +255,8 @@ def differences_of(
 
     Parameters
     ----------
-    sequence : AdaptationInput
-        The sequence, and its tracks.
-    dimming : DimmingCondition
-        Which track.
-    place : ConeInput
-        Where the cones are.
+    sequence, dimming, place : AdaptationInput, DimmingCondition, ConeInput
+        The sequence, which of its tracks, and where the cones are.
     coarser : int
         By how much fewer blocks across and down than the maps have.
     """
@@ -289,14 +277,10 @@ def adaptation_input(
 
     Parameters
     ----------
-    problem : Problem
-        What was solved.
-    factors : array, (N,)
-        b of the track within the rate limit.
-    maps : LuminanceMaps
-        Of the same frames.
-    solver : Solver
-        Solves the same problem without a rate limit.
+    problem, solver : Problem, Solver
+        What was solved; solves the same problem without a rate limit.
+    factors, maps : array, (N,), LuminanceMaps
+        b of the track within the rate limit, and the luminance of the same frames.
     """
     free = replace(problem, rate_limit=lambda luminance: np.full_like(luminance, NO_LIMIT))
     return AdaptationInput(

@@ -21,14 +21,10 @@ class OnlineRun:
 
     Attributes
     ----------
-    name : str
-        Name of the walk.
-    settings : ControllerSettings
-        Of the controller.
+    name, settings, track : str, ControllerSettings, ControlledTrack
+        Name of the walk, the controller's settings, and what it did.
     times : array, (N,)
         When each frame appears [s].
-    track : ControlledTrack
-        What the controller did.
     constant_factor : float
         Mean over time of the controller's factors; of equal power, where power is linear in brightness.
     constant_loss : array, (N,)
@@ -66,10 +62,8 @@ class TargetSweep:
 
     Attributes
     ----------
-    name : str
-        Name of the sequence.
-    n_frames : int
-        How many frames it has.
+    name, n_frames : str, int
+        Name of the sequence, and how many frames it has.
     points : tuple of SweepPoint
         One for each target, rising.
     """

@@ -11,7 +11,7 @@ from evenlight.analysis.findings import Findings
 from evenlight.analysis.published import SEQUENCES, published, published_values
 from evenlight.analysis.report import Cell, Section, Table
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.reproduction.sequence_tracks import SequenceTracks
+from evenlight.analysis.reproduction.reproduction import SequenceTracks
 from evenlight.analysis.wording import in_words, p_text
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.rate_limit import RateLimit
@@ -54,12 +54,12 @@ def detail_quality_findings(rating: Findings, comparison: Findings) -> Findings:
     lead = f"{rating.lead} {comparison.lead}"
     columns = (
         "sequence", "origin", "constant: mean", "SEM", "ours: mean", "SEM",
-        "ours - constant", "95 % interval", "p, exact", "Holm", "ours chosen [%]", "95 % interval",
+        "ours - constant", "95 % CI", "p, exact", "Holm", "ours chosen [%]", "95 % CI",
     )  # fmt: skip
     caption = (
         "Ratings of details from 1 to 5 as mean and standard error (SD with n - 1), their difference, and "
-        "how often ours was chosen as the version whose brightness changes. The paper prints no test and no "
-        "interval; `evenlight audit` says which ones its numbers allow."
+        "how often ours was chosen as the version whose brightness changes, with 95 % confidence intervals "
+        "(CI). The paper prints no test and no interval; `evenlight audit` says which ones its numbers allow."
     )
     table = Table(caption, columns, tuple(lines))
     about = Section("Detail quality and artifacts (Table 1)", (lead,), (table,), simulated=simulated)
@@ -256,7 +256,14 @@ def slope_findings(calibration: Findings, limit: RateLimit) -> Findings:
     kind = "simulated" if limit.simulated else "recorded"
     table = Table(
         "Fastest change of luminance that is noticed in 75 % of the trials.",
-        ("luminance [cd/m²]", "published [cd/m²/s]", "[%/s]", f"{kind} [cd/m²/s]", "95 % band", "[%/s]"),
+        (
+            "luminance [cd/m²]",
+            "published [cd/m²/s]",
+            "[%/s]",
+            f"{kind} [cd/m²/s]",
+            "95 % pointwise band",
+            "[%/s]",
+        ),
         tuple(lines),
     )
     worst = max(abs(np.log(line[3] / line[1])) for line in lines)

@@ -2,23 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
-from evenlight.analysis.reproduction.sequence_tracks import Panel, SequenceTracks, track_sequence
+from evenlight.analysis.reproduction.adaptation_lag import AdaptationInput, LuminanceMaps, adaptation_input
 from evenlight.analysis.session_loading import tasks_in
+from evenlight.analysis.tracks.frame_samples import FrameSamples, Image, thumbnails_of
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.track_results import run_optimization
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    OptimizationSummary,
+    read_track,
+)
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
+from evenlight.method.choices import SolverName
 from evenlight.method.contrast.loss_curves import analyze_frames
+from evenlight.method.optimizer.optimize import pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.stimuli.sequences import built_in_sequence
+from evenlight.stimuli.video.video_source import VideoSource
 
 # The four sequences and their mean brightness factors (Section 4, "Stimuli", and Table 2).
 BUDGETS = {"library": 0.5, "gym": 0.4, "living_room": 0.7, "basement": 0.3}
@@ -49,10 +69,8 @@ class ReproductionPlan:
         Simulated participants of the viewing experiments, and of the calibration: as many as in the paper.
     size : (int, int)
         Width and height of the rendered frames [pixels].
-    frames_per_second : float
-        Of the sequences [Hz].
-    walk_frames_per_second : float
-        Of the walk with the online controller [Hz].
+    frames_per_second, walk_frames_per_second : float
+        Of the sequences, and of the walk with the online controller [Hz].
     data : Path or None
         Recorded data, which take the place of simulated ones task by task.
     display : str
@@ -83,16 +101,12 @@ class Reproduction:
 
     Attributes
     ----------
-    plan : ReproductionPlan
-        What was asked.
-    panel : Panel
-        Display, power model and rate limit of all tracks.
+    plan, panel : ReproductionPlan, Panel
+        What was asked; display, power model and rate limit of all tracks.
     tasks : DatasetFindings
         Of the calibration and the three experiments.
-    sequences : tuple of SequenceTracks
-        The four sequences.
-    examples : tuple of SequenceTracks
-        Checkerboard and sunrise.
+    sequences, examples : tuple of SequenceTracks
+        The four sequences; checkerboard and sunrise.
     walk : LossCurves
         Of the walk through the house.
     """
@@ -115,10 +129,8 @@ def run_pipeline(
 
     Parameters
     ----------
-    plan : ReproductionPlan
-        How much is done.
-    simulate : DatasetSimulator
-        Who answers where nothing was recorded.
+    plan, simulate : ReproductionPlan, DatasetSimulator
+        How much is done, and who answers where nothing was recorded.
     folder : Path
         Where data sets, calibration and tracks go.
     report : callable, optional
@@ -192,4 +204,96 @@ def _tracked(
     """Return the tracks of a built-in sequence."""
     report(f"track of {name.replace('_', ' ')}")
     source = built_in_sequence(name, plan.size, frames_per_second=plan.frames_per_second)
-    return track_sequence(source, budget, panel, stimuli / name)
+    return _track_sequence(source, budget, panel, stimuli / name)
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """What every sequence is optimized for.
+
+    Attributes
+    ----------
+    display, power_model, rate_limit : Display, PowerModel, RateLimit
+        What it is shown on, what the budget is counted with, and how fast brightness may change.
+    """
+
+    display: Display
+    power_model: PowerModel
+    rate_limit: RateLimit
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceTracks:
+    """A sequence, and how its brightness may move.
+
+    Attributes
+    ----------
+    name, budget : str, float
+        Of the sequence, and its mean brightness factor.
+    track, summary : BrightnessTrack, OptimizationSummary
+        Within the rate limit, and what it achieves.
+    curves : LossCurves
+        Contrast loss of each frame.
+    tracks : AdaptationInput
+        Its factors, those without a rate limit, those of constant dimming, and luminance at low resolution.
+    unconstrained_objective : float
+        Mean absolute difference of contrast loss between two frames, without a rate limit.
+    baseline_loss : array, (N,)
+        Contrast loss of each frame under constant dimming at equal power.
+    samples : tuple of (int, array (height, width, 3))
+        Some frames, with their index.
+    """
+
+    name: str
+    budget: float
+    track: BrightnessTrack
+    summary: OptimizationSummary
+    curves: LossCurves
+    tracks: AdaptationInput
+    unconstrained_objective: float
+    baseline_loss: Array
+    samples: tuple[tuple[int, NDArray[np.uint8]], ...]
+
+    @property
+    def unconstrained(self) -> Array:
+        """Factors of the track without a rate limit, (N,)."""
+        return self.tracks.unconstrained
+
+    @property
+    def baseline_factor(self) -> float:
+        """Factor of constant dimming at equal power."""
+        return float(self.tracks.constant[0])
+
+    @property
+    def thumbnails(self) -> tuple[tuple[int, Image], ...]:
+        """Six small pictures, evenly spread."""
+        return thumbnails_of(self.samples)
+
+
+def _track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Path) -> SequenceTracks:
+    """Optimize a sequence, with the rate limit and without, and write its track into a folder."""
+    maps, samples = LuminanceMaps(panel.display), FrameSamples()
+
+    def watch(frames: Iterable[Frame]) -> Iterator[Frame]:
+        return samples.watch(maps.watch(frames))
+
+    request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
+    summary = run_optimization(
+        OptimizationJob(source, panel.display, request, quiet=True, watch=watch), folder
+    )
+    curves = read_loss_curves(folder / "loss_curves.npz")
+    problem = pose(curves, request)
+    track = read_track(folder / "track.csv")
+    solver = make_solver(SolverName.SPLITTING, np.random.default_rng(0))  # which draws nothing
+    tracks = adaptation_input(problem, track.factors, maps, solver)
+    return SequenceTracks(
+        name=source.name,
+        budget=budget,
+        track=track,
+        summary=summary,
+        curves=curves,
+        tracks=tracks,
+        unconstrained_objective=problem.objective(tracks.unconstrained),
+        baseline_loss=problem.loss(problem.baseline()),
+        samples=tuple(samples.held),
+    )

@@ -20,8 +20,8 @@ import numpy as np
 from scipy import special
 
 from evenlight.analysis.inference.binomial_tests import mid_p_interval
+from evenlight.analysis.inference.exact_tests import holm
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.inference.holm import holm
 from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
 from evenlight.analysis.inference.survival_curves import SurvivalCurve, kaplan_meier, restricted_mean
 from evenlight.analysis.search.search_pairs import Detections, SearchPairs, detections

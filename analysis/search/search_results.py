@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from evenlight.analysis.inference.exact_tests import sign_flip_test
+from evenlight.analysis.inference.exact_tests import holm, sign_flip_test
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.inference.holm import holm
 from evenlight.analysis.search.search_locations import (
     LocationLine,
     LocationResult,

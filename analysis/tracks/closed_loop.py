@@ -6,12 +6,12 @@ import dataclasses
 from pathlib import Path
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
     rate_limit_section,
 )
+from evenlight.analysis.calibration.fit_report import write_calibration, write_figures
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import Report, write_report
@@ -50,16 +50,12 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
 
     Parameters
     ----------
-    dataset : Path
-        Ramp sessions.
-    source : VideoSource
-        The video.
-    budget : float
-        Mean brightness factor.
+    dataset, source : Path, VideoSource
+        Ramp sessions, and the video.
+    budget, quiet : float, bool
+        Mean brightness factor, and whether to show no progress.
     folder : Path
         Where `calibration/`, `track/` and `report.html` go.
-    quiet : bool
-        Whether to show no progress.
     """
     data = load_ramp_data(dataset)
     calibration = calibrate(data, RateLimitOptions())

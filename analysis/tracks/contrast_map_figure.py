@@ -43,10 +43,8 @@ class ContrastMap:
 
     Attributes
     ----------
-    factor : float
-        Brightness factor b.
-    frequency : float
-        Spatial frequency of the band [cpd].
+    factor, frequency : float
+        Brightness factor b, and spatial frequency of the band [cpd].
     reference, dimmed : array of bool, (height, width)
         Where contrast is visible at full brightness, and dimmed by b.
     loss : float
@@ -81,14 +79,10 @@ def contrast_map(
 
     Parameters
     ----------
-    pixel_values : array, (height, width, 3)
-        The frame, as in `Frame`.
-    factor : float
-        Brightness factor b.
-    display : Display
-        The display, with its pixels per degree as in the analysis of the video.
-    model : ContrastModel
-        Choices of the contrast model.
+    pixel_values, factor : array, (height, width, 3), float
+        The frame, as in `Frame`, and the brightness factor b.
+    display, model : Display, ContrastModel
+        The display, with its pixels per degree as in the analysis of the video; choices of the model.
     """
     emitted = emitted_luminance(pixel_values, display, model.pixel_to_luminance)
     reference, dimmed = (
@@ -112,12 +106,10 @@ def contrast_map_figure(
 
     Parameters
     ----------
-    pixel_values : array, (height, width, 3)
-        The frame, as in `Frame`.
+    pixel_values, name : array, (height, width, 3), str
+        The frame, as in `Frame`, and what it is called, e.g. "bikes.mp4 at 4.2 s".
     ours, baseline : ContrastMap
         At the track's factor, and at that of constant dimming.
-    name : str
-        What the frame is called, e.g. "bikes.mp4 at 4.2 s".
     medium : Medium
         Where it is shown.
     """

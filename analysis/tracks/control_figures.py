@@ -32,7 +32,7 @@ from evenlight.analysis.figure_style import (
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.tracks.control import LoopReport, TargetRow, TuningReport
 from evenlight.method.online.control_curves import ControlledTrack
-from evenlight.method.online.stability_margins import FrameGains, open_loop
+from evenlight.method.online.tuning import FrameGains, open_loop
 
 REAL, IMAGINARY = (-1.6, 0.6), (-1.5, 0.4)  # of the plane of L that is shown
 
@@ -44,10 +44,8 @@ def tuning_figure(
 
     Parameters
     ----------
-    report : TuningReport
-        What was found.
-    times : array, (N,)
-        Of the frames [s].
+    report, times : TuningReport, array, (N,)
+        What was found, and the times of the frames [s].
     runs : (ControlledTrack, ControlledTrack)
         Before and after, without a budget.
     """
@@ -94,12 +92,6 @@ def _draw_losses(
     legend_above(axes)
 
 
-def _gains(report: TuningReport, loop: LoopReport) -> FrameGains:
-    """Return gains per frame of the content."""
-    frames = report.gain_rate / report.frame_rate
-    return FrameGains(loop.proportional, loop.integral * frames, loop.derivative / frames)
-
-
 def _draw_loops(axes: Axes, report: TuningReport) -> None:
     """Draw L over frequency for both gains, the point -1, and the region that the gain margin leaves free."""
     least = 10 ** (report.least_gain_margin_db / 20)
@@ -107,9 +99,10 @@ def _draw_loops(axes: Axes, report: TuningReport) -> None:
     axes.axhline(0, color=FAINT, linewidth=0.8, zorder=0)
     axes.axvline(0, color=FAINT, linewidth=0.8, zorder=0)
     axes.add_patch(Circle((0, 0), 1.0, fill=False, edgecolor=MUTED, linestyle=":", linewidth=0.8))
-    frequency = np.geomspace(1e-3, math.pi, 2000)
+    frequency, frames = np.geomspace(1e-3, math.pi, 2000), report.gain_rate / report.frame_rate
     for loop, colour in ((report.before, BASELINE), (report.after, OURS)):
-        around = open_loop(_gains(report, loop), report.slope, frequency)
+        gains = FrameGains(loop.proportional, loop.integral * frames, loop.derivative / frames)
+        around = open_loop(gains, report.slope, frequency)
         axes.plot(around.real, around.imag, color=colour)
         axes.plot(around.real[-1], around.imag[-1], "o", color=colour, ms=0.5 * text_size())
     axes.plot(-1, 0, "x", color=LIMIT, ms=0.9 * text_size(), mew=1.6)
@@ -158,10 +151,8 @@ def target_figure(rows: Sequence[TargetRow], name: str, about: tuple[int, float]
 
     Parameters
     ----------
-    rows : sequence of TargetRow
-        By rising target.
-    name : str
-        Of the video.
+    rows, name : sequence of TargetRow, str
+        By rising target; of the video.
     about : (int, float)
         Its number of frames, and the lowest factor allowed.
     """

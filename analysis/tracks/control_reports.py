@@ -17,8 +17,13 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.online.control_curves import ControlledTrack
 from evenlight.method.online.controller import ControllerSettings
 from evenlight.method.online.governor import GovernorSettings, HorizonErrors, horizon_errors, steered_horizon
-from evenlight.method.online.stability_margins import Margins
-from evenlight.method.online.tuning import MarginRequirements, TuningResult, content_slopes, rms_error
+from evenlight.method.online.tuning import (
+    MarginRequirements,
+    Margins,
+    TuningResult,
+    content_slopes,
+    rms_error,
+)
 from evenlight.method.power import power
 
 MUCH_OUT_OF_REACH = 0.5  # of the time: beyond, a target says more of the bounds than of the video
@@ -40,14 +45,10 @@ def control_summary(
 
     Parameters
     ----------
-    outcome : Outcome
-        The run.
-    settings : ControllerSettings
-        Its target and gains.
-    budget : GovernorSettings or None
-        Of its governor.
-    used : PowerUse
-        What the panel takes.
+    outcome, used : Outcome, PowerUse
+        The run, and what the panel takes.
+    settings, budget : ControllerSettings, GovernorSettings or None
+        Target and gains of the controller, and the settings of its governor.
     """
     run, summary, spread = outcome.run, outcome.summary, outcome.spread
     errors = None if budget is None else used.horizon_errors(run, budget)

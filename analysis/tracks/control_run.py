@@ -27,8 +27,13 @@ from evenlight.method.choices import ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.frame_costs import first_factor, frame_costs
-from evenlight.method.online.governor import GovernorSettings, governor_of, horizon_warning
+from evenlight.method.online.governor import (
+    GovernorSettings,
+    first_factor,
+    frame_costs,
+    governor_of,
+    horizon_warning,
+)
 from evenlight.method.online.tuning import tune
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
 from evenlight.method.optimizer.optimize import Problem
@@ -42,10 +47,8 @@ class ControlJob:
 
     Attributes
     ----------
-    work : OptimizationJob
-        The video, the display, the rate limit and the power model.
-    settings : ControllerSettings
-        Target, gains and bounds.
+    work, settings : OptimizationJob, ControllerSettings
+        The video, the display, the rate limit and the power model; target, gains and bounds.
     start_factor : float or None
         b of the first frame; None: where it has the target loss.
     budget : GovernorSettings or None
@@ -78,22 +81,17 @@ class ControlResult:
         With the gains and the first target that were used.
     display : Display
         At the pixels per degree of the analysis.
-    run : ControlledTrack
-        The controller's factors, and where it was held back.
-    track : BrightnessTrack
-        The same, as a track to be played.
-    summary : OptimizationSummary
-        In the terms of the optimizer.
-    control : ControlSummary
-        In those of the controller.
+    run, track : ControlledTrack, BrightnessTrack
+        The controller's factors, and where it was held back; the same, as a track to be played.
+    summary, control : OptimizationSummary, ControlSummary
+        In the terms of the optimizer, and in those of the controller.
     spread : SpreadRatio
         How steady the loss is beside that of constant dimming.
     baseline_loss : array, (N,)
         Of constant dimming by the mean factor.
-    tuning : TuningReport or None
-        If the gains were tuned.
-    tuning_runs : (ControlledTrack, ControlledTrack) or None
-        With the gains before and after that, at the first target: the search leaves a budget aside.
+    tuning, tuning_runs : TuningReport or None, (ControlledTrack, ControlledTrack) or None
+        If the gains were tuned; with the gains before and after that, at the first target: the search leaves
+        a budget aside.
     warnings : tuple of str
         What is wrong with the horizon of the budget, or with the target.
     """
@@ -116,12 +114,10 @@ class ControlledVideo:
 
     Parameters
     ----------
-    curves : LossCurves
-        Of the video.
+    curves, curves_s : LossCurves, float
+        Of the video, and the time that they took [s].
     asked : ControlJob
         What is asked.
-    curves_s : float
-        Time that the curves took [s].
     """
 
     def __init__(self, curves: LossCurves, asked: ControlJob, curves_s: float = 0.0) -> None:

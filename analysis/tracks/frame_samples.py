@@ -57,10 +57,8 @@ def thumbnails_of(
     ----------
     samples : sequence of (int, array (height, width, 3))
         Indices and pixel values of frames, as `FrameSamples.held`.
-    count : int
-        How many pictures.
-    width : int
-        Their least width [pixels].
+    count, width : int
+        How many pictures, and their least width [pixels].
 
     >>> frame = np.zeros((2, 2, 3), np.uint8)
     >>> [index for index, _ in thumbnails_of([(4 * k, frame) for k in range(12)], count=3)]

@@ -26,7 +26,7 @@ class SpreadRatio:
     ratio : float or None
         sd / sd_constant; None where the second never changes.
     ci_low, ci_high : float or None
-        95 % interval; None where the ratio is 0 or missing.
+        95 % confidence interval; None where the ratio is 0 or missing.
     correlation_time : float
         After which the second's autocorrelation is below 1/e [s].
     flag : str

@@ -21,7 +21,7 @@ from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, Optim
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, calmed, summarize, track_of
 from evenlight.method.optimizer.lower_bound import lower_bound
-from evenlight.method.optimizer.optimize import Problem, Solver, clip_of, joined_curves, joints, pose
+from evenlight.method.optimizer.optimize import Problem, clip_of, joined_curves, joints, pose
 from evenlight.method.optimizer.optimize import optimize as optimize_problem
 from evenlight.method.optimizer.solvers import make_solver
 
@@ -42,14 +42,10 @@ class OptimizedClip:
     ----------
     problem : Problem
         What was solved: its loss curves, its rate limit, constant dimming of the same power.
-    track : BrightnessTrack
-        The brightness factor of each frame, and what it does.
-    summary : OptimizationSummary
-        What the track achieves.
-    weighing : Weighing
-        How its frames count in the objective.
-    samples : FrameSamples
-        Some of its frames.
+    track, summary : BrightnessTrack, OptimizationSummary
+        The brightness factor of each frame, and what the track does and achieves.
+    weighing, samples : Weighing, FrameSamples
+        How its frames count in the objective, and some of them.
     """
 
     problem: Problem
@@ -96,10 +92,7 @@ def optimize_video(job: OptimizationJob) -> Optimization:
 
 
 def optimize_curves(
-    job: OptimizationJob,
-    curves: Sequence[LossCurves],
-    samples: Sequence[FrameSamples],
-    curves_s: float = 0.0,
+    job: OptimizationJob, curves: Sequence[LossCurves], samples: Sequence[FrameSamples], curves_s: float = 0.0
 ) -> Optimization:
     """Find the brightness tracks of videos whose loss curves are known.
 
@@ -115,7 +108,8 @@ def optimize_curves(
     began = time.perf_counter()
     whole = joined_curves(curves) if job.others else curves[0]
     problem = pose(whole, job.request, joints(curves))
-    solution = optimize_problem(problem, _solver(job, curves))
+    start = None if job.start is None else start_factors(job.start, curves)
+    solution = optimize_problem(problem, make_solver(job.solver, np.random.default_rng(job.seed), start))
     if job.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, job.calm))
     solved = time.perf_counter()
@@ -149,9 +143,3 @@ def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, W
         counts = part.importance is None or bool(part.importance.any())
         return replace(part, importance=None), Weighing.ALIKE if counts else Weighing.LEFT_OUT
     return part, Weighing.WEIGHTED
-
-
-def _solver(job: OptimizationJob, clips: Sequence[LossCurves]) -> Solver:
-    """Return the solver, with the factors of an earlier result at each frame's time if there is one."""
-    start = None if job.start is None else start_factors(job.start, clips)
-    return make_solver(job.solver, np.random.default_rng(job.seed), start)

@@ -26,7 +26,7 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curve
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.optimizer.request import Request
-from evenlight.stimuli.video.coarser_frames import coarser
+from evenlight.stimuli.video.frame_conversion import coarser
 from evenlight.stimuli.video.video_source import VideoSource
 
 TRACK = "track.csv"
@@ -38,18 +38,12 @@ class OptimizationJob:
 
     Attributes
     ----------
-    source : VideoSource
-        The video.
-    display : Display
-        What it is shown on.
-    request : Request
-        Budget, power model, rate limit.
+    source, display, request : VideoSource, Display, Request
+        The video, what it is shown on, and budget, power model and rate limit.
     model, model_name : ContrastModel, str
         Choices of the contrast model, and what they are called.
-    solver : SolverName
-        Which solver.
-    seed : int
-        Of the solver's start, where it draws one.
+    solver, seed : SolverName, int
+        Which solver, and the seed of its start, where it draws one.
     min_factor : float
         Lowest brightness factor allowed.
     calm : float
@@ -66,10 +60,8 @@ class OptimizationJob:
         Files of the sections that the request has.
     start : Path or None
         Track of an earlier result to start from, or its folder; of several clips, the folder of theirs.
-    quiet : bool
-        Whether to show no progress.
-    watch : callable, optional
-        Sees each frame as it is analysed, and yields it.
+    quiet, watch : bool, callable, optional
+        Whether to show no progress; sees each frame as it is analysed, and yields it.
     """
 
     source: VideoSource

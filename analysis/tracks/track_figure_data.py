@@ -23,10 +23,8 @@ class TrackFigureData:
 
     Attributes
     ----------
-    track : BrightnessTrack
-        The track.
-    baseline_factor : float
-        b of constant dimming.
+    track, baseline_factor : BrightnessTrack, float
+        The track, and b of constant dimming.
     baseline_loss : array, (N,)
         𝓛_c of each frame under constant dimming.
     objective, objective_baseline : float
@@ -37,12 +35,10 @@ class TrackFigureData:
         The lowest factor that was allowed.
     achieved : float or None
         What the track has, in the budget's unit; None where that is the budget.
-    clips : int
-        How many clips share the budget.
+    clips, weighing : int, Weighing
+        How many clips share the budget, and how the frames count in the objective.
     same_power : bool
         Whether constant dimming uses the same power; if not, it has the same mean factor.
-    weighing : Weighing
-        How the frames count in the objective.
     fitted_limit : array, (N,), or None
         The rate limit without allowances [cd/m^2/s]; None where the track has that one.
     """

@@ -32,23 +32,12 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
     Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
     """
     result = optimize_video(job)
-    write_optimization(result, job.model, folder)
+    _write_optimization(result, job.model, folder)
     return result.summary
 
 
-def write_optimization(result: Optimization, model: ContrastModel, folder: Path) -> None:
-    """Write the summary, and the loss curves, the track and the figures of each clip.
-
-    Parameters
-    ----------
-    result : Optimization
-        What to write.
-    model : ContrastModel
-        Choices of the contrast model, for the figure of lost contrast.
-    folder : Path
-        For one video, gets `summary.json`, `track.csv`, `track.json`, `loss_curves.npz`, `track.png` and
-        `contrast_map.png`; of several clips the summary, and a folder for each.
-    """
+def _write_optimization(result: Optimization, model: ContrastModel, folder: Path) -> None:
+    """Write the summary, and the loss curves, the track and the figures of each clip."""
     write_json_record(folder / "summary.json", result.summary)
     if len(result.clips) == 1:
         _write_clip(result.clips[0], model, folder)

@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.json_schema import committed_schema
+from evenlight.data_schema.json_schema import committed_schema, schema_of
 from evenlight.data_schema.mapping import (
     record_from_mapping,
     refuse_newer_schema,
     shown,
     type_hints,
+    types_in,
     unknown_key,
 )
 from evenlight.data_schema.quantities import file_key
-from evenlight.data_schema.record_kinds import FileFormat, RecordKind
+from evenlight.data_schema.record_kinds import KINDS, FileFormat, RecordKind
 from evenlight.data_schema.storage.tables import columns_of, csv_rows, optional_columns, plain_cell
 from evenlight.data_schema.storage.text_files import (
     Place,
@@ -238,7 +239,7 @@ def _check_row(checked: CheckedFile, kind: RecordKind, content: Any, number: int
     try:
         checked.records.append((number, record_from_mapping(kind.record, content, where)))
     except InputError as error:
-        found = schema_problems(content, kind.name)
+        found = _problems_in(content, kind)
         checked.problems += [f"{where}{_key(place)}: {problem}" for place, problem in found]
         if not found:
             checked.problems.append(str(error))
@@ -248,7 +249,7 @@ def _check_content(checked: CheckedFile, kind: RecordKind, content: Any, number:
     """Check the content of a file that is one record, by its schema and then by making it."""
     if isinstance(content, dict):
         refuse_newer_schema(content, str(checked.path))
-    found = schema_problems(content, kind.name)
+    found = _problems_in(content, kind)
     checked.problems += [f"{where(place)}: {problem}" for place, problem in found]
     if not found:
         checked.records.append((number, record_from_mapping(kind.record, content, str(checked.path))))
@@ -272,7 +273,22 @@ def schema_problems(content: Any, name: str) -> list[tuple[Place, str]]:
     >>> schema_problems({"peak_luminance_cd_m2": -1.0}, "display")[-1]
     (('peak_luminance_cd_m2',), 'expected above 0 cd/m^2, got -1.0')
     """
-    problems = [each for error in _validator(name).iter_errors(content) for each in _problems_of(error)]
+    return _broken(_validator(name), content)
+
+
+def _problems_in(content: Any, kind: RecordKind) -> list[tuple[Place, str]]:
+    """Return where a content breaks the schema of its kind; that of a registered task is not committed."""
+    types = types_in(kind.record, content)
+    if kind in KINDS and types == type_hints(kind.record):
+        return schema_problems(content, kind.name)
+    from jsonschema import Draft202012Validator
+
+    return _broken(Draft202012Validator(schema_of(kind, types)), content)
+
+
+def _broken(validator: Draft202012Validator, content: Any) -> list[tuple[Place, str]]:
+    """Return every place at which a content breaks a schema, in order."""
+    problems = [each for error in validator.iter_errors(content) for each in _problems_of(error)]
     return sorted(problems, key=lambda problem: [str(key) for key in problem[0]])
 
 

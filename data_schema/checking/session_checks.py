@@ -9,13 +9,7 @@ from typing import Any
 from evenlight.data_schema.checking.file_checks import CheckedFile, check_file
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
-from evenlight.data_schema.record_kinds import (
-    FRAMES_OF_TASK,
-    KIND_OF,
-    READINGS_OF_SWEEP,
-    TRIALS_OF_TASK,
-    RecordKind,
-)
+from evenlight.data_schema.record_kinds import KIND_OF, READINGS_OF_SWEEP, RecordKind, kind_of
 from evenlight.data_schema.recordings.dataset_layout import (
     FRAMES,
     MANIFEST,
@@ -25,7 +19,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     behaviour_file,
 )
 from evenlight.data_schema.recordings.ramp import TrialFlag
-from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.session import TASKS, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.sweep import SweepManifest
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.data_schema.storage.tables import columns_of, csv_rows, plain_cell
@@ -47,7 +41,8 @@ def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
     yield checked
     yield trials
     if (folder / FRAMES).is_file():
-        yield _check_frames(folder, trials, FRAMES_OF_TASK.get(manifest.task) if manifest else None)
+        known = TASKS.get(manifest.task) if manifest else None
+        yield _check_frames(folder, trials, kind_of(known.frames) if known else None)
     if isinstance(manifest, SessionManifest):
         yield from _check_export(dataset, manifest, trials)
 
@@ -64,7 +59,8 @@ def _compare_with_folders(checked: CheckedFile, manifest: SessionManifest, folde
 
 def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile:
     """Return the trials of a session with their problems; unchecked those of a task without a record."""
-    kind = TRIALS_OF_TASK.get(manifest.task) if manifest else None
+    known = TASKS.get(manifest.task) if manifest else None
+    kind = kind_of(known.trial) if known else None
     if kind is None:
         return CheckedFile(folder / TRIALS, "")
     if not (folder / TRIALS).is_file():
@@ -171,8 +167,8 @@ def _brightest_of(trial: Any) -> float:
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:
     """Yield the exported table of a session and the description of its columns."""
     path = behaviour_file(dataset, manifest.participant_id, manifest.session_id, manifest.task)
-    kind = TRIALS_OF_TASK.get(manifest.task)
-    if kind is None:
+    known = TASKS.get(manifest.task)
+    if known is None:
         return
     if not path.is_file():
         if manifest.status is SessionStatus.COMPLETE and trials.records:
@@ -180,8 +176,8 @@ def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile)
                 path, "exported trials", f"no such file; {TRIALS} is to be exported there"
             )
         return
-    yield _check_exported_rows(path, kind.record, trials)
-    yield check_column_descriptions(path.with_suffix(".json"), columns_of(kind.record))
+    yield _check_exported_rows(path, known.trial, trials)
+    yield check_column_descriptions(path.with_suffix(".json"), columns_of(known.trial))
 
 
 def _check_exported_rows(path: Path, cls: type[Any], trials: CheckedFile) -> CheckedFile:

@@ -175,8 +175,18 @@ class Trial:
     """What the trials of all experiments have in common."""
 
     __slots__ = ()
+    participant_id: str
+    session_id: str
+    trial_index: int
+    simulated: bool
     practice: bool
+    attempt: int
     flag: TrialFlag
+
+    @property
+    def intervals(self) -> int:
+        """How many intervals a trial has."""
+        return 1
 
     @property
     def usable(self) -> bool:

@@ -153,11 +153,6 @@ class SearchTrial(Trial):
             )
 
     @property
-    def intervals(self) -> int:
-        """How many intervals a trial has."""
-        return 1
-
-    @property
     def correct(self) -> bool:
         """Whether the ring was found and its gap identified correctly."""
         return self.found and self.reported_orientation == self.ring_orientation

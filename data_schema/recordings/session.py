@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import check_limits, described, quantity
-from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.recordings.search import SearchDesign
-from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign, Stimulus
+from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
+from evenlight.data_schema.recordings.viewing import (
+    ClipLog,
+    ComparisonDesign,
+    ComparisonTrial,
+    RatingDesign,
+    RatingTrial,
+    Stimulus,
+)
 
 Design = RampDesign | RatingDesign | ComparisonDesign | SearchDesign
-DESIGN_OF_TASK: dict[str, type[Design]] = {
-    "ramp": RampDesign,
-    "rating": RatingDesign,
-    "comparison": ComparisonDesign,
-    "search": SearchDesign,
+
+
+@dataclass(frozen=True, slots=True)
+class TaskRecords:
+    """The records of a task: its design, a line of `trials.jsonl`, a line of `frames.jsonl`."""
+
+    design: type[Any]
+    trial: type[Any]
+    frames: type[Any] = ClipLog
+
+
+# Everything that goes by a task's name looks it up here; `evenlight.register_task` adds tasks of others.
+TASKS = {
+    "ramp": TaskRecords(RampDesign, RampTrial, FrameLog),
+    "rating": TaskRecords(RatingDesign, RatingTrial),
+    "comparison": TaskRecords(ComparisonDesign, ComparisonTrial),
+    "search": TaskRecords(SearchDesign, SearchTrial, ViewLog),
 }
+BUILT_IN_TASKS = tuple(TASKS)
 
 
 class SessionStatus(enum.Enum):
@@ -37,7 +59,7 @@ class SessionManifest:
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
     session_id: str = described("session", pattern="^[0-9A-Za-z]+$")
-    task: str = described("experiment: ramp, rating, comparison or search")
+    task: str = described("experiment: ramp, rating, comparison, search, or a registered one")
     simulated: bool = described("true if a simulated observer answers")
     status: SessionStatus = described("how far the session got")
     n_trials: int = quantity(
@@ -68,12 +90,18 @@ class SessionManifest:
 
     def __post_init__(self) -> None:
         check_limits(self)
-        expected = DESIGN_OF_TASK.get(self.task)
-        if expected is not None and not isinstance(self.design, expected):
+        known = TASKS.get(self.task)
+        if known is not None and not isinstance(self.design, known.design):
             raise ValueError(
-                f"the design of the task {self.task!r} must be a {expected.__name__}, got a "
+                f"the design of the task {self.task!r} must be a {known.design.__name__}, got a "
                 f"{type(self.design).__name__}"
             )
+
+    @staticmethod
+    def types_in(content: Mapping[str, Any]) -> dict[str, type[Any]]:
+        """Return the type of `design` in the manifest of a registered task; `mapping` asks for it."""
+        task = content.get("task")
+        return {"design": TASKS[task].design} if task in TASKS and task not in BUILT_IN_TASKS else {}
 
 
 class EventKind(enum.Enum):

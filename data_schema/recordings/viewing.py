@@ -144,11 +144,6 @@ class RatingTrial(Trial):
     def __post_init__(self) -> None:
         check_limits(self)
 
-    @property
-    def intervals(self) -> int:
-        """How many intervals a trial has."""
-        return 1
-
 
 @dataclass(frozen=True, slots=True)
 class ComparisonTrial(Trial):

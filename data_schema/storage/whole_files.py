@@ -53,6 +53,16 @@ def write_whole(path: Path, content: bytes | str) -> None:
         raise
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder if it is not there; raise `InputError` where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
+        ) from error
+
+
 @contextmanager
 def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Path]:
     """Yield an empty folder for results; when the block ends well, its files are moved into `folder`.

@@ -1,29 +1,38 @@
-"""The images of clips: decoded ahead, also those of the next clip, or drawn when due."""
+"""The images of clips, decoded ahead or drawn when due; and whether a brightness track fits its video."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, read_track
 from evenlight.experiments.recordings import frames_of_refreshes
 from evenlight.experiments.stage import Clip
 from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.image_renderer import Image, ImageRenderer
 from evenlight.stimuli.scenes.camera_path import check_path
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import scene_named
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.video.frame_buffer import FrameBuffer, LevelFrame
+from evenlight.stimuli.video.video_file import VideoFile
+from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
     import moderngl
 
 AHEAD = 2.0  # [s] of video that is decoded before it begins
 LARGEST_DEVIATION = 1e-3  # [s] of a frame's time from its track's
+TRACK, SUMMARY = "track.csv", "summary.json"
 
 
 class ImageFeed(Protocol):
@@ -263,3 +272,80 @@ class SceneFeed:
         """Return the levels of the image last asked for, (height, width, 3), and how many there are."""
         levels, count = levels_of(np.asarray(self._renderer.pixel_values()))
         return levels, count
+
+
+def track_file(path: Path) -> Path:
+    """Return the file of a track, which may be given as the folder it is in."""
+    file = path / TRACK if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(
+            f"{file}: no such brightness track; give a track.csv, or the folder that `evenlight optimize` "
+            "wrote"
+        )
+    return file
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedTrack:
+    """A track, and constant dimming of equal power."""
+
+    track: BrightnessTrack
+    baseline: float  # factor of constant dimming at equal power
+    source_of_baseline: str  # where that comes from
+    sha256: str = ""  # of its track.csv
+
+
+def load_track(path: Path) -> LoadedTrack:
+    """Return a track and its baseline.
+
+    Parameters
+    ----------
+    path : Path
+        A track.csv, or the folder it is in.
+    """
+    file = track_file(path)
+    track, digest = read_track(file), sha256_of_file(file)
+    summary = file.with_name(SUMMARY)
+    if summary.is_file():
+        factor = read_json_record(OptimizationSummary, summary).baseline_factor
+        return LoadedTrack(track, factor, f"as {summary} has it", digest)
+    said = f"the track's mean, for there is no {summary}: of equal power where a backlight makes the light"
+    return LoadedTrack(track, mean_factor(track), said, digest)
+
+
+def mean_factor(track: BrightnessTrack) -> float:
+    """Return the mean factor over time: constant dimming by it takes a backlight as much power (linear)."""
+    durations = frame_durations(track)
+    return float(np.average(track.factors, weights=durations))
+
+
+def frame_durations(track: BrightnessTrack) -> NDArray[np.float64]:
+    """Return how long each frame of a track is shown, the last one as long as most [s]."""
+    steps = np.diff(track.times)
+    return np.append(steps, np.median(steps) if len(steps) else 0.04)
+
+
+def require_display(track: BrightnessTrack, display: Display) -> None:
+    """Refuse a track that was made for another display."""
+    header = track.header
+    if header.display_fingerprint != display.fingerprint:
+        raise InputError(
+            f"the track was made for the display {header.display_name!r}, and here is {display.name!r}: make "
+            "one with --display set to it, or play it all the same with --other-display-ok"
+        )
+
+
+def require_fit(video: VideoSource, track: BrightnessTrack) -> None:
+    """Refuse a track that is none of a video: of another number of frames, or at other times.
+
+    Of a video that does not tell its frames beforehand, the player finds it out.
+    """
+    known, wanted = video.n_frames, len(track.times)
+    if known is not None and known != wanted:
+        raise wrong_count(video.name, known, wanted)
+    if isinstance(video, VideoFile):
+        times = video.timeline.times[video.timeline.durations > 0]
+        off = np.abs(times - track.times) > LARGEST_DEVIATION
+        if off.any():
+            k = int(off.argmax())
+            raise wrong_time(video.name, k, float(times[k]), float(track.times[k]))

@@ -28,7 +28,7 @@ from evenlight.stimuli.ramp import frame_count
 if TYPE_CHECKING:
     import moderngl
 
-# [pixels] of the video's middle that is read back; the noise leaves a mean of so many within 0.01 cd/m^2.
+# [pixels] of the middle that is read back; the noise leaves a mean of so many within 0.01 cd/m^2 at 100.
 PROBE_SIZE = (256, 256)
 LABEL_SECONDS = 0.8  # that an interval's number is shown
 

@@ -20,11 +20,13 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.loss_meters import LossMeter
 from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
-from evenlight.method.online.frame_costs import ContentCosts, FrameCost, first_factor
 from evenlight.method.online.governor import (
+    ContentCosts,
     Excess,
+    FrameCost,
     GovernorSettings,
     GovernorState,
+    first_factor,
     governor_of,
     time_constant,
 )
@@ -213,21 +215,11 @@ class LiveBudget:
 
 @dataclass(frozen=True, slots=True)
 class PictureUse:
-    """What a picture used while it was shown.
+    """What a picture used while it was shown."""
 
-    Attributes
-    ----------
-    factor : float
-        b.
-    slope : float
-        `power_per_factor` of its content [W].
-    seconds : float
-        How long it was shown [s].
-    """
-
-    factor: float
-    slope: float
-    seconds: float
+    factor: float  # b
+    slope: float  # `power_per_factor` of its content [W]
+    seconds: float  # how long it was shown [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
 from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
 from evenlight.stimuli.dithering import GRID_LEVELS
-from evenlight.stimuli.scenes.drawing import graphics_state
-from evenlight.stimuli.scenes.drawing.graphics_scene import set_uniforms
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
-from evenlight.stimuli.scenes.drawing.shaders import WHOLE_VERTEX
+from evenlight.stimuli.scenes import graphics
+from evenlight.stimuli.scenes.graphics import WHOLE_VERTEX
+from evenlight.stimuli.scenes.renderer import SceneRenderer, set_uniforms
 
 if TYPE_CHECKING:
     import moderngl
@@ -112,7 +111,7 @@ def open_meter(
         from evenlight.method.gpu.frame_loss import GpuLoss
 
         width, height = pictures.size
-        with graphics_state.own(context):
+        with graphics.own(context):
             loss = GpuLoss(context, (height, width), display, lowest_factor=lowest_factor)
         return GpuMeter(context, pictures, loss, light, patient=patient)
     return ProcessorMeter(pictures, display, lowest_factor, light, patient=patient)
@@ -155,16 +154,10 @@ class ProcessorMeter(_LightMeter):
 
     Parameters
     ----------
-    pictures : SceneRenderer
-        Draws the pictures.
-    display : Display
-        What shows them.
-    lowest_factor : float
-        That will be asked for.
+    pictures, display, lowest_factor, patient
+        As of `open_meter`.
     light : PictureLuminance
         Of the pictures.
-    patient : bool
-        Whether `result` waits.
     """
 
     def __init__(
@@ -219,16 +212,12 @@ class GpuMeter(_LightMeter):
 
     Parameters
     ----------
-    context : moderngl.Context
-        Of the window.
-    pictures : SceneRenderer
-        Draws the pictures.
+    context, pictures, patient
+        As of `open_meter`.
     loss : GpuLoss
         For pictures of that size.
     light : PictureLuminance
         Of the pictures.
-    patient : bool
-        Whether `result` waits.
     """
 
     def __init__(
@@ -257,7 +246,7 @@ class GpuMeter(_LightMeter):
         if self._under_way:
             return False
         frame = FrameTexture(self._pictures.codes, TextureContent.LEVELS, CODES, from_below=True)
-        with graphics_state.own(self._context):
+        with graphics.own(self._context):
             self._loss.start(frame, factor)
         self._under_way = True
         return True
@@ -267,7 +256,7 @@ class GpuMeter(_LightMeter):
         if not self._under_way or not (self._patient or self._loss.ready()):
             return None
         self._under_way = False
-        with graphics_state.own(self._context):
+        with graphics.own(self._context):
             return self._loss.result()
 
     def close(self) -> None:
@@ -281,19 +270,15 @@ class PictureLuminance:
 
     Parameters
     ----------
-    context : moderngl.Context
-        Of the window, and of the renderer.
-    pictures : SceneRenderer
-        Draws the pictures.
-    display : Display
-        What shows them.
+    context, pictures, display
+        As of `open_meter`.
     """
 
     def __init__(self, context: moderngl.Context, pictures: SceneRenderer, display: Display) -> None:
         self._context, self._pictures, self._display = context, pictures, display
         width, height = pictures.size
         blocks = -(-width // BLOCK), -(-height // BLOCK)
-        with graphics_state.own(context):
+        with graphics.own(context):
             self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
             program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=SUM_FRAGMENT)
             self._adder = context.vertex_array(program, [])
@@ -303,7 +288,7 @@ class PictureLuminance:
     def mean(self) -> float:
         """Return Ī at factor 1 of the picture drawn last [cd/m^2]."""
         width, height = self._pictures.size
-        with graphics_state.own(self._context):
+        with graphics.own(self._context):
             self._sums.use()
             self._pictures.codes.use(0)
             self._adder.render(vertices=3)

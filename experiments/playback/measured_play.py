@@ -1,80 +1,85 @@
-"""Plays a video in its versions, time and again, with a power meter in the panel's supply.
+"""Plays a video in its versions, time and again, and records the power of the panel meanwhile.
 
-Before and after it three flashes mark the time, for a meter without a synchronisation input.
+`PowerRecording` fills the files: samples, clocks, and what was shown when. Before and after the video three
+flashes mark the time, for a meter without a synchronisation input.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import sys
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
-from evenlight.data_schema.recordings.dataset_layout import BACKLIGHT_SETTINGS
-from evenlight.data_schema.recordings.instrument_logs import BacklightSetting, PlayedFlip, PowerLog
+from evenlight.data_schema.recordings.dataset_layout import (
+    BACKLIGHT_SETTINGS,
+    CLOCK_PINGS,
+    FLASHES,
+    FLIPS,
+    POWER_LOG,
+    POWER_SAMPLES,
+)
+from evenlight.data_schema.recordings.instrument_logs import (
+    BacklightSetting,
+    ClockPing,
+    FlashMark,
+    PlayedFlip,
+    PowerLog,
+    PowerSample,
+)
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.storage.append_log import AppendedRows
+from evenlight.data_schema.storage.text_files import write_json_record
+from evenlight.data_schema.storage.whole_files import make_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
-from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions
+from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions, interrupted
 from evenlight.experiments.playback.play_video import video_request
-from evenlight.experiments.playback.player import Dimming, Playback, PlaybackDevices, Player, open_devices
-from evenlight.experiments.playback.power_recording import RATES, PowerRecording
-from evenlight.experiments.sessions.dataset import make_folder
-from evenlight.experiments.showing import Screen
+from evenlight.experiments.playback.player import (
+    Dimming,
+    Playback,
+    PlaybackDevices,
+    Player,
+    flash,
+    open_devices,
+)
 from evenlight.experiments.stage import PausePressed
-from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from evenlight.hardware.rig import is_simulated, open_power_meter
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
-from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.preset_files import load_power_model
-from evenlight.stimuli.field_renderer import Field, FieldRenderer
-from evenlight.stimuli.ramp import frame_count
 
 if TYPE_CHECKING:
     import moderngl
 
 DEFAULT_PASSES = 3
-INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 SEED = 1  # of a simulated meter's noise
 WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
 PATCH = 64  # [pixels] of the corner that a photodiode looks at
-FLASHES = 3
-FLASH_SECONDS = 0.5  # bright, and dark between
-DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
+PINGS_AT_ONCE = 5  # the one that took the shortest bounds the clocks' difference best
+# [Hz] From 1000 on, the energy of single frames is within 1 % (docs/decisions/power-synchronisation.md).
+RATES = (1000.0, 500.0, 250.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class PowerMeasurement:
-    """How power is measured.
+    """How power is measured."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where samples, clocks and flips go.
-    sample_rate : float or None
-        Of the meter [Hz]; None for the highest up to 1000 that it has.
-    sync_patch : bool
-        Whether a corner of the picture changes between black and white with every frame, for a photodiode on
-        the meter's synchronisation input.
-    track_sha256 : str
-        Of the track.
-    simulated : bool
-        Whether time goes with the flips.
-    """
-
-    folder: Path
-    sample_rate: float | None
+    folder: Path  # where samples, clocks and flips go
+    sample_rate: float | None  # of the meter [Hz]; None for the highest up to 1000 that it has
+    # whether a corner of the picture changes between black and white with every frame, for a photodiode on
+    # the meter's synchronisation input
     sync_patch: bool
-    track_sha256: str
-    simulated: bool
+    track_sha256: str  # of the track
+    simulated: bool  # whether time goes with the flips
 
 
 def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
@@ -123,11 +128,8 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
     except BaseException as error:
         if isinstance(error, Exception | SystemExit):
             raise
-        print(
-            f"evenlight: interrupted; `evenlight fit {folder} --out FOLDER` analyses what was recorded",
-            file=sys.stderr,
-        )
-        sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+        words = f"`evenlight fit {folder} --out FOLDER` analyses what was recorded"
+        raise interrupted(error, words) from None
     if not whole:
         print("evenlight: ended before its end; what was measured until then follows", file=sys.stderr)
     return folder
@@ -279,36 +281,122 @@ def _log(
     )
 
 
-class FlashWatcher(Protocol):
-    """Who takes note of the flashes."""
-
-    def flashed(self, factor: float) -> None:
-        """Take note of a brightness factor right after it first appeared."""
-
-    def take_samples(self) -> None:
-        """Take what a meter has measured meanwhile, after every refresh."""
-
-
-def flash(on: Screen, fields: FieldRenderer, watcher: FlashWatcher) -> None:
-    """Show three flashes of white, dark before and after each.
+class PowerRecording(AbstractContextManager["PowerRecording"]):
+    """The power meter at work beside a player, and the files that it fills.
 
     Parameters
     ----------
-    on : Screen
-        What is shown on.
-    fields : FieldRenderer
-        Draws the field.
-    watcher : FlashWatcher
-        Who takes note of them.
+    folder, log : Path, PowerLog
+        Where the files go, and what is recorded; the log's sample rate becomes what the meter achieves.
+    rate, meter : float or None, PowerMeter
+        The meter, which is started here and stopped at the end, and the rate that it is asked for [Hz]; None
+        for the highest of `RATES` that it has.
+    clock : callable
+        That of the flips [s].
+    panel : SimulatedPanel, optional
+        A simulated panel, which is told what is shown.
+
+    Raises
+    ------
+    InputError
+        If a file is there already.
+    InstrumentError
+        If the meter does not start.
     """
-    refresh = 0
-    for factor in (*(DARK, BRIGHT) * FLASHES, DARK):
-        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
-            pixels = on.brightness.of_picture(factor)
-            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
-            on.show(fields, Field(white), refresh)
-            refresh += 1
-            if number == 0:
-                watcher.flashed(factor)
-            else:
-                watcher.take_samples()
+
+    def __init__(
+        self,
+        folder: Path,
+        log: PowerLog,
+        rate: float | None,
+        meter: PowerMeter,
+        clock: Callable[[], float],
+        panel: SimulatedPanel | None = None,
+    ) -> None:
+        self._meter, self._clock, self._panel = meter, clock, panel
+        self._sync, self._last_frame = False, (-1, -1)  # pass and video frame
+        with ExitStack() as stack:
+            log = dataclasses.replace(log, sample_rate=_started(meter, rate))
+            write_json_record(folder / POWER_LOG, log)
+            tables = ((POWER_SAMPLES, PowerSample), (CLOCK_PINGS, ClockPing), (FLIPS, PlayedFlip))
+            self._tables = {
+                name: stack.enter_context(AppendedRows(folder / name, cls))
+                for name, cls in (*tables, (FLASHES, FlashMark))
+            }
+            self._open = stack.pop_all()
+        self.compare_clocks()
+
+    @property
+    def sync(self) -> bool:
+        """Level of the synchronisation line: it changes with every new video frame."""
+        return self._sync
+
+    def next_sync(self, pass_index: int, video_frame: int) -> bool:
+        """Return the level that the synchronisation line takes with a frame that is about to be shown."""
+        if self._last_frame != (pass_index, video_frame):
+            self._last_frame, self._sync = (pass_index, video_frame), not self._sync
+        return self._sync
+
+    def showed(self, flip: PlayedFlip) -> None:
+        """Take what a refresh showed, right after it."""
+        if self._panel is not None:
+            self._panel.set_backlight(flip.achieved_factor)
+            self._panel.set_sync(flip.sync)
+        self._tables[FLIPS].append([flip], to_disk=False)
+        self.take_samples()
+
+    def flashed(self, factor: float) -> None:
+        """Take a change of a flash marker, right after it appeared."""
+        if self._panel is not None:
+            self._panel.set_backlight(factor)
+        self._tables[FLASHES].append([FlashMark(self._clock(), factor)])
+        self.take_samples()
+
+    def take_samples(self) -> None:
+        """Write down the samples that came; at once."""
+        self._tables[POWER_SAMPLES].append(self._meter.samples(), to_disk=False)
+
+    def compare_clocks(self) -> None:
+        """Compare the meter's clock with the computer's, some times in a row.
+
+        Never while a video is played: the answer takes time, and more of it if it gets lost.
+        """
+        for _ in range(PINGS_AT_ONCE):
+            self._ping()
+
+    def _ping(self) -> None:
+        """Compare the clocks once, if the meter has one of its own."""
+        try:
+            ping = self._meter.ping()
+        except InstrumentError as error:
+            if error.fault not in TRANSIENT:
+                raise
+            return  # there are others; a meter that stays silent is told by its samples
+        if ping is not None:
+            self._tables[CLOCK_PINGS].append([ping], to_disk=False)
+
+    def close(self) -> None:
+        """Stop the meter, write down its last samples, and close the files."""
+        with self._open:
+            self._tables[POWER_SAMPLES].append(self._meter.stop())
+            self.compare_clocks()
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.close()
+        else:  # what broke it is told; the meter may be gone
+            with self._open, suppress(InstrumentError):
+                self._tables[POWER_SAMPLES].append(self._meter.samples())
+
+
+def _started(meter: PowerMeter, rate: float | None) -> float:
+    """Start a meter at a rate, or at the highest of `RATES` that it has, and return the one achieved [Hz]."""
+    if rate is not None:
+        return meter.start(rate)
+    for possible in RATES:
+        try:
+            return meter.start(possible)
+        except InstrumentError as error:
+            if error.fault is not Fault.REFUSED or possible == RATES[-1]:
+                raise
+    raise AssertionError("RATES is empty")

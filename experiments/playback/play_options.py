@@ -9,6 +9,7 @@ import dataclasses
 import enum
 import functools
 import inspect
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve
 
+INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
 _power = functools.partial(typer.Option, rich_help_panel="Measured power, with --measure-power")
 _walk = functools.partial(typer.Option, rich_help_panel="A walk through a scene, with --walk")
@@ -165,6 +167,12 @@ class LiveOptions:
     def dims(self) -> bool:
         """Whether a controller dims the walk."""
         return self.target_loss is not None or self.budget is not None
+
+
+def interrupted(error: BaseException, words: str) -> SystemExit:
+    """Say what is kept of an interrupted job, and return what ends the program as shells expect it."""
+    print(f"evenlight: interrupted; {words}", file=sys.stderr)
+    return SystemExit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
 def refuse(because: str, options: object, *names: str) -> None:

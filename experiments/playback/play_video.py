@@ -14,6 +14,13 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.experiments.calibration_age import require_young
+from evenlight.experiments.playback.clip_feeds import (
+    LoadedTrack,
+    frame_durations,
+    load_track,
+    require_display,
+    require_fit,
+)
 from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
 from evenlight.experiments.playback.player import (
     Dimming,
@@ -24,18 +31,10 @@ from evenlight.experiments.playback.player import (
     require_log_file,
     write_log,
 )
-from evenlight.experiments.playback.video_and_track import (
-    LoadedTrack,
-    frame_durations,
-    load_track,
-    require_display,
-    require_fit,
-)
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.sequences import built_in_sequence, is_sequence
+from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
 SMALLEST_WINDOW = 64  # [pixels]
@@ -51,7 +50,7 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
         If video, track and display do not go together, or an option cannot be.
     """
     if options.loop and screen.simulate:
-        raise InputError("--loop goes on until somebody presses escape, and with --simulate nobody does")
+        raise InputError("--loop goes on until someone presses escape, and with --simulate no one does")
     if options.log is not None:
         require_log_file(options.log)
     asked = video_request(screen)
@@ -77,34 +76,20 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
                 write_log(options.log, player.passes, devices.rig.refresh_rate)
     if not screen.quiet:
         for one in player.passes:
-            typer.echo(_said(one, playback, devices.rig.refresh_rate))
+            typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate))
         if not whole:
             typer.echo("ended before its end")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VideoRequest:
-    """A video, its track, and what they are shown on.
-
-    Attributes
-    ----------
-    video : VideoSource
-        The video.
-    loaded : LoadedTrack
-        Its track, and the baseline.
-    rig : Rig
-        The rig.
-    display : Display
-        The rig's display.
-    screenshots : Path or None
-        Folder for a picture of the screen.
-    """
+    """A video, its track, and what they are shown on."""
 
     video: VideoSource
-    loaded: LoadedTrack
+    loaded: LoadedTrack  # its track, and the baseline
     rig: Rig
-    display: Display
-    screenshots: Path | None
+    display: Display  # the rig's display
+    screenshots: Path | None  # folder for a picture of the screen
 
     def playback(self, versions: Sequence[str]) -> Playback:
         """Return the video with the factors of each version, and the versions in their order."""
@@ -197,7 +182,7 @@ def rig_of(
     return window, panel
 
 
-def _said(one: Pass, playback: Playback, refresh_rate: float) -> str:
+def _pass_summary(one: Pass, playback: Playback, refresh_rate: float) -> str:
     """Return how a pass went, in one line."""
     shown = one.shown
     names = " and ".join(dict.fromkeys(one.versions))

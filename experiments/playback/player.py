@@ -1,4 +1,4 @@
-"""Plays a video with its track on a window, until it ends or the user ends it; and the log of it."""
+"""Plays a video with its track on a window, until it ends or the user ends it; the log of it; and flashes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,10 @@ from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import Backlight, ResponseDevice, Window
 from evenlight.hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
 from evenlight.hardware.simulated.clocks import RefreshClock
-from evenlight.stimuli.field_renderer import FieldRenderer
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.stimuli.field_renderer import Field, FieldRenderer
 from evenlight.stimuli.page_image import centred_image
+from evenlight.stimuli.ramp import frame_count
 from evenlight.stimuli.video.video_source import VideoSource
 
 NOISE_SEED = 1  # nothing is compared with another playing: any will do
@@ -45,6 +47,9 @@ LOG_COLUMNS = (
     "backlight_factor",
 )
 LOG_SUFFIXES = (".csv", ".jsonl")
+FLASH_COUNT = 3
+FLASH_SECONDS = 0.5  # bright, and dark between
+DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
 
 
 class Dimming(enum.Enum):
@@ -60,36 +65,17 @@ SWITCHES = {"1": Dimming.OURS, "2": Dimming.BASELINE, "3": Dimming.FULL}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Playback:
-    """What is played, and how.
-
-    Attributes
-    ----------
-    video : VideoSource
-        The video.
-    times : array, (N,)
-        When each of its frames appears [s].
-    duration : float
-        Of the video [s].
-    factors : mapping
-        The brightness factor b of each frame, (N,), for each dimming.
-    order : tuple of Dimming
-        What is shown, one after the other.
-    loop : bool
-        Whether it begins again at the end, until the user ends it.
-    captions : bool
-        Whether the picture says how it is dimmed.
-    screenshots : Path or None
-        Folder for a picture of the screen.
-    """
+    """What is played, and how."""
 
     video: VideoSource
-    times: NDArray[np.float64]
-    duration: float
+    times: NDArray[np.float64]  # (N,): when each of its frames appears [s]
+    duration: float  # of the video [s]
+    # the brightness factor b of each frame, (N,), for each dimming
     factors: Mapping[Dimming, NDArray[np.float64]]
-    order: tuple[Dimming, ...]
-    loop: bool = False
-    captions: bool = False
-    screenshots: Path | None = None
+    order: tuple[Dimming, ...]  # what is shown, one after the other
+    loop: bool = False  # whether it begins again at the end, until the user ends it
+    captions: bool = False  # whether the picture says how it is dimmed
+    screenshots: Path | None = None  # folder for a picture of the screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,18 +133,10 @@ def open_devices(
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """One time through a video.
+    """One time through a video."""
 
-    Attributes
-    ----------
-    shown : ShownClip
-        What the display showed.
-    versions : tuple of str
-        How each refresh was dimmed: ours, baseline or full.
-    """
-
-    shown: ShownClip
-    versions: tuple[str, ...]
+    shown: ShownClip  # what the display showed
+    versions: tuple[str, ...]  # how each refresh was dimmed: ours, baseline or full
 
 
 class Player:
@@ -271,3 +249,38 @@ def _rows(number: int, one: Pass, refresh_rate: float) -> Iterator[list[Any]]:
     columns = (one.versions, shown.flip_times, dropped, shown.video_frames, shown.factors, backlight)
     for refresh, (version, time, missed, frame, factor, reported) in enumerate(zip(*columns, strict=True)):
         yield [number, version, refresh, time, missed, frame, factor, reported]
+
+
+class FlashWatcher(Protocol):
+    """Who takes note of the flashes."""
+
+    def flashed(self, factor: float) -> None:
+        """Take note of a brightness factor right after it first appeared."""
+
+    def take_samples(self) -> None:
+        """Take what a meter has measured meanwhile, after every refresh."""
+
+
+def flash(on: Screen, fields: FieldRenderer, watcher: FlashWatcher) -> None:
+    """Show three flashes of white, dark before and after each.
+
+    Parameters
+    ----------
+    on : Screen
+        What is shown on.
+    fields : FieldRenderer
+        Draws the field.
+    watcher : FlashWatcher
+        Who takes note of them.
+    """
+    refresh = 0
+    for factor in (*(DARK, BRIGHT) * FLASH_COUNT, DARK):
+        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
+            pixels = on.brightness.of_picture(factor)
+            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
+            on.show(fields, Field(white), refresh)
+            refresh += 1
+            if number == 0:
+                watcher.flashed(factor)
+            else:
+                watcher.take_samples()

@@ -1,4 +1,7 @@
-"""Free movement in a scene, at a constant brightness factor or a controlled one, until the user ends it."""
+"""Free movement in a scene, at a constant brightness factor or a controlled one, until the user ends it.
+
+And how a walk went: means over time, how a budget was met, and the summary in one line.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from evenlight.data_schema.storage.whole_files import write_whole
-from evenlight.experiments.playback.live_dimming import LiveDimmer
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.control import LiveRefresh
+from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer
 from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices
 from evenlight.experiments.recordings import Refreshes
 from evenlight.experiments.showing import Brightness, Screenshots
 from evenlight.hardware.protocols import HeldKeys, Pointer
+from evenlight.method.online.governor import HorizonErrors, horizon_errors, horizon_warning
+from evenlight.method.rate_limit import largest_rate_ratio
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
 from evenlight.stimuli.scenes.camera_path import PATHS, path_named, walked
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Scene, Vector, scene_named
 
 SPEED = 1.4  # [m/s] of a walk (Bohannon 1997: comfortable gait of adults)
@@ -211,3 +220,108 @@ def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> N
     ]
     path = {"scene": scene, "duration_s": points[-1]["time_s"], "keypoints": points}
     write_whole(file, json.dumps(path, indent=1) + "\n")
+
+
+def over_time(rows: list[LiveRefresh], values: Sequence[float | None]) -> float | None:
+    """Return the mean over time of what each refresh has, where it is known; None if it never is.
+
+    A picture counts until the next one appears. Where only the last one has a value, that is the mean.
+    """
+    seconds = [*np.diff([row.flip_time for row in rows]).tolist(), 0.0]
+    known = [
+        (value, passed)
+        for value, passed in zip(values, seconds[: len(rows)], strict=True)
+        if value is not None
+    ]
+    if not known:
+        return None
+    value, passed = np.array(known).T
+    whole = passed.sum()
+    mean = value @ passed / whole if whole > 0 else value.mean()
+    return float(np.clip(mean, value.min(), value.max()))  # beyond them it is by rounding
+
+
+def rate_ratio(rows: list[LiveRefresh]) -> float | None:
+    """Return the largest ratio of a rate to its limit, if there is a finite one."""
+    steps = [(row.rate, row.rate_limit) for row in rows if row.rate is not None]
+    if not steps:
+        return None
+    ratio = largest_rate_ratio(*np.array(steps, dtype=float).T)
+    return ratio if np.isfinite(ratio) else None
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetOutcome:
+    """How a walk met its budget."""
+
+    # the mean over time, in the budget's unit; None for a share of a panel that took no power at all
+    achieved: float | None
+    mean_power: float | None  # [W]; None for a budget in factors
+    errors: HorizonErrors | None  # over whole horizons; None for a walk that is shorter
+
+
+def budget_outcome(budget: LiveBudget, rows: list[LiveRefresh]) -> BudgetOutcome | None:
+    """Return how a walk met its budget; None for one that ended at once.
+
+    A picture counts until the next one appears; how long the last one stayed is unknown.
+    """
+    asked, shown = budget.settings, rows[:-1]
+    durations = np.diff([row.flip_time for row in rows])
+    if not shown or not durations.sum() > 0:
+        return None
+    in_factors = asked.budget_unit is BudgetUnit.FACTOR
+    used = np.array([row.factor if in_factors else row.power for row in shown], dtype=float)
+    whole = np.ones_like(used)
+    if asked.budget_unit is BudgetUnit.POWER:
+        whole = np.array([row.full_power for row in shown], dtype=float)
+    return BudgetOutcome(
+        achieved=float(used @ durations / (whole @ durations)) if whole @ durations > 0 else None,
+        mean_power=None if in_factors else float(used @ durations / durations.sum()),
+        errors=horizon_errors(used, whole, durations, (asked.budget, asked.horizon)),
+    )
+
+
+def between_answers(rows: list[LiveRefresh]) -> float | None:
+    """Return the median time from one answer of the controller to the next [s], if there are two."""
+    measured = [(row.measured_refresh, row.flip_time) for row in rows if row.measured_refresh is not None]
+    times = [time for k, (refresh, time) in enumerate(measured) if k == 0 or refresh != measured[k - 1][0]]
+    median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return median if median > 0 else None
+
+
+def walk_summary(scene: str, done: WalkResult, rows: list[LiveRefresh], budget: LiveBudget | None) -> str:
+    """Return how a walk in a scene went, what the controller did, and how a budget was met."""
+    seconds, count = done.flip_times[-1] if done.flip_times else 0.0, len(done.flip_times)
+    words = f"{scene}: {count} refreshes in {seconds:.1f} s, {done.frames_dropped} dropped"
+    return words + _control_summary(rows) + _budget_summary(budget, rows)
+
+
+def _control_summary(rows: list[LiveRefresh]) -> str:
+    """Return what the controller did, in words; nothing without one."""
+    known = [row for row in rows if row.contrast_loss is not None]
+    if not known:
+        return "" if not rows else "; no loss was measured"
+    measured = len({row.measured_refresh for row in known})
+    loss = over_time(rows, [row.contrast_loss for row in rows])
+    factor = over_time(rows, [row.factor for row in rows])
+    return f"; contrast loss {loss:.3g} and factor {factor:.3g} on average, {measured} refreshes measured"
+
+
+def _budget_summary(budget: LiveBudget | None, rows: list[LiveRefresh]) -> str:
+    """Return how a budget was met, in words; nothing without one."""
+    met = None if budget is None else budget_outcome(budget, rows)
+    if budget is None or met is None:
+        return ""
+    asked = budget.settings
+    words = f"; budget {asked.budget:g} ({asked.budget_unit.value}): "
+    if met.achieved is None:
+        return f"{words}nothing was used, all was black"
+    words += f"{met.achieved:.3g} on average"
+    if met.errors is None:
+        words += f", shorter than the horizon of {asked.horizon:g} s"
+    else:
+        off, above = met.errors
+        words += f", over any {asked.horizon:g} s off by {off:.2g} at most, above it by {above:.2g}"
+    passed = between_answers(rows)
+    warning = None if passed is None else horizon_warning(asked, passed, "answers")
+    return words if warning is None else f"{words}; {warning}"

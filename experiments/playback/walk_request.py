@@ -1,47 +1,56 @@
-"""What `evenlight play SCENE --walk` is asked for, and what comes of it."""
+"""What `evenlight play SCENE --walk` is asked for, and what comes of it: the walk, its record and its log."""
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.control import LiveRefresh
+from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh, TuningReport
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor
 from evenlight.experiments.playback.loss_meters import open_meter
-from evenlight.experiments.playback.play_options import LiveOptions, ScreenOptions, WalkOptions
+from evenlight.experiments.playback.play_options import (
+    LiveOptions,
+    ScreenOptions,
+    WalkOptions,
+    interrupted,
+)
 from evenlight.experiments.playback.play_video import rig_of
 from evenlight.experiments.playback.player import open_devices
-from evenlight.experiments.playback.walk import Walk, WalkResult, write_path
-from evenlight.experiments.playback.walk_record import (
-    LOG,
-    live_control,
-    settings_of,
+from evenlight.experiments.playback.walk import (
+    Walk,
+    WalkResult,
+    between_answers,
+    budget_outcome,
+    over_time,
+    rate_ratio,
     walk_summary,
-    with_budget,
-    write_live,
+    write_path,
 )
 from evenlight.hardware.presentation.simulated_input import SimulatedHeldKeys
 from evenlight.hardware.rig import open_held_keys, open_pointer
 from evenlight.method.choices import Device, LimitCurve
-from evenlight.method.online.controller import Controller
-from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
+from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings, steered_horizon
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.preset_files import load_power_model, load_rate_limit_for
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.scenes.scene import SCENES
 
+LOG, RECORD = "live_control.csv", "live_control.json"
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
 RATE_LIMIT = POWER_MODEL = "surace2025"
-INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
 
 def budget_asked(
@@ -68,36 +77,17 @@ def budget_asked(
 
 @dataclass(frozen=True, slots=True)
 class LiveRequest:
-    """The controller that a walk is dimmed by.
+    """The controller that a walk is dimmed by."""
 
-    Attributes
-    ----------
-    target_loss : float or None
-        Contrast loss to hold, with a budget to begin with; None for no controller, or by the budget.
-    rate_limit : str
-        A preset or a file.
-    limit_curve : LimitCurve
-        The fitted curve, or the lower edge of its band.
-    tuning : Path or None
-        A `tuning.json` whose gains are taken; None for the paper's.
-    device : Device
-        What measures the loss.
-    out : Path or None
-        Folder for the log.
-    other_display_ok : bool
-        Whether the rate limit may be of another display.
-    budget : LiveBudget or None
-        What the target is to follow.
-    """
-
+    # contrast loss to hold, with a budget to begin with; None for no controller, or by the budget
     target_loss: float | None = None
-    rate_limit: str = RATE_LIMIT
-    limit_curve: LimitCurve = LimitCurve.FITTED
-    tuning: Path | None = None
-    device: Device = Device.AUTO
-    out: Path | None = None
-    other_display_ok: bool = False
-    budget: LiveBudget | None = None
+    rate_limit: str = RATE_LIMIT  # a preset or a file
+    limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
+    tuning: Path | None = None  # a `tuning.json` whose gains are taken; None for the paper's
+    device: Device = Device.AUTO  # what measures the loss
+    out: Path | None = None  # folder for the log
+    other_display_ok: bool = False  # whether the rate limit may be of another display
+    budget: LiveBudget | None = None  # what the target is to follow
 
     def __post_init__(self) -> None:
         if not self.dims and self.out is not None:
@@ -129,40 +119,36 @@ class LiveRequest:
         return LiveGovernor(self.budget, controller, self.target_loss)
 
 
+def settings_of(target_loss: float, tuning: Path | None) -> ControllerSettings:
+    """Return the controller's settings: the paper's gains, or those of a `tuning.json`."""
+    if tuning is None:
+        return ControllerSettings(target_loss)
+    tuned = read_json_record(TuningReport, tuning)
+    return ControllerSettings(
+        target_loss,
+        proportional=tuned.after.proportional,
+        integral=tuned.after.integral,
+        derivative=tuned.after.derivative,
+        gain_rate=tuned.gain_rate,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class WalkRequest:
-    """What is asked for.
+    """What is asked for."""
 
-    Attributes
-    ----------
-    scene : str
-        Name of the scene.
-    rig, display, size : str or None
-        As on the command line.
-    factor : float or None
-        Brightness factor b, to begin with where it is controlled; None: 1, or where a budget has it.
-    record : Path or None
-        File for the way.
-    seconds : float or None
-        When to end [s].
-    screenshots : Path or None
-        Folder for a picture of the screen.
-    simulate : bool
-        Whether a simulated user walks straight ahead, in place of a person at the keys.
-    live : LiveRequest
-        What dims it, if the factor is not to stay.
-    """
-
-    scene: str
+    scene: str  # name of the scene
+    # as on the command line
     rig: str | None
     display: str | None
     size: str | None
+    # brightness factor b, to begin with where it is controlled; None: 1, or where a budget has it
     factor: float | None
-    record: Path | None
-    seconds: float | None
-    screenshots: Path | None
-    simulate: bool
-    live: LiveRequest = field(default_factory=LiveRequest)
+    record: Path | None  # file for the way
+    seconds: float | None  # when to end [s]
+    screenshots: Path | None  # folder for a picture of the screen
+    simulate: bool  # whether a simulated user walks straight ahead, in place of a person at the keys
+    live: LiveRequest = field(default_factory=LiveRequest)  # what dims it, if the factor is not to stay
 
     def __post_init__(self) -> None:
         if self.scene not in SCENES:
@@ -172,7 +158,7 @@ class WalkRequest:
         if self.seconds is not None and not self.seconds > 0:
             raise InputError(f"--seconds must be above 0, got {self.seconds:g}")
         if self.simulate and self.seconds is None:
-            raise InputError("--walk ends with escape, which nobody presses with --simulate: give --seconds")
+            raise InputError("--walk ends with escape, which no one presses with --simulate: give --seconds")
         if self.record is not None and self.record.suffix != ".json":
             raise InputError(f"--record {self.record}: give a file that ends in .json")
         if self.record is not None and not self.record.absolute().parent.is_dir():
@@ -248,8 +234,7 @@ def _ended(asked: WalkRequest, said: str, outcome: _Outcome) -> str:
     kept = asked.live.out is not None or (asked.record is not None and outcome.done.went)
     if isinstance(error, Exception | SystemExit) or not kept:
         raise error
-    print(f"evenlight: interrupted; {said}", file=sys.stderr)
-    sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+    raise interrupted(error, said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +290,7 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
         held = straight_on if asked.simulate else open_held_keys(window)
         if held is None:
-            raise InputError("this window does not tell which keys are held down, and nobody can walk in it")
+            raise InputError("this window does not tell which keys are held down, and no one can walk in it")
         stack.callback(held.close)
         pointer = None if asked.simulate else open_pointer(window)
         if pointer is not None:
@@ -320,3 +305,78 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
         write_path(asked.record, asked.scene, outcome.done.way)
         said = f"{said}; the way is in {asked.record}"
     return said, outcome
+
+
+def live_control(
+    settings: ControllerSettings,
+    limit: tuple[RateLimit, LimitCurve],
+    seen: tuple[str, Display, str],
+    rows: list[LiveRefresh],
+    simulated: bool,
+) -> LiveControl:
+    """Return the record of a walk.
+
+    Parameters
+    ----------
+    settings : ControllerSettings
+        Of the controller.
+    limit : (RateLimit, LimitCurve)
+        The rate limit, and which of its curves.
+    seen : (str, Display, str)
+        The scene, the display that showed it, and what measured its loss.
+    rows : list of LiveRefresh
+        What the controller did.
+    simulated : bool
+        Whether the user was simulated.
+    """
+    (rate_limit, curve), (scene, display, measured_by) = limit, seen
+    inputs = {"display": sha256_of_record(display), "rate_limit": sha256_of_record(rate_limit)}
+    return LiveControl(
+        scene=scene,
+        display=display,
+        simulated=simulated,
+        target_loss=settings.target_loss,
+        proportional=settings.proportional,
+        integral=settings.integral,
+        derivative=settings.derivative,
+        gain_rate=settings.gain_rate,
+        lowest_factor=settings.lowest_factor,
+        highest_factor=settings.highest_factor,
+        rate_limit=rate_limit.name,
+        limit_curve=curve.value,
+        measured_by=measured_by,
+        mean_loss=over_time(rows, [row.contrast_loss for row in rows]),
+        mean_factor=over_time(rows, [row.factor for row in rows]),
+        max_rate_ratio=rate_ratio(rows),
+        provenance=provenance_now(inputs=inputs),
+    )
+
+
+def with_budget(record: LiveControl, budget: LiveBudget, rows: list[LiveRefresh]) -> LiveControl:
+    """Return the record of a walk with what a governor was to do, and how near it came."""
+    asked, met = budget.settings, budget_outcome(budget, rows)
+    targets = [row.target_loss for row in rows if row.target_loss is not None]
+    errors, passed = None if met is None else met.errors, between_answers(rows)
+    return replace(
+        record,
+        target_loss=targets[0] if targets else None,
+        final_target_loss=targets[-1] if targets else None,
+        budget=asked.budget,
+        budget_unit=asked.budget_unit,
+        horizon=asked.horizon,
+        power_model=None if asked.budget_unit is BudgetUnit.FACTOR else budget.model.name,
+        mean_power=None if met is None else met.mean_power,
+        horizon_error=None if errors is None else errors.either_way,
+        horizon_excess=None if errors is None else errors.above,
+        steered_horizon=None if passed is None else steered_horizon(asked, passed),
+        achieved=None if met is None else met.achieved,
+        share_budget_held=over_time(
+            rows, [None if row.budget_held is None else float(row.budget_held) for row in rows]
+        ),
+    )
+
+
+def write_live(folder: Path, record: LiveControl, rows: list[LiveRefresh]) -> None:
+    """Write what is kept of a walk: the record, and a row for each refresh."""
+    write_json_record(folder / RECORD, record)
+    write_rows(folder / LOG, LiveRefresh, rows)

@@ -35,37 +35,27 @@ MAX_LAPSE_RATE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class ObserverPopulation:
-    """Of whom simulated participants are drawn.
+    """Of whom simulated participants are drawn."""
 
-    Attributes
-    ----------
-    participant_sd : float
-        Standard deviation of ln(threshold) between participants' eyes, which is that of two intervals: 0.2
-        makes two of three lie within a factor of 1.22 of the median (choice; the paper's ten participants are
-        published pooled only). In yes/no the criterion adds its own: 0.35 in all, levels included.
-    level_sd : float
-        Standard deviation of a participant's ln(threshold) from level to level, beyond their own factor
-        (choice: about the scatter of the published points around their curve, 0.12).
-    width_median, width_spread : float
-        ln(rate) from 5 % to 95 %: median, and standard deviation of its logarithm; 1.6 is a logistic scale of
-        0.12 in log10(rate), usual for yes/no detection (choice).
-    guess, lapse : (float, float)
-        Beta parameters of the guess rate (mean 0.07) and of the lapse rate (mean 0.024) (choice).
-    amount_share : float
-        The threshold in rate goes with duration^-amount_share: 0 if only the rate is seen, 1 if only the
-        total change is, as Knau (2000) found for a whole field. 0.5 lies half way (choice).
-    up_ratio : float
-        Threshold of rising luminance as a multiple of that of falling luminance: decrements are seen a
-        little better than increments (choice of the amount).
-    """
-
+    # standard deviation of ln(threshold) between participants' eyes, which is that of two intervals: 0.2
+    # makes two of three lie within a factor of 1.22 of the median (choice; the paper's ten participants are
+    # published pooled only). In yes/no the criterion adds its own: 0.35 in all, levels included.
     participant_sd: float = 0.2
+    # standard deviation of a participant's ln(threshold) from level to level, beyond their own factor
+    # (choice: about the scatter of the published points around their curve, 0.12)
     level_sd: float = 0.1
+    # ln(rate) from 5 % to 95 %: median, and standard deviation of its logarithm; 1.6 is a logistic scale of
+    # 0.12 in log10(rate), usual for yes/no detection (choice)
     width_median: float = 1.6
     width_spread: float = 0.3
+    # Beta parameters of the guess rate (mean 0.07) and of the lapse rate (mean 0.024) (choice)
     guess: tuple[float, float] = (2.0, 28.0)
     lapse: tuple[float, float] = (1.5, 60.0)
+    # the threshold in rate goes with duration^-amount_share: 0 if only the rate is seen, 1 if only the total
+    # change is, as Knau (2000) found for a whole field. 0.5 lies half way (choice).
     amount_share: float = 0.5
+    # threshold of rising luminance as a multiple of that of falling luminance: decrements are seen a little
+    # better than increments (choice of the amount)
     up_ratio: float = 1.1
 
     @property
@@ -81,39 +71,25 @@ class ObserverPopulation:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedObserver:
-    """A participant whose truth is known.
+    """A participant whose truth is known."""
 
-    Attributes
-    ----------
-    limit : RateLimit
-        The median person's threshold over luminance: of yes/no, for the luminance falling over 5 s.
-    sensitivity : float
-        The participant's two-interval threshold as a multiple of the median person's: above 1 for who sees
-        less well.
-    level_factors : dict of float to float
-        Further multiple at each luminance level [cd/m^2]; 1 where none is given.
-    width : float
-        ln(rate) from 5 % to 95 % of the rise, in yes/no.
-    guess_rate, lapse_rate : float
-        γ and λ, in yes/no.
-    amount_share : float
-        How far it is the total change that is seen and not its rate: the threshold in rate goes with
-        duration^-amount_share.
-    up_ratio : float
-        Threshold of rising luminance as a multiple of that of falling luminance.
-    caution : float
-        How much more 75 % "yes" takes of the participant than of a median person with the same eye: their
-        yes/no threshold as a multiple of their two-interval one, over the median person's.
-    """
-
+    # the median person's threshold over luminance: of yes/no, for the luminance falling over 5 s
     limit: RateLimit
+    # the participant's two-interval threshold as a multiple of the median person's: above 1 for who sees less
+    # well
     sensitivity: float
+    # further multiple at each luminance level [cd/m^2]; 1 where none is given
     level_factors: dict[float, float]
-    width: float
+    width: float  # ln(rate) from 5 % to 95 % of the rise, in yes/no
+    # γ and λ, in yes/no
     guess_rate: float
     lapse_rate: float
+    # how far it is the total change that is seen and not its rate: the threshold in rate goes with
+    # duration^-amount_share
     amount_share: float = 0.5
-    up_ratio: float = 1.1
+    up_ratio: float = 1.1  # threshold of rising luminance as a multiple of that of falling luminance
+    # how much more 75 % "yes" takes of the participant than of a median person with the same eye: their
+    # yes/no threshold as a multiple of their two-interval one, over the median person's
     caution: float = 1.0
 
     def threshold_at(

@@ -23,24 +23,12 @@ SHORTEST_PASS = 8  # ramps: in shorter ones, the last trials of each could be fo
 
 @dataclass(frozen=True, slots=True)
 class RampLevel:
-    """One uniform screen at one brightness factor, before its ramp.
+    """One uniform screen at one brightness factor, before its ramp."""
 
-    Attributes
-    ----------
-    screen : str
-        "white" or "gray".
-    factor : float
-        Initial brightness factor b.
-    luminance : float
-        Initial luminance L = b · I + L_refl, I what the screen emits at b = 1 [cd/m^2].
-    pixel_value : float
-        L' of the screen, in [0, 1].
-    """
-
-    screen: str
-    factor: float
-    luminance: float
-    pixel_value: float = 1.0
+    screen: str  # "white" or "gray"
+    factor: float  # initial brightness factor b
+    luminance: float  # initial luminance L = b · I + L_refl, I what the screen emits at b = 1 [cd/m^2]
+    pixel_value: float = 1.0  # L' of the screen, in [0, 1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,36 +42,16 @@ class RampCondition:
 
 @dataclass(frozen=True, slots=True)
 class PlannedRamp:
-    """A trial of the session, not yet answered.
+    """A trial of the session, not yet answered."""
 
-    Attributes
-    ----------
-    level : RampLevel
-        Where it sets out.
-    rate : float
-        Rate of change [cd/m^2/s], at least 0 whichever way the luminance goes; 0 in a catch trial.
-    final_luminance : float
-        Where it ends [cd/m^2].
-    direction : Direction
-        Which way the luminance goes, or would go in a catch trial.
-    duration : float
-        Of the ramp [s].
-    ramp_interval : int or None
-        Which of two intervals holds the ramp, 1 or 2; None in yes/no.
-    block : int
-        From 1; 0 for practice.
-    practice : bool
-        Whether it is left out of the analysis.
-    """
-
-    level: RampLevel
-    rate: float
-    final_luminance: float
-    direction: Direction = Direction.DOWN
-    duration: float = 5.0
-    ramp_interval: int | None = None
-    block: int = 1
-    practice: bool = False
+    level: RampLevel  # where it sets out
+    rate: float  # rate of change [cd/m^2/s], at least 0 whichever way the luminance goes; 0 in a catch trial
+    final_luminance: float  # where it ends [cd/m^2]
+    direction: Direction = Direction.DOWN  # which way the luminance goes, or would go in a catch trial
+    duration: float = 5.0  # of the ramp [s]
+    ramp_interval: int | None = None  # which of two intervals holds the ramp, 1 or 2; None in yes/no
+    block: int = 1  # from 1; 0 for practice
+    practice: bool = False  # whether it is left out of the analysis
 
     @property
     def is_catch(self) -> bool:
@@ -193,33 +161,16 @@ def planned_ramp(
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One trial of the plan, whose rate adaptive placement leaves open.
+    """One trial of the plan, whose rate adaptive placement leaves open."""
 
-    Attributes
-    ----------
-    number : int
-        Place in the plan, from 0.
-    block : int
-        From 1.
-    level : RampLevel
-        Where it sets out.
-    condition : RampCondition
-        Screen, direction and duration.
-    is_catch : bool
-        Whether nothing changes.
-    rate_index : int or None
-        Which of the design's rates; None where adaptive placement decides, and in a catch trial.
-    ramp_interval : int or None
-        Which of two intervals holds the ramp; None in yes/no.
-    """
-
-    number: int
-    block: int
-    level: RampLevel
-    condition: RampCondition
-    is_catch: bool = False
+    number: int  # place in the plan, from 0
+    block: int  # from 1
+    level: RampLevel  # where it sets out
+    condition: RampCondition  # screen, direction and duration
+    is_catch: bool = False  # whether nothing changes
+    # which of the design's rates; None where adaptive placement decides, and in a catch trial
     rate_index: int | None = None
-    ramp_interval: int | None = None
+    ramp_interval: int | None = None  # which of two intervals holds the ramp; None in yes/no
 
 
 @dataclass(frozen=True, slots=True)

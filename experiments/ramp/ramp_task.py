@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -146,9 +147,9 @@ class RampTask:
         stage.wait(self.design.interval_gap if gaps else 0.0, ground)
         participant.see_trial(planned, place.trial_index)
         press = stage.ask(question, list(answers), ground)
-        trial = self._row(planned, place, shown, noise_seed, answers[press.name], press.time)
-        frames = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
-        return ConductedTrial(trial, frames)
+        logs = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
+        answer = {"response": answers[press.name], "response_time": press.time, "noise_seed": noise_seed}
+        return ConductedTrial(self._row(planned, place, shown, logs, answer), logs)
 
     def _gaps(
         self, planned: PlannedRamp, place: TrialPlace, intervals: list[RampInterval]
@@ -204,26 +205,21 @@ class RampTask:
         planned: PlannedRamp,
         place: TrialPlace,
         shown: list[ShownInterval],
-        noise_seed: int,
-        response: Response,
-        response_time: float,
+        logs: Sequence[FrameLog],
+        answer: dict[str, Any],
     ) -> RampTrial:
         """Return the row of an answered trial."""
         ramp = shown[(planned.ramp_interval or 1) - 1]
         probes = ramp.probe_luminance
-        logs = [_frame_log(place, number, part) for number, part in enumerate(shown, start=1)]
         dropped = sum(part.frames_dropped for part in shown)
         too_many = dropped > self.design.max_dropped_frames
         return RampTrial(
             participant_id=place.participant_id,
             session_id=place.session_id,
             trial_index=place.trial_index,
-            response=response,
-            response_time=response_time,
             simulated=place.simulated,
             attempt=place.attempt,
             onset=shown[0].onset,
-            noise_seed=noise_seed,
             n_frames=sum(len(part.flip_times) for part in shown),
             frames_dropped=dropped,
             drawn_initial_luminance=probes[0] if probes else None,
@@ -231,6 +227,7 @@ class RampTask:
             largest_luminance_error=max(log.largest_error for log in logs) if probes else None,
             flag=TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
             **planned.columns,
+            **answer,
         )
 
 

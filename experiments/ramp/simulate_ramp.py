@@ -46,30 +46,14 @@ SESSION = "01"
 
 @dataclass(frozen=True, slots=True)
 class RampSimulation:
-    """What is simulated.
+    """What is simulated."""
 
-    Attributes
-    ----------
-    participants : int
-        How many.
-    seed : int
-        Of all random numbers; participant k is the same however many there are.
-    display : Display
-        What the ramps are shown on.
-    design : RampDesign
-        Which ramps.
-    limit : RateLimit
-        The median person's yes/no threshold.
-    population : ObserverPopulation
-        How participants differ.
-    """
-
-    participants: int
-    seed: int
-    display: Display
-    design: RampDesign
-    limit: RateLimit
-    population: ObserverPopulation
+    participants: int  # how many
+    seed: int  # of all random numbers; participant k is the same however many there are
+    display: Display  # what the ramps are shown on
+    design: RampDesign  # which ramps
+    limit: RateLimit  # the median person's yes/no threshold
+    population: ObserverPopulation  # how participants differ
 
 
 def simulate_dataset(

@@ -18,52 +18,27 @@ from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.task import Participant, Task, TrialPlace
 from evenlight.experiments.stage import PausePressed, Stage
 
-LONGEST_REASON = 200  # letters of an error's message, in the log of events
-
 
 @dataclass(frozen=True, slots=True)
 class SessionProgress:
-    """How far a session is, for the experimenter.
+    """How far a session is, for the experimenter."""
 
-    Attributes
-    ----------
-    done, planned : int
-        Usable trials.
-    flagged : int
-        Trials left out of the analysis.
-    practised : str
-        Result of the practice, in words; empty before.
-    """
-
+    # usable trials
     done: int
     planned: int
-    flagged: int
-    practised: str
+    flagged: int  # trials left out of the analysis
+    practised: str  # result of the practice, in words; empty before
 
 
 @dataclass(frozen=True, slots=True)
 class SessionParts:
-    """Who and what takes part in a session.
+    """Who and what takes part in a session."""
 
-    Attributes
-    ----------
-    task : Task
-        The experiment.
-    stage : Stage
-        Where it is shown.
-    participant : Participant
-        Who answers.
-    pages : Pages
-        What is said.
-    keys : Keys
-        What is pressed.
-    """
-
-    task: Task
-    stage: Stage
-    participant: Participant
-    pages: Pages
-    keys: Keys
+    task: Task  # the experiment
+    stage: Stage  # where it is shown
+    participant: Participant  # who answers
+    pages: Pages  # what is said
+    keys: Keys  # what is pressed
 
 
 class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for
@@ -71,7 +46,9 @@ class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for
 
 
 def conduct_session(
-    store: SessionStore, cast: SessionParts, report: Callable[[SessionProgress], None] = lambda progress: None
+    store: SessionStore,
+    parts: SessionParts,
+    report: Callable[[SessionProgress], None] = lambda progress: None,
 ) -> SessionStatus:
     """Conduct a session, new or resumed, and return how far it got.
 
@@ -79,39 +56,39 @@ def conduct_session(
     ----------
     store : SessionStore
         Its files; the trials already in it are not shown again.
-    cast : SessionParts
+    parts : SessionParts
         Who and what takes part.
     report : callable, optional
         Called after each trial.
     """
-    session = _Session(store, cast, report)
-    store.use_clock(cast.stage.now)
+    session = _Session(store, parts, report)
+    store.use_clock(parts.stage.now)
     if not store.manifest.apparatus:
-        store.describe(cast.stage.apparatus())
-    _note_changes(store, cast)
+        store.describe(parts.stage.apparatus())
+    _note_changes(store, parts)
     try:
         status = session.run()
     except _Stopped:
-        store.note(EventKind.STOPPED, f"with the key {cast.keys.pause}")
+        store.note(EventKind.STOPPED, f"with the key {parts.keys.pause}")
         status = SessionStatus.ABORTED
     except BaseException as error:
         # Whatever ends the program, the log says so if it still can be written; what ended it is told anyway.
         with suppress(InputError):
-            store.note(EventKind.STOPPED, f"{type(error).__name__.strip('_')}: {error}"[:LONGEST_REASON])
+            store.note_failure(error)
             store.finish(SessionStatus.ABORTED)
         raise
     store.finish(status)
     return status
 
 
-def _note_changes(store: SessionStore, cast: SessionParts) -> None:
+def _note_changes(store: SessionStore, parts: SessionParts) -> None:
     """Note what is not as the manifest of a resumed session says: devices, software, pages."""
     manifest = store.manifest
-    keys = manifest.rig.keys if manifest.rig else cast.keys
+    keys = manifest.rig.keys if manifest.rig else parts.keys
     now = {
-        "keys": repr(cast.keys),
-        **{f"apparatus: {key}": value for key, value in cast.stage.apparatus().items()},
-        **{f"page {name}": digest for name, digest in cast.pages.digests.items()},
+        "keys": repr(parts.keys),
+        **{f"apparatus: {key}": value for key, value in parts.stage.apparatus().items()},
+        **{f"page {name}": digest for name, digest in parts.pages.digests.items()},
         "software_revision": provenance_now().software_revision,
     }
     then = {
@@ -129,13 +106,13 @@ class _Session:
     """The course of one session."""
 
     def __init__(
-        self, store: SessionStore, cast: SessionParts, report: Callable[[SessionProgress], None]
+        self, store: SessionStore, parts: SessionParts, report: Callable[[SessionProgress], None]
     ) -> None:
-        self.store, self.cast, self._report = store, cast, report
+        self.store, self.parts, self._report = store, parts, report
         self._practised = sum(trial.practice for trial in store.trials)
         for trial in store.trials:
             if not trial.practice:
-                cast.task.take(trial)
+                parts.task.take(trial)
         self._rested_at = self._usable()
 
     def run(self) -> SessionStatus:
@@ -151,10 +128,10 @@ class _Session:
         if not begun:
             self._practise()
         self._report(self._progress())
-        while (planned := self.cast.task.next_trial()) is not None:
+        while (planned := self.parts.task.next_trial()) is not None:
             self._rest()
             trial = self._trial(planned)
-            self.cast.task.take(trial)
+            self.parts.task.take(trial)
             self._report(self._progress())
         self._page("end")
         self.store.note(EventKind.COMPLETED)
@@ -162,25 +139,25 @@ class _Session:
 
     def _consent(self) -> bool:
         """Ask for consent; the pause key declines."""
-        keys = (self.cast.keys.proceed, self.cast.keys.pause)
-        agreed = self._shown("consent", keys) == self.cast.keys.proceed
+        keys = (self.parts.keys.proceed, self.parts.keys.pause)
+        agreed = self._shown("consent", keys) == self.parts.keys.proceed
         self.store.note(EventKind.CONSENT_GIVEN if agreed else EventKind.CONSENT_DECLINED)
         return agreed
 
     def _practise(self) -> None:
         """Give the instructions, and the trials for practice that are left, with feedback."""
-        self._page(self.cast.task.instructions)
-        for planned in self.cast.task.practice()[self._practised :]:
+        self._page(self.parts.task.instructions)
+        for planned in self.parts.task.practice()[self._practised :]:
             trial = self._trial(planned)
             self._report(self._progress())
-            if told := self.cast.task.feedback(trial, self.cast.pages):
+            if told := self.parts.task.feedback(trial, self.parts.pages):
                 self._page_of_text("feedback", told)
         if any(trial.practice for trial in self.store.trials):
             self._page("practice_end")
 
     def _rest(self) -> None:
         """Take a break where one is due."""
-        done, every = self._usable(), self.cast.task.trials_between_breaks
+        done, every = self._usable(), self.parts.task.trials_between_breaks
         if every and done and done % every == 0 and done != self._rested_at:
             self._rested_at = done
             self._page("break")
@@ -191,17 +168,18 @@ class _Session:
             place = self._place()
             self.store.note(EventKind.TRIAL_BEGUN, trial_index=place.trial_index, attempt=place.attempt)
             try:
-                done = self.cast.task.conduct(
-                    planned, place, self.cast.stage, self.cast.participant, self.cast.pages
+                done = self.parts.task.conduct(
+                    planned, place, self.parts.stage, self.parts.participant, self.parts.pages
                 )
             except PausePressed:
-                self._interrupted(place)
+                words = "paused; it is shown again"
+                self.store.note(EventKind.TRIAL_INTERRUPTED, words, place.trial_index, place.attempt)
                 self._pause()
                 continue
             onset = self.store.since_beginning(done.trial.onset)
             trial = dataclasses.replace(done.trial, onset=onset)
             self.store.write_trial(trial, done.frames)
-            if self.cast.task.is_flagged(trial):
+            if self.parts.task.is_flagged(trial):
                 detail = trial.flag.value
                 self.store.note(EventKind.TRIAL_FLAGGED, detail, place.trial_index, place.attempt)
             return trial
@@ -209,19 +187,8 @@ class _Session:
     def _place(self) -> TrialPlace:
         """Return where the next answered trial goes."""
         manifest, index = self.store.manifest, len(self.store.trials)
-        return TrialPlace(
-            manifest.participant_id,
-            manifest.session_id,
-            index,
-            self.store.attempt_at(index),
-            manifest.simulated,
-        )
-
-    def _interrupted(self, place: TrialPlace) -> None:
-        """Note that a trial was shown in part and not answered."""
-        self.store.note(
-            EventKind.TRIAL_INTERRUPTED, "paused; it is shown again", place.trial_index, place.attempt
-        )
+        who = manifest.participant_id, manifest.session_id
+        return TrialPlace(*who, index, self.store.attempt_at(index), manifest.simulated)
 
     def _page(self, name: str) -> None:
         """Show a page until the participant goes on; the pause key pauses."""
@@ -229,15 +196,15 @@ class _Session:
 
     def _page_of_text(self, name: str, text: str) -> None:
         """Show a text as a page."""
-        keys = (self.cast.keys.proceed, self.cast.keys.pause)
-        while self._shown_text(name, text, keys) == self.cast.keys.pause:
+        keys = (self.parts.keys.proceed, self.parts.keys.pause)
+        while self._shown_text(name, text, keys) == self.parts.keys.pause:
             self._pause()
 
     def _pause(self) -> None:
         """Pause; from there the pause key stops the session."""
         self.store.note(EventKind.PAUSED)
-        keys = (self.cast.keys.proceed, self.cast.keys.pause)
-        if self._shown("pause", keys) == self.cast.keys.pause:
+        keys = (self.parts.keys.proceed, self.parts.keys.pause)
+        if self._shown("pause", keys) == self.parts.keys.pause:
             raise _Stopped
         self.store.note(EventKind.CONTINUED)
 
@@ -248,16 +215,16 @@ class _Session:
     def _shown_text(self, name: str, text: str, keys: Sequence[str]) -> str:
         """Show a text as a page, and return the key that was pressed."""
         self.store.note(EventKind.PAGE_SHOWN, name)
-        self.cast.participant.see_page(keys)
-        footer = self.cast.pages.text("footer", self.cast.keys) if name == "feedback" else ""
-        return self.cast.stage.show_page(text, keys, footer).name
+        self.parts.participant.see_page(keys)
+        footer = self.parts.pages.text("footer", self.parts.keys) if name == "feedback" else ""
+        return self.parts.stage.show_page(text, keys, footer).name
 
     def _text(self, name: str) -> str:
         """Return a page with its numbers filled in."""
-        task = self.cast.task
-        return self.cast.pages.text(
-            self.cast.pages.name_for(name, self.store.manifest.task),
-            self.cast.keys,
+        task = self.parts.task
+        return self.parts.pages.text(
+            self.parts.pages.name_for(name, self.store.manifest.task),
+            self.parts.keys,
             minutes=max(1, round(task.minutes)),
             seconds=f"{task.seconds:g}",
             trials=task.n_trials,
@@ -268,12 +235,12 @@ class _Session:
     def _progress(self) -> SessionProgress:
         """Return how far the session is."""
         practice = [trial for trial in self.store.trials if trial.practice]
-        answers = [self.cast.task.is_right(trial) for trial in practice]
+        answers = [self.parts.task.is_right(trial) for trial in practice]
         right = sum(answer is True for answer in answers)
-        flagged = sum(self.cast.task.is_flagged(t) for t in self.store.trials if not t.practice)
+        flagged = sum(self.parts.task.is_flagged(t) for t in self.store.trials if not t.practice)
         told = practice and None not in answers
         words = f"practice {right} of {len(practice)} right" if told else ""
-        return SessionProgress(self._usable(), self.cast.task.n_trials, flagged, words)
+        return SessionProgress(self._usable(), self.parts.task.n_trials, flagged, words)
 
     def _answered(self) -> int:
         """Return how many trials of the session were answered, flagged ones too."""

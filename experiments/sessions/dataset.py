@@ -34,7 +34,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.append_log import record_line
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json, write_json_record
-from evenlight.data_schema.storage.whole_files import results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import make_folder, results_folder, write_whole
 
 BIDS_VERSION = "1.10.0"
 MISSING = "n/a"  # BIDS: how a table says that there is no value
@@ -49,7 +49,7 @@ PARTICIPANT_COLUMNS = {
 README = """\
 Sessions of a psychophysics experiment on temporal brightness management, recorded with Evenlight.
 
-{kind}
+The participants are {kind}.
 
 `sub-XX/ses-YY/beh` holds one row per trial; the .json beside each table says what its columns mean. The
 files that Evenlight itself reads lie in `sub-XX/ses-YY`: `manifest.json` (participant, display, rig, design,
@@ -151,16 +151,6 @@ def _without_zeros(name: str) -> str:
     return name.removeprefix("sub-").lower().lstrip("0")
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
-        ) from error
-
-
 def _refuse_other_kind(dataset: Path, simulated: bool) -> None:
     """Refuse to mix recorded and simulated sessions: nothing could be fitted to the mixture."""
     there = bool(read_json(dataset / DESCRIPTION, "the description of a data set").get("Simulated"))
@@ -182,7 +172,7 @@ def _participant_table(dataset: Path) -> tuple[list[str], list[list[str]]]:
                 f"{path}: no such file, though there is {there[0]}; restore the list, it holds the order of "
                 "the participants"
             )
-        return ["participant_id", "simulated"], []
+        return list(PARTICIPANT_COLUMNS), []
     lines = [line.split("\t") for line in read_text(path, "the list of participants").splitlines() if line]
     if not lines or lines[0][0] != "participant_id":
         raise InputError(f"{path}, line 1: expected the first column participant_id")
@@ -215,11 +205,7 @@ def write_description(dataset: Path, name: str, simulated: bool, provenance: Pro
             "provenance": mapping_from_record(provenance),
         },
     )
-    kind = (
-        "The participants are SIMULATED: no person took part."
-        if simulated
-        else "The participants are people."
-    )
+    kind = "SIMULATED: no person took part" if simulated else "people"
     write_whole(dataset / "README", README.format(kind=kind))
     own_files = (
         *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)),
@@ -232,9 +218,7 @@ def write_description(dataset: Path, name: str, simulated: bool, provenance: Pro
 def write_participants(dataset: Path, participant_ids: Iterable[str], simulated: bool) -> None:
     """Write `participants.tsv` and the description of its columns."""
     rows = [[f"sub-{participant}", _cell(simulated)] for participant in participant_ids]
-    path = dataset / PARTICIPANTS
-    write_whole(path, _tsv(["participant_id", "simulated"], rows))
-    write_json(path.with_suffix(".json"), PARTICIPANT_COLUMNS)
+    _write_participant_table(dataset, list(PARTICIPANT_COLUMNS), rows)
 
 
 def write_session(dataset: Path, manifest: SessionManifest, trials: Iterable[Any]) -> None:
@@ -248,10 +232,10 @@ def write_session(dataset: Path, manifest: SessionManifest, trials: Iterable[Any
 
 def export_behaviour(dataset: Path, manifest: SessionManifest, trials: list[Any]) -> None:
     """Write a session's trials as a BIDS table, with a description of every column beside it."""
-    path = behaviour_file(dataset, manifest.participant_id, manifest.session_id, manifest.task)
-    cls = type(trials[0]) if trials else None
-    if cls is None:
+    if not trials:
         return
+    path = behaviour_file(dataset, manifest.participant_id, manifest.session_id, manifest.task)
+    cls = type(trials[0])
     columns = [file_key(field) for field in dataclasses.fields(cls)]
     rows = [[_cell(value) for value in mapping_from_record(trial).values()] for trial in trials]
     write_whole(path, _tsv(columns, rows))

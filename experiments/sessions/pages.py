@@ -112,7 +112,9 @@ def languages() -> tuple[str, ...]:
     return tuple(sorted(path.name for path in SHIPPED.iterdir() if path.is_dir()))
 
 
-def load_pages(language: str, own: Path | None = None) -> Pages:
+def load_pages(
+    language: str, own: Path | None = None, of_task: Mapping[str, Mapping[str, str]] | None = None
+) -> Pages:
     """Return the pages of a language, some of them replaced by a lab's own.
 
     Parameters
@@ -121,6 +123,9 @@ def load_pages(language: str, own: Path | None = None) -> Pages:
         Such as "en".
     own : Path, optional
         Folder with a lab's own pages; one that has all of them may be in any language.
+    of_task : mapping, optional
+        By language: the pages of a task that brings its own, by their names; in English where there are none
+        in this language.
 
     Raises
     ------
@@ -129,8 +134,11 @@ def load_pages(language: str, own: Path | None = None) -> Pages:
     """
     names = [path.stem for path in sorted((SHIPPED / "en").glob(f"*{SUFFIX}"))]
     files = {name: SHIPPED / language / f"{name}{SUFFIX}" for name in names}
+    brought = dict((of_task or {}).get(language) or (of_task or {}).get("en", {}))
     if own is not None:
-        files |= _own_files(own, names)
+        replaced = _own_files(own, [*names, *brought])
+        files |= replaced
+        brought = {name: text for name, text in brought.items() if name not in replaced}
     missing = [name for name, path in files.items() if not path.is_file()]
     if missing:
         wanted = f"; give the others with --pages: {', '.join(missing[:4])}" if own is not None else ""
@@ -138,8 +146,9 @@ def load_pages(language: str, own: Path | None = None) -> Pages:
             f"there are no pages in the language {language!r}, only in {', '.join(languages())}{wanted}"
         )
     texts = {name: read_text(path, "a page of a session") for name, path in files.items()}
+    texts |= brought
     for name, text in texts.items():
-        _check_placeholders(text, files[name])
+        _check_placeholders(text, files.get(name, f"the page {name}"))
     return Pages(texts, _key_names(language, own))
 
 
@@ -156,7 +165,7 @@ def _own_files(own: Path, names: list[str]) -> dict[str, Path]:
     return found
 
 
-def _check_placeholders(text: str, path: Path) -> None:
+def _check_placeholders(text: str, path: Path | str) -> None:
     """Refuse a page with a placeholder that stands for nothing."""
     try:
         used = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]

@@ -23,11 +23,10 @@ from evenlight.hardware.protocols import KeyPress, Pointer
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.stimuli.field_renderer import FieldRenderer
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
-from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring, gap_pixels
-from evenlight.stimuli.rings.ring_light import LEVELS_16, PaintedRing
+from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, LEVELS_16, PaintedRing, Ring, gap_pixels
 from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera, LookingAround, focal_length_of
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Vector, scene_named
 
 Presses = Callable[[], list[KeyPress]]
@@ -217,18 +216,10 @@ def _held(pointer: Pointer | None) -> AbstractContextManager[Pointer | None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RingPicture:
-    """A ring and what is around it, the ring in the middle.
+    """A ring and what is around it, the ring in the middle."""
 
-    Attributes
-    ----------
-    in_scene : array, (side, side)
-        I, luminance emitted at b = 1 [cd/m^2].
-    background_luminance : float
-        Mean luminance around the ring, of which its contrast is a share [cd/m^2].
-    """
-
-    in_scene: Array
-    background_luminance: float
+    in_scene: Array  # (side, side): I, luminance emitted at b = 1 [cd/m^2]
+    background_luminance: float  # mean luminance around the ring, of which its contrast is a share [cd/m^2]
 
 
 class RingPainter(Protocol):
@@ -256,7 +247,7 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
     """
 
     def __init__(self, display: Display, side: int = 0) -> None:
-        from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+        from evenlight.stimuli.scenes.graphics import offscreen_context
 
         self._display, self._side = display, side
         self._context = offscreen_context()

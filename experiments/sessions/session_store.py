@@ -8,7 +8,8 @@ when the program ends, however it ends.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,7 +17,6 @@ from filelock import FileLock, Timeout
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
-from evenlight.data_schema.record_kinds import TRIALS_OF_TASK
 from evenlight.data_schema.recordings.dataset_layout import (
     EVENTS,
     FRAMES,
@@ -25,7 +25,13 @@ from evenlight.data_schema.recordings.dataset_layout import (
     TRIALS,
     session_folder,
 )
-from evenlight.data_schema.recordings.session import EventKind, SessionEvent, SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.session import (
+    TASKS,
+    EventKind,
+    SessionEvent,
+    SessionManifest,
+    SessionStatus,
+)
 from evenlight.data_schema.storage.append_log import AppendLog, mend_last_line, sync_folder
 from evenlight.data_schema.storage.text_files import (
     parse_json,
@@ -36,6 +42,7 @@ from evenlight.data_schema.storage.text_files import (
 from evenlight.experiments.calibration_age import utc_now
 from evenlight.experiments.sessions.dataset import export_behaviour
 
+LONGEST_REASON = 200  # letters of an error's message, in the log of events
 Clock = Callable[[], float]
 Utc = Callable[[], str]
 
@@ -105,13 +112,27 @@ class TimedLogs:
         self._logs[EVENTS].append(event)
         self.events.append(event)
 
+    def note_resumed(self, torn: Mapping[str, str | None]) -> None:
+        """Record that all goes on, and what was torn from the end of each file."""
+        self.note(EventKind.RESUMED)
+        for name, text in torn.items():
+            if text:
+                self.note(EventKind.LINE_TORN, f"{name}: {text}")
+
+    def note_failure(self, error: BaseException) -> None:
+        """Record what ended the program."""
+        self.note(EventKind.STOPPED, f"{type(error).__name__.strip('_')}: {error}"[:LONGEST_REASON])
+
     def happened(self, kind: EventKind) -> bool:
         """Return whether something happened already."""
         return any(event.kind is kind for event in self.events)
 
 
-def hold_folder(folder: Path) -> FileLock:
-    """Return the lock of a session's folder, held; the folder is made if it is not there.
+@contextmanager
+def held_folder(folder: Path) -> Iterator[FileLock]:
+    """Yield the lock of a session's folder, held; it is let go if the block fails.
+
+    The folder is made if it is not there.
 
     Raises
     ------
@@ -130,21 +151,23 @@ def hold_folder(folder: Path) -> FileLock:
         raise InputError(
             f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
         ) from error
-    return lock
+    try:
+        yield lock
+    except BaseException:
+        lock.release()
+        raise
 
 
 def read_lines(cls: type[Any], path: Path) -> list[Any]:
     """Return the records of a log, one per line; none where there is no log yet."""
     if not path.exists():
         return []
-    text = read_text(path, f"one {cls.__name__} per line")
-    lines = ((number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip())
-    return [_record_of_line(cls, line, f"{path}, line {number}") for number, line in lines]
-
-
-def _record_of_line(cls: type[Any], line: str, where: str) -> Any:
-    """Return the record of one line."""
-    return record_from_mapping(cls, parse_json(line, where, f"a {cls.__name__}"), where)
+    records = []
+    for number, line in enumerate(read_text(path, f"one {cls.__name__} per line").split("\n"), start=1):
+        if line.strip():
+            where = f"{path}, line {number}"
+            records.append(record_from_mapping(cls, parse_json(line, where, f"a {cls.__name__}"), where))
+    return records
 
 
 class SessionStore(TimedLogs):
@@ -152,14 +175,10 @@ class SessionStore(TimedLogs):
 
     Attributes
     ----------
-    folder : Path
-        `sub-XX/ses-YY` of the data set.
     manifest : SessionManifest
         As it is on the disk.
     trials : list
         The trials recorded so far, practice included, in order.
-    events : list of SessionEvent
-        What happened so far.
     """
 
     def __init__(self, dataset: Path, manifest: SessionManifest, lock: FileLock, utc: Utc) -> None:
@@ -214,8 +233,7 @@ def begin_session(dataset: Path, manifest: SessionManifest, utc: Utc = utc_now) 
         If it is there already: data are never overwritten; or another program writes it right now.
     """
     folder = session_folder(dataset, manifest.participant_id, manifest.session_id)
-    lock = hold_folder(folder)
-    try:
+    with held_folder(folder) as lock:
         if (folder / MANIFEST).exists() or (folder / TRIALS).exists():
             raise InputError(
                 f"{folder}: this session is there already and data are never overwritten; go on with it "
@@ -223,9 +241,6 @@ def begin_session(dataset: Path, manifest: SessionManifest, utc: Utc = utc_now) 
             )
         write_json_record(folder / MANIFEST, manifest)
         return SessionStore(dataset, manifest, lock, utc)
-    except BaseException:
-        lock.release()
-        raise
 
 
 def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc = utc_now) -> SessionStore:
@@ -239,20 +254,16 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
     folder = session_folder(dataset, participant_id, session_id)
     if not (folder / MANIFEST).is_file():
         raise InputError(f"{folder}: there is no session to resume; {_known_sessions(dataset)}")
-    lock = hold_folder(folder)
-    try:
+    with held_folder(folder) as lock:
         manifest = read_json_record(SessionManifest, folder / MANIFEST)
         if manifest.status is SessionStatus.COMPLETE:
             raise InputError(f"{folder}: this session is complete; give another --session")
         if manifest.status is SessionStatus.DECLINED:
             raise InputError(f"{folder}: the participant declined to take part; nothing is resumed")
         torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, EVENTS)}
-        trials = read_lines(TRIALS_OF_TASK[manifest.task].record, folder / TRIALS)
+        trials = read_lines(TASKS[manifest.task].trial, folder / TRIALS)
         events = read_lines(SessionEvent, folder / EVENTS)
         store = SessionStore(dataset, manifest, lock, utc)
-    except BaseException:
-        lock.release()
-        raise
     store.trials, store.events = trials, events
     store.manifest = dataclasses.replace(manifest, status=SessionStatus.RUNNING)
     write_json_record(folder / MANIFEST, store.manifest)
@@ -263,10 +274,7 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
 
 def _note_what_broke(store: SessionStore, torn: dict[str, str | None]) -> None:
     """Note that the session goes on, what was torn, and the trial that was shown and not answered."""
-    store.note(EventKind.RESUMED)
-    for name, text in torn.items():
-        if text:
-            store.note(EventKind.LINE_TORN, f"{name}: {text}")
+    store.note_resumed(torn)
     broken = _broken_trial(store)
     if broken is not None:
         reason = "the program ended during this trial; it is shown again"

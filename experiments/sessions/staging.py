@@ -49,21 +49,12 @@ OpenPainter = Callable[[], AbstractContextManager[RingPainter]]
 
 @dataclass(frozen=True, slots=True)
 class Staging:
-    """How a session is staged.
+    """How a session is staged."""
 
-    Attributes
-    ----------
-    simulation : str or None
-        None with a person; "data" without a window, "visual" through the window, with a simulated observer.
-    real_time : bool
-        Whether a rehearsal that is seen goes at the pace of a session.
-    screenshots : Path or None
-        Folder for a picture of every kind of screen.
-    """
-
+    # None with a person; "data" without a window, "visual" through the window, with a simulated observer
     simulation: str | None = None
-    real_time: bool = False
-    screenshots: Path | None = None
+    real_time: bool = False  # whether a rehearsal that is seen goes at the pace of a session
+    screenshots: Path | None = None  # folder for a picture of every kind of screen
 
     @property
     def simulated(self) -> bool:
@@ -273,4 +264,4 @@ class BlindStage(AbstractContextManager["BlindStage"]):
     def _require_press(self, text: str) -> None:
         """Raise if no key is to come, for without a person the session would stand still for ever."""
         if not self._keyboard.waiting():
-            raise RuntimeError(f"nobody answers {text.strip()[:40]!r}: no key press is queued")
+            raise RuntimeError(f"no one answers {text.strip()[:40]!r}: no key press is queued")

@@ -22,41 +22,21 @@ PressKey = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True)
 class TrialPlace:
-    """Where in a data set an answered trial goes.
-
-    Attributes
-    ----------
-    participant_id, session_id : str
-        Whose.
-    trial_index : int
-        Place among the session's answered trials, from 0.
-    attempt : int
-        1, or more where the trial was shown before and interrupted.
-    simulated : bool
-        Whether a simulated observer answers.
-    """
+    """Where in a data set an answered trial goes."""
 
     participant_id: str
     session_id: str
-    trial_index: int
-    attempt: int
-    simulated: bool
+    trial_index: int  # place among the session's answered trials, from 0
+    attempt: int  # 1, or more where the trial was shown before and interrupted
+    simulated: bool  # whether a simulated observer answers
 
 
 @dataclass(frozen=True, slots=True)
 class ConductedTrial:
-    """A trial that was shown and answered.
+    """A trial that was shown and answered."""
 
-    Attributes
-    ----------
-    trial : record
-        Its row.
-    frames : tuple of records
-        What the display showed, one for each interval; empty without a display.
-    """
-
-    trial: Any
-    frames: tuple[Any, ...]
+    trial: Any  # its row
+    frames: tuple[Any, ...]  # what the display showed, one for each interval; empty without a display
 
 
 class Participant(Protocol):
@@ -147,24 +127,12 @@ AnswersOf = Callable[[tuple[int, int]], Answers]  # for the seed and place of a 
 
 @dataclass(frozen=True, slots=True)
 class SessionSetting:
-    """What a session is made from, beside its manifest.
+    """What a session is made from, beside its manifest."""
 
-    Attributes
-    ----------
-    manifest : SessionManifest
-        Design, display, seed, place in the data set.
-    rig : Rig
-        What it runs on now.
-    stimuli : sequence of LoadedStimulus
-        Of a viewing experiment.
-    smallest_factor : float
-        The lowest that the backlight can be asked for.
-    """
-
-    manifest: SessionManifest
-    rig: Rig
-    stimuli: Sequence[LoadedStimulus] = ()
-    smallest_factor: float = 0.0
+    manifest: SessionManifest  # design, display, seed, place in the data set
+    rig: Rig  # what it runs on now
+    stimuli: Sequence[LoadedStimulus] = ()  # of a viewing experiment
+    smallest_factor: float = 0.0  # the lowest that the backlight can be asked for
 
     @property
     def session(self) -> tuple[int, int]:

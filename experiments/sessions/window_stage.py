@@ -8,11 +8,11 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator, Rig
-from evenlight.experiments.playback.clip_player import ClipPlayer
+from evenlight.experiments.playback.clip_feeds import part_of
+from evenlight.experiments.playback.clip_player import PROBE_SIZE, ClipPlayer
 from evenlight.experiments.recordings import LUMINANCE_DECIMALS, RampRecording, probe_places
 from evenlight.experiments.sessions.search_stage import OpenPointer, SearchPlayer
 from evenlight.experiments.showing import Brightness, Screen, Screenshots
@@ -32,8 +32,6 @@ from evenlight.stimuli.field_renderer import Field, FieldRenderer
 from evenlight.stimuli.page_image import centred_image, ink_on, page_image
 from evenlight.stimuli.ramp import frame_count, ramp_luminance, require_reachable
 
-# [pixels] of the middle that is read back; the noise leaves the mean of so many within 0.01 cd/m^2 at 100.
-PROBE_SIZE = (256, 256)
 LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a ramp
 LABEL_GONE_BEFORE = 0.3  # [s]
 LABEL_SIZE = 1.0  # of an interval's number, in multiples of a page's text
@@ -247,7 +245,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return the mean luminance drawn in the middle, where no text is, before its flip [cd/m^2]."""
         codes = self._window.read_codes(PROBE_SIZE)
         if field.coverage is not None:
-            codes = codes[middle(field.coverage, PROBE_SIZE) == 0]
+            read = codes.shape[1], codes.shape[0]
+            codes = codes[part_of(field.coverage, self._window.size(), read) == 0]
         # Codes are counted, not turned into luminances one by one: this happens while the flip is waited for.
         counts = np.bincount(codes.ravel(), minlength=self._luminance_of_code.size)
         return float(counts @ self._luminance_of_code / counts.sum())
@@ -297,14 +296,3 @@ class WindowStage(AbstractContextManager["WindowStage"]):
     def _take_pause(self) -> None:
         """Raise `PausePressed` if the pause key was pressed, and forget other keys: nothing is asked yet."""
         self._presses()
-
-
-def middle(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the middle of an image (height, width), of a width and height at most; as windows read it.
-
-    >>> middle(np.arange(15, dtype=np.uint8).reshape(3, 5), (1, 9)).tolist()
-    [[2], [7], [12]]
-    """
-    height, width = (min(a, b) for a, b in zip(size[::-1], image.shape, strict=True))
-    top, left = (image.shape[0] - height) // 2, (image.shape[1] - width) // 2
-    return image[top : top + height, left : left + width]

@@ -1,8 +1,9 @@
-"""Running one sweep: a display measured level by level, new or gone on with, and how it ends."""
+"""Running one sweep: a display measured level by level, new or gone on with, or readings imported."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now, sha256_of_file
-from evenlight.data_schema.recordings.dataset_layout import SWEEP_MANIFEST, sweep_folder
+from evenlight.data_schema.recordings.dataset_layout import sweep_folder
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
 from evenlight.data_schema.recordings.sweep import (
     DESIGN_OF_SWEEP,
+    FEWEST_READINGS,
+    LuminanceReading,
     LuminanceSweepDesign,
     SweepDesign,
     SweepManifest,
@@ -32,61 +35,39 @@ from evenlight.experiments.sweeps.sweep_devices import (
     names_of_meters,
     open_sweep_devices,
 )
-from evenlight.experiments.sweeps.sweep_readings import PlannedReading, SweepReader, planned_readings
-from evenlight.experiments.sweeps.sweep_store import (
+from evenlight.experiments.sweeps.sweep_readings import (
+    PlannedReading,
+    SweepReader,
     SweepStore,
     begin_sweep,
-    import_sweep,
-    is_imported,
+    planned_readings,
     read_sweep_manifest,
+    refuse_existing,
     resume_sweep,
 )
+from evenlight.hardware.luminance_table import luminance_readings_from_csv
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.rig import is_simulated
 from evenlight.hardware.rig_files import TABLE
 
 DEFAULT_SEED = 1  # of the order of levels
-LONGEST_REASON = 200  # letters of an error's message, in the log of events
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """What was asked for.
+    """What was asked for."""
 
-    Attributes
-    ----------
-    task : str
-        "luminance-sweep" or "power-sweep".
-    dataset : Path
-        Where the sweep goes.
-    session_id : str
-        Which sweep.
-    rig : Rig
-        What it runs on.
-    display : Display or None
-        The rig's display, where it was measured before.
-    design : SweepDesign or None
-        What is measured; None for the task's default, or for that of the sweep to be gone on with.
-    staging : Staging
-        In earnest, or rehearsed.
-    measured_by : str
-        Who measures, as a code.
-    seed : int or None
-        Of the order of levels, and of simulated noise.
-    resume : bool
-        Whether a sweep that is there already is to be gone on with.
-    """
-
-    task: str
-    dataset: Path
-    session_id: str
-    rig: Rig
-    display: Display | None
+    task: str  # "luminance-sweep" or "power-sweep"
+    dataset: Path  # where the sweep goes
+    session_id: str  # which sweep
+    rig: Rig  # what it runs on
+    display: Display | None  # the rig's display, where it was measured before
+    # what is measured; None for the task's default, or for that of the sweep to be gone on with
     design: SweepDesign | None
-    staging: Staging
-    measured_by: str = ""
-    seed: int | None = None
-    resume: bool = False
+    staging: Staging  # in earnest, or rehearsed
+    measured_by: str = ""  # who measures, as a code
+    seed: int | None = None  # of the order of levels, and of simulated noise
+    resume: bool = False  # whether a sweep that is there already is to be gone on with
 
     @property
     def goes_by_display(self) -> bool:
@@ -192,7 +173,7 @@ def _conduct(
         return SessionStatus.ABORTED
     except BaseException as error:
         with suppress(InputError):
-            store.note(EventKind.STOPPED, f"{type(error).__name__.strip('_')}: {error}"[:LONGEST_REASON])
+            store.note_failure(error)
             store.change(status=SessionStatus.ABORTED)
         if isinstance(error, InstrumentError):
             words = f"{error}; {len(store.readings)} of {len(plan)} readings are safe, go on with --resume"
@@ -240,15 +221,9 @@ def _warm_up_again(store: SweepStore, devices: SweepDevices) -> None:
 
 
 class _MeterPrompt:
-    """Asks the person who reads a meter, and says what about.
+    """Asks the person who reads a meter, and says what about."""
 
-    Attributes
-    ----------
-    about : str
-        Which reading, and what is shown.
-    """
-
-    about = ""
+    about = ""  # which reading, and what is shown
 
     def __call__(self, question: str) -> str:
         return input(f"{self.about}: {question}")
@@ -266,11 +241,7 @@ def _in_words(planned: PlannedReading) -> str:
 def _new_manifest(request: SweepRequest) -> SweepManifest:
     """Return the manifest of a sweep that is to begin, but for the number of its readings."""
     rig, display, folder = request.rig, request.display, _folder(request)
-    if (folder / SWEEP_MANIFEST).exists():
-        raise InputError(
-            f"{folder}: this sweep is there already and data are never overwritten; go on with it with "
-            "--resume, or give another --session"
-        )
+    refuse_existing(folder)
     pixels_per_degree = display.pixels_per_degree if display else rig.pixels_per_degree
     if pixels_per_degree is None and request.task == "luminance-sweep":
         raise InputError(
@@ -363,3 +334,70 @@ def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:
 def _folder(request: SweepRequest) -> Path:
     """Return where the sweep lies."""
     return sweep_folder(request.dataset, request.task, request.session_id)
+
+
+def is_imported(luminance_meter: str, task: str) -> bool:
+    """Return whether a sweep is imported: its rig names a table in place of a luminance meter."""
+    return task == "luminance-sweep" and luminance_meter.startswith(TABLE)
+
+
+def import_sweep(dataset: Path, manifest: SweepManifest, *, resume: bool) -> tuple[int, Path]:
+    """Write the readings of a table as a sweep; return how many there are, and the sweep's folder.
+
+    The time of the readings is unknown, so the sweep and what is fitted to it carry no date.
+
+    Parameters
+    ----------
+    dataset : Path
+        Where to.
+    manifest : SweepManifest
+        What the sweep is, but for its levels, which are the table's: of its design only L_refl counts.
+    resume : bool
+        Whether an import that was interrupted is to be finished.
+
+    Raises
+    ------
+    InputError
+        If the table has too few readings of a level, or is none, or is not as it was.
+    """
+    path = Path(manifest.rig.luminance_meter.removeprefix(TABLE))
+    readings = luminance_readings_from_csv(path)
+    reflected = getattr(manifest.design, "reflected_luminance", 0.0)
+    design = dataclasses.replace(_design_of_table(readings, path), reflected_luminance=reflected)
+    if resume:
+        store = resume_sweep(dataset, manifest.task, manifest.session_id, str)
+    else:
+        require_dataset(dataset, manifest.simulated, manifest.provenance)
+        new = dataclasses.replace(manifest, design=design, n_readings=len(readings), started="")
+        store = begin_sweep(dataset, new, str)
+    with store:
+        done = len(store.readings)
+        if store.manifest.design != design or store.readings != readings[:done]:
+            raise InputError(f"{path}: is not as it was when its import began; give another --session")
+        if not store.happened(EventKind.STARTED):
+            store.note(EventKind.STARTED, f"readings made elsewhere, from {path.name}")
+        for reading in readings[done:]:
+            store.write(reading)
+        store.note(EventKind.COMPLETED)
+        store.change(status=SessionStatus.COMPLETE, apparatus={"luminance meter: table": path.name})
+        return len(readings), store.folder
+
+
+def _design_of_table(readings: list[LuminanceReading], path: Path) -> LuminanceSweepDesign:
+    """Return the design that a table followed."""
+    counts = Counter((reading.pixel_value, reading.factor) for reading in readings)
+    (value, factor), fewest = min(counts.items(), key=lambda item: item[1])
+    if fewest < FEWEST_READINGS:
+        level = f"pixel value {value:g}" + ("" if factor is None else f" at brightness factor {factor:g}")
+        raise InputError(
+            f"{path}: has {fewest} reading(s) of {level}; give at least {FEWEST_READINGS} of each level, so "
+            "that noise can be told from what the display does"
+        )
+    values = tuple(sorted({value for value, factor in counts if factor is None}))
+    factors = tuple(sorted({factor for _, factor in counts if factor is not None}))
+    try:
+        return LuminanceSweepDesign(
+            path.stem, values, factors, fewest, settle=0.0, warm_up=0.0, drift_pixel_values=()
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None

@@ -36,40 +36,20 @@ LOOK_EVERY = 0.02  # [s] at the keys, while nothing changes on the screen
 
 @dataclass(frozen=True, slots=True)
 class SweepLevel:
-    """What a screen shows.
+    """What a screen shows."""
 
-    Attributes
-    ----------
-    pixel_value : float
-        L' of a uniform screen.
-    factor : float or None
-        Brightness factor b; None at full brightness, where pixel values are swept.
-    """
-
-    pixel_value: float
-    factor: float | None
+    pixel_value: float  # L' of a uniform screen
+    factor: float | None  # brightness factor b; None at full brightness, where pixel values are swept
 
 
 @dataclass(frozen=True, slots=True)
 class SweepDevices:
-    """The screen and the instruments of a sweep.
+    """The screen and the instruments of a sweep."""
 
-    Attributes
-    ----------
-    screen : SweepScreen
-        What shows the levels.
-    luminance_meter : LuminanceMeter or None
-        Aimed at the screen.
-    power_meter : PowerMeter or None
-        In the panel's supply.
-    apparatus : dict of str to str
-        What they say of themselves.
-    """
-
-    screen: SweepScreen
-    luminance_meter: LuminanceMeter | None
-    power_meter: PowerMeter | None
-    apparatus: dict[str, str]
+    screen: SweepScreen  # what shows the levels
+    luminance_meter: LuminanceMeter | None  # aimed at the screen
+    power_meter: PowerMeter | None  # in the panel's supply
+    apparatus: dict[str, str]  # what they say of themselves
 
 
 def names_of_meters(rig: Rig, task: str, *, rehearsed: bool) -> tuple[str, str]:
@@ -104,27 +84,13 @@ def names_of_meters(rig: Rig, task: str, *, rehearsed: bool) -> tuple[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class SweepSetting:
-    """What a sweep is made with.
+    """What a sweep is made with."""
 
-    Attributes
-    ----------
-    rig : Rig
-        What the devices are.
-    task : str
-        "luminance-sweep" or "power-sweep".
-    staging : Staging
-        In earnest, or rehearsed with or without a window.
-    display : Display or None
-        As it was measured before; a simulated panel has its luminances.
-    seed : int
-        Of simulated noise.
-    """
-
-    rig: Rig
-    task: str
-    staging: Staging
-    display: Display | None
-    seed: int
+    rig: Rig  # what the devices are
+    task: str  # "luminance-sweep" or "power-sweep"
+    staging: Staging  # in earnest, or rehearsed with or without a window
+    display: Display | None  # as it was measured before; a simulated panel has its luminances
+    seed: int  # of simulated noise
 
 
 @contextmanager
@@ -164,7 +130,7 @@ def open_sweep_devices(
         backlight = _backlight(rig, staging, simulation, now, by_luminance=by_luminance)
         if backlight is not None:
             stack.callback(backlight.close)
-        keyboard = _keyboard(staging, now)
+        keyboard = SimulatedKeyboard(now) if staging.simulated else open_keyboard()
         stack.callback(keyboard.close)
         luminance_meter = power_meter = None
         if luminance_name != "none":
@@ -234,11 +200,6 @@ def _backlight(
         return SimulatedBacklight(now, follow=simulation.panel.set_backlight)
     opener = open_backlight if by_luminance else open_swept_backlight
     return opener(rig, now, simulation)
-
-
-def _keyboard(staging: Staging, now: Callable[[], float]) -> ResponseDevice:
-    """Return the keys: simulated ones in a rehearsal."""
-    return SimulatedKeyboard(now) if staging.simulated else open_keyboard()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
-"""The readings of a sweep in their order, and how one is made; what fails on its way is tried again.
+"""The readings of a sweep: their files, their order, and how one is made.
 
-Each repeat of the levels has an order of its own: whatever drifts, drifts over all levels alike.
+Every reading is on the disk before the next level is shown; what fails on its way is tried again. Each repeat
+of the levels has an order of its own: whatever drifts, drifts over all levels alike.
 """
 
 from __future__ import annotations
@@ -9,11 +10,17 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from filelock import FileLock
 
-from evenlight.data_schema.recordings.session import EventKind
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.record_kinds import READINGS_OF_SWEEP
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, READINGS, SWEEP_MANIFEST, sweep_folder
+from evenlight.data_schema.recordings.session import EventKind, SessionEvent, SessionStatus
 from evenlight.data_schema.recordings.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
@@ -21,10 +28,13 @@ from evenlight.data_schema.recordings.sweep import (
     PowerSweepDesign,
     ReadingStatus,
     SweepDesign,
+    SweepManifest,
     SweepPhase,
 )
+from evenlight.data_schema.storage.append_log import mend_last_line
+from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.experiments.sessions.session_store import Clock, TimedLogs, Utc, held_folder, read_lines
 from evenlight.experiments.sweeps.sweep_devices import AchievedLevel, SweepDevices, SweepLevel
-from evenlight.experiments.sweeps.sweep_store import SweepReading, SweepStore
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import (
     TRANSIENT,
@@ -37,30 +47,127 @@ from evenlight.hardware.protocols import (
 
 Result = TypeVar("Result")
 TIME_DECIMALS = 6
+SweepReading = LuminanceReading | PowerReading
+
+
+class SweepStore(TimedLogs):
+    """An open sweep: its manifest, its readings so far, and the only way to record more.
+
+    Attributes
+    ----------
+    manifest : SweepManifest
+        As it is on the disk.
+    readings : list of LuminanceReading or PowerReading
+        Those recorded so far, in order.
+    away : float or None
+        How long a resumed sweep was away [s]; None where no clock tells.
+    """
+
+    _uncounted = 0.0  # of the time away
+
+    def __init__(self, folder: Path, manifest: SweepManifest, lock: FileLock, utc: Utc) -> None:
+        super().__init__(folder, (READINGS,), lock, utc)
+        self.manifest = manifest
+        self.readings: list[SweepReading] = []
+        self.away: float | None = 0.0
+
+    def use_clock(self, clock: Clock) -> None:
+        """Count time with a clock [s] from now on, from the last line and the time away."""
+        super().use_clock(clock)
+        self._started -= self._uncounted
+        self._uncounted = 0.0
+
+    def came_back(self) -> None:
+        """Note how long the sweep was away: from the last line of the logs until now, by the time of day."""
+        said = [record.utc for record in (*self.events, *self.readings) if record.utc]
+        now = self.utc()
+        if not said or not now:
+            self.away = None
+            return
+        away = datetime.fromisoformat(now) - datetime.fromisoformat(max(said))
+        self.away = self._uncounted = max(away.total_seconds(), 0.0)
+
+    @property
+    def last_time(self) -> float:
+        """Time of the last event or reading [s]."""
+        return max(super().last_time, max((reading.ended for reading in self.readings), default=0.0))
+
+    def write(self, reading: SweepReading) -> None:
+        """Record a reading; when this returns it cannot be lost any more."""
+        self._logs[READINGS].append(reading)
+        self.readings.append(reading)
+
+    def change(self, **changes: object) -> None:
+        """Change the manifest: how far the sweep got, what its instruments say of themselves."""
+        self.manifest = dataclasses.replace(self.manifest, **changes)  # type: ignore[arg-type] # its own fields
+        write_json_record(self.folder / SWEEP_MANIFEST, self.manifest)
+
+
+def begin_sweep(dataset: Path, manifest: SweepManifest, utc: Utc) -> SweepStore:
+    """Open a sweep that is not there yet, and write its manifest.
+
+    Raises
+    ------
+    InputError
+        If it is there already: data are never overwritten; or another program writes it right now.
+    """
+    folder = sweep_folder(dataset, manifest.task, manifest.session_id)
+    with held_folder(folder) as lock:
+        refuse_existing(folder)
+        write_json_record(folder / SWEEP_MANIFEST, manifest)
+        return SweepStore(folder, manifest, lock, utc)
+
+
+def refuse_existing(folder: Path) -> None:
+    """Refuse to begin a sweep that is there already."""
+    if (folder / SWEEP_MANIFEST).exists() or (folder / READINGS).exists():
+        raise InputError(
+            f"{folder}: this sweep is there already and data are never overwritten; go on with it with "
+            "--resume, or give another --session"
+        )
+
+
+def resume_sweep(dataset: Path, task: str, session_id: str, utc: Utc) -> SweepStore:
+    """Open a sweep that was interrupted, with all its readings.
+
+    Raises
+    ------
+    InputError
+        If there is no such sweep, a line cannot be used, or another program writes it.
+    """
+    folder = sweep_folder(dataset, task, session_id)
+    manifest = read_sweep_manifest(folder)
+    with held_folder(folder) as lock:
+        torn = {name: mend_last_line(folder / name) for name in (READINGS, EVENTS)}
+        readings = read_lines(READINGS_OF_SWEEP[task].record, folder / READINGS)
+        events = read_lines(SessionEvent, folder / EVENTS)
+        store = SweepStore(folder, manifest, lock, utc)
+    store.readings, store.events = readings, events
+    store.change(status=SessionStatus.RUNNING)
+    store.came_back()
+    store.use_clock(float)
+    store.note_resumed(torn)
+    return store
+
+
+def read_sweep_manifest(folder: Path) -> SweepManifest:
+    """Return the manifest of a sweep that is there."""
+    if not (folder / SWEEP_MANIFEST).is_file():
+        there = sorted(path.parent.name for path in folder.parent.glob(f"*/{SWEEP_MANIFEST}"))
+        known = f"there is {', '.join(there[:8])}" if there else f"{folder.parent} has none"
+        raise InputError(f"{folder}: there is no sweep to resume; {known}")
+    return read_json_record(SweepManifest, folder / SWEEP_MANIFEST)
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedReading:
-    """A reading that is to be made.
+    """A reading that is to be made."""
 
-    Attributes
-    ----------
-    index : int
-        Its place in the sweep, from 0.
-    phase : SweepPhase
-        What it is for.
-    repeat : int
-        Which reading of its level, from 1.
-    level : SweepLevel
-        What is shown.
-    due : float
-        When at the earliest, since the first reading of the warm-up began [s]; 0 after the warm-up.
-    """
-
-    index: int
-    phase: SweepPhase
-    repeat: int
-    level: SweepLevel
+    index: int  # its place in the sweep, from 0
+    phase: SweepPhase  # what it is for
+    repeat: int  # which reading of its level, from 1
+    level: SweepLevel  # what is shown
+    # when at the earliest, since the first reading of the warm-up began [s]; 0 after the warm-up
     due: float = 0.0
 
 

@@ -22,12 +22,19 @@ from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.experiments.chance import Purpose
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation, SimulatedObserver, draw_observer
+from evenlight.experiments.ramp.ramp_observer import (
+    MEDIAN_RATE_LIMIT,
+    ObserverPopulation,
+    SimulatedObserver,
+    draw_observer,
+)
+from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.comparison_task import PlannedComparison
-from evenlight.method.modulation import step_luminance
+from evenlight.experiments.viewing.simulated_viewers import Viewing
+from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
-from evenlight.method.rate_limit import rate_limit_at
+from evenlight.method.rate_limit import rate_limit_at, step_luminance
 
 REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
 STRETCH = 5.0  # [s] of the paper's ramps, in which the thresholds were measured
@@ -310,7 +317,7 @@ class ChangeViews:
 
 
 @dataclass(frozen=True, slots=True)
-class ComparisonViewing:
+class ComparisonViewing(Viewing):
     """Artifact comparison: answers are `Response.FIRST` and `Response.SECOND`."""
 
     views: ChangeViews
@@ -341,3 +348,10 @@ class ComparisonViewing:
     def shared_truth(self) -> list[dict[str, Any]]:
         """Return whose thresholds the median person's are; how strong a change is depends on who sees it."""
         return [{"rate_limit": self.limit.name}]
+
+
+def comparison_viewing(setting: SessionSetting) -> ComparisonViewing:
+    """Return what simulated participants of a comparison see in a setting."""
+    return ComparisonViewing(
+        ChangeViews(setting.stimuli, setting.display), load_rate_limit(MEDIAN_RATE_LIMIT)
+    )

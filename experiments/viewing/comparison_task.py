@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.recordings.ramp import Response
+from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
-from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
-from evenlight.experiments.stage import Stage
+from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
-    ViewingTask,
-    clip_log,
-    noise_seed_of,
+    ClipTask,
     practice_sequences,
     sequences_in_order,
-    shown_columns,
-    stimulus_clip,
     versions_in_order,
 )
 
@@ -60,7 +53,7 @@ class PlannedComparison:
         return {name: getattr(self, name) for name in names}
 
 
-class ComparisonTask(ViewingTask[PlannedComparison]):
+class ComparisonTask(ClipTask[PlannedComparison]):
     """Both versions of a sequence one after the other, and the question in which the brightness changed.
 
     Practice has no feedback: it would teach participants to tell the versions by other things than change.
@@ -71,57 +64,29 @@ class ComparisonTask(ViewingTask[PlannedComparison]):
         Design, stimuli, session and rig.
     """
 
-    instructions = "instructions_comparison"
-
     def __init__(self, setting: SessionSetting) -> None:
-        self._design: ComparisonDesign = setting.manifest.design  # type: ignore[assignment] # the manifest checks
-        super().__init__(setting, comparison_order(self._design, setting.session[1]))
+        design: Any = setting.manifest.design
+        order = comparison_order(design, setting.session[1])
+        super().__init__(setting, order, comparison_practice(design, *setting.session))
 
-    @property
-    def minutes(self) -> float:
-        """How long the session takes, about."""
-        return self._clip_minutes(self._design, clips_per_trial=2)
+    def answers(self, keys: Keys) -> dict[str, Response]:
+        """Return the answer that each key gives."""
+        return {keys.first: Response.FIRST, keys.second: Response.SECOND}
 
-    def practice(self) -> Sequence[PlannedComparison]:
-        """Return the trials for practice."""
-        return comparison_practice(self._design, *self._session)
+    def row(self, planned: PlannedComparison, answer: Response, columns: dict[str, Any]) -> ComparisonTrial:
+        """Return the record of a comparison."""
+        stimulus = self.stimuli[planned.sequence]
+        return ComparisonTrial(
+            **planned.columns,
+            **columns,
+            mean_factor=stimulus.mean_factor(Version.OURS),
+            baseline_factor=stimulus.mean_factor(Version.BASELINE),
+            response=answer,
+        )
 
     def is_right(self, trial: ComparisonTrial) -> bool | None:
         """Return whether the modulated version was identified."""
         return trial.chose_ours
-
-    def conduct(
-        self,
-        planned: PlannedComparison,
-        place: TrialPlace,
-        stage: Stage,
-        participant: Participant,
-        pages: Pages,
-    ) -> ConductedTrial:
-        """Show the two versions, and ask in which of them the brightness changed."""
-        stimulus, seed = self._stimuli[planned.sequence], noise_seed_of(self._session, place)
-        shown = []
-        for number, version in enumerate(planned.versions, start=1):
-            clip = stimulus_clip(stimulus, version, seed + number - 1, planned.seconds)
-            clip = dataclasses.replace(clip, label=str(number))
-            stage.prepare_clip(clip)
-            stage.wait(self._design.adaptation_duration, self.neutral_luminance)
-            shown.append(stage.play(clip))
-        keys = self._rig.keys
-        answers = {keys.first: Response.FIRST, keys.second: Response.SECOND}
-        participant.see_trial(planned, place.trial_index)
-        question = pages.text("question_comparison", keys)
-        press = stage.ask(question, list(answers), self.neutral_luminance)
-        trial = ComparisonTrial(
-            **planned.columns,
-            **shown_columns(place, shown, seed, self._design.max_dropped_share),
-            mean_factor=stimulus.mean_factor(Version.OURS),
-            baseline_factor=stimulus.mean_factor(Version.BASELINE),
-            response=answers[press.name],
-            response_time=press.time,
-        )
-        logs = (clip_log(place, number, part) for number, part in enumerate(shown, start=1))
-        return ConductedTrial(trial, tuple(logs))
 
 
 def comparison_order(design: ComparisonDesign, order_index: int) -> tuple[PlannedComparison, ...]:

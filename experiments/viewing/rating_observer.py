@@ -22,8 +22,10 @@ from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATI
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.experiments.chance import Purpose
 from evenlight.experiments.ramp.ramp_observer import MAX_LAPSE_RATE
+from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.rating_task import PlannedRating
+from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 
 # The worst stretches of a video weigh more in its quality than its mean (Rimac-Drlje, Vranjes & Zagar 2009):
@@ -223,7 +225,7 @@ def draw_rater(rng: np.random.Generator, population: RatingPopulation | None = N
 
 
 @dataclass(frozen=True, slots=True)
-class RatingViewing:
+class RatingViewing(Viewing):
     """Detail rating: answers are ratings from 1 to 5."""
 
     views: DetailViews
@@ -256,3 +258,8 @@ class RatingViewing:
             {"sequence": name, "version": version.value, "pooled_contrast_loss": loss}
             for (name, version), loss in self.views.losses.items()
         ]
+
+
+def rating_viewing(setting: SessionSetting) -> RatingViewing:
+    """Return what simulated raters see in a setting."""
+    return RatingViewing(DetailViews(setting.stimuli))

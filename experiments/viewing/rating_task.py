@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import LOWEST_RATING, RatingDesign, RatingTrial, Version
 from evenlight.experiments.chance import williams_row
-from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
-from evenlight.experiments.stage import Stage
+from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
-    ViewingTask,
-    clip_log,
-    noise_seed_of,
+    ClipTask,
     practice_sequences,
     sequences_in_order,
-    shown_columns,
-    stimulus_clip,
     versions_in_order,
 )
 
@@ -54,13 +48,18 @@ class PlannedRating:
     seconds: float | None = None
 
     @property
+    def versions(self) -> tuple[Version]:
+        """The one version that is shown."""
+        return (self.version,)
+
+    @property
     def columns(self) -> dict[str, Any]:
         """What of its row is known before it is shown."""
         names = ("sequence", "version", "repetition", "place_in_pair", "block", "practice")
         return {name: getattr(self, name) for name in names}
 
 
-class RatingTask(ViewingTask[PlannedRating]):
+class RatingTask(ClipTask[PlannedRating]):
     """Each sequence in both versions; after each video, a rating from 1 to 5.
 
     Parameters
@@ -69,45 +68,19 @@ class RatingTask(ViewingTask[PlannedRating]):
         Design, stimuli, session and rig.
     """
 
-    instructions = "instructions_rating"
-
     def __init__(self, setting: SessionSetting) -> None:
-        self._design: RatingDesign = setting.manifest.design  # type: ignore[assignment] # the manifest checks it
-        super().__init__(setting, rating_order(self._design, setting.session[1]))
+        design: Any = setting.manifest.design
+        order = rating_order(design, setting.session[1])
+        super().__init__(setting, order, rating_practice(design, *setting.session))
 
-    @property
-    def minutes(self) -> float:
-        """How long the session takes, about."""
-        return self._clip_minutes(self._design, clips_per_trial=1)
+    def answers(self, keys: Keys) -> dict[str, int]:
+        """Return the rating that each key gives."""
+        return {key: LOWEST_RATING + place for place, key in enumerate(keys.ratings)}
 
-    def practice(self) -> Sequence[PlannedRating]:
-        """Return the trials for practice."""
-        return rating_practice(self._design, *self._session)
-
-    def is_right(self, trial: RatingTrial) -> bool | None:
-        """Return None: no rating is right or wrong."""
-        return None
-
-    def conduct(
-        self, planned: PlannedRating, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
-    ) -> ConductedTrial:
-        """Show a video and ask for its rating."""
-        stimulus, seed = self._stimuli[planned.sequence], noise_seed_of(self._session, place)
-        clip = stimulus_clip(stimulus, planned.version, seed, planned.seconds)
-        stage.prepare_clip(clip)
-        stage.wait(self._design.adaptation_duration, self.neutral_luminance)
-        shown = stage.play(clip)
-        keys = self._rig.keys
-        participant.see_trial(planned, place.trial_index)
-        press = stage.ask(pages.text("question_rating", keys), keys.ratings, self.neutral_luminance)
-        trial = RatingTrial(
-            **planned.columns,
-            **shown_columns(place, [shown], seed, self._design.max_dropped_share),
-            mean_factor=stimulus.mean_factor(planned.version),
-            rating=LOWEST_RATING + keys.ratings.index(press.name),
-            response_time=press.time,
-        )
-        return ConductedTrial(trial, (clip_log(place, 1, shown),))
+    def row(self, planned: PlannedRating, answer: int, columns: dict[str, Any]) -> RatingTrial:
+        """Return the record of a rated video."""
+        mean_factor = self.stimuli[planned.sequence].mean_factor(planned.version)
+        return RatingTrial(**planned.columns, **columns, mean_factor=mean_factor, rating=answer)
 
 
 def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedRating, ...]:

@@ -6,7 +6,8 @@ Each place is drawn once, without a window, the ring in the middle.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,8 +17,15 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.experiments.chance import Purpose
-from evenlight.experiments.sessions.search_stage import RingPainter, RingPicture
+from evenlight.experiments.sessions.search_stage import (
+    OffscreenPainter,
+    RingPainter,
+    RingPicture,
+    picture_side,
+)
+from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.search_observer import (
     RingSight,
     SearchAnswer,
@@ -25,12 +33,18 @@ from evenlight.experiments.viewing.search_observer import (
     SearchPopulation,
     draw_searcher,
 )
-from evenlight.experiments.viewing.search_schedule import PlannedSearch
+from evenlight.experiments.viewing.search_schedule import (
+    VERSIONS,
+    PlannedSearch,
+    planned_search,
+    search_points,
+)
+from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.contrast.contrast_loss import csf_contrasts
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.contrast.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
-from evenlight.stimuli.rings.landolt import Ring, covered
-from evenlight.stimuli.rings.ring_light import reachable_light
+from evenlight.stimuli.rings.landolt import Ring, covered, reachable_light
+from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE
 from evenlight.stimuli.scenes.camera import Camera, focal_length_of
 from evenlight.stimuli.scenes.scene import Vector, direction_of
 
@@ -190,7 +204,7 @@ def ring_alone(ring: Ring, background: float, side: int, display: Display) -> Ar
 
 
 @dataclass(frozen=True, slots=True)
-class SearchViewing:
+class SearchViewing(Viewing):
     """Ring search: answers are `SearchAnswer`."""
 
     views: RingViews
@@ -208,6 +222,21 @@ class SearchViewing:
         """Return what comes of a search."""
         return person.answer(self.views.of(planned), self.time_limit, rng)
 
+    def columns(self, planned: PlannedSearch) -> dict[str, Any]:
+        """Return the luminance around the ring, which drawing it tells."""
+        return {"background_luminance": self.views.of(planned).background_luminance}
+
+    def prepare(self, setting: SessionSetting) -> None:
+        """See all rings that a session may show, wherever in the data set its participant stands."""
+        design: Any = setting.manifest.design
+        self.views.prepare(
+            planned_search(design, point, version, place, ORIENTATIONS[0], block)
+            for point in search_points(design, setting.stimuli, setting.display, setting.rig.actuator)
+            for version in VERSIONS
+            for block in (0, 1)  # of practice, and of the session
+            for place in (1, 2)
+        )
+
     def truth(self, person: SearchObserver) -> dict[str, Any]:
         """Return a participant's traits."""
         names = ("slowness", "sensitivity", "guess_rate", "lapse_rate")
@@ -216,3 +245,21 @@ class SearchViewing:
     def shared_truth(self) -> list[dict[str, Any]]:
         """Return how visible each ring is at each brightness factor, before the person's own sensitivity."""
         return self.views.table()
+
+
+@contextmanager
+def search_viewing(setting: SessionSetting) -> Iterator[SearchViewing]:
+    """Yield what simulated participants of a search see in a setting.
+
+    The actuator matters: where pixels make the brightness, nothing is darker than black.
+
+    Raises
+    ------
+    InputError
+        If the machine has no OpenGL.
+    """
+    design: Any = setting.manifest.design
+    display = setting.display
+    largest = Ring(0.0, 0.0, PRACTICE_SIZE * design.ring_gap, design.ring_contrast, ORIENTATIONS[0])
+    with OffscreenPainter(display, picture_side(largest, display)) as painter:
+        yield SearchViewing(RingViews(painter, display, setting.rig.actuator), design.time_limit)

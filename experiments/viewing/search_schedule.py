@@ -17,12 +17,11 @@ from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.method.contrast.luminance import displayed_luminance
-from evenlight.stimuli.rings.landolt import Ring, require_drawable
-from evenlight.stimuli.rings.place_files import PRACTICE_SIZE, KeypointRings, ring_places
-from evenlight.stimuli.rings.ring_light import Surroundings, painted, shown_contrast
+from evenlight.stimuli.rings.landolt import Ring, Surroundings, painted, require_drawable, shown_contrast
+from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
 from evenlight.stimuli.scenes.camera import Camera, focal_length_of
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.drawing.shaders import PEAK
+from evenlight.stimuli.scenes.graphics import PEAK
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 
 LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track

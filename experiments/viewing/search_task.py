@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign, SearchTrial, ViewLog
+from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchTrial, ViewLog
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
 from evenlight.experiments.stage import SearchResult, SearchView, Stage
+from evenlight.experiments.viewing.search_observer import SearchAnswer
 from evenlight.experiments.viewing.search_schedule import (
     PlannedSearch,
     search_order,
@@ -22,8 +23,7 @@ from evenlight.experiments.viewing.viewing_task import (
     shown_columns,
     viewing_minutes,
 )
-from evenlight.stimuli.rings.landolt import gap_pixels
-from evenlight.stimuli.rings.ring_light import shown_contrast
+from evenlight.stimuli.rings.landolt import gap_pixels, shown_contrast
 
 TYPICAL_SHARE = 0.5  # of the time limit that a search takes, for the estimate on the page of consent
 
@@ -37,14 +37,13 @@ class SearchTask(ViewingTask[PlannedSearch]):
         Design, brightness tracks of its paths, session, rig, and the display that everything's size follows.
     """
 
-    instructions = "instructions_search"
-
     def __init__(self, setting: SessionSetting) -> None:
-        self._design: SearchDesign = setting.manifest.design  # type: ignore[assignment] # the manifest checks it
+        design: Any = setting.manifest.design
         self._display = setting.display
-        self._points = search_points(self._design, setting.stimuli, self._display, setting.rig.actuator)
-        super().__init__(setting, search_order(self._design, self._points, *setting.session))
-        self.seconds = self._design.time_limit
+        self._points = search_points(design, setting.stimuli, self._display, setting.rig.actuator)
+        order = search_order(design, self._points, *setting.session)
+        super().__init__(setting, order, search_practice(design, self._points, *setting.session))
+        self.seconds = design.time_limit
 
     @property
     def minutes(self) -> float:
@@ -56,10 +55,6 @@ class SearchTask(ViewingTask[PlannedSearch]):
         """Build the scenes, light and all; the first time that takes a while."""
         for scene in sorted({point.scene for point in self._points}):
             stage.prepare_scene(scene)
-
-    def practice(self) -> Sequence[PlannedSearch]:
-        """Return the trials for practice."""
-        return search_practice(self._design, self._points, *self._session)
 
     def is_right(self, trial: SearchTrial) -> bool | None:
         """Return whether the ring was found and its gap identified correctly."""
@@ -89,25 +84,28 @@ class SearchTask(ViewingTask[PlannedSearch]):
         columns = shown_columns(place, [searched], seed, self._design.max_dropped_share)
         if place.attempt > 1:
             columns["flag"] = TrialFlag.SEEN_BEFORE
-        trial = SearchTrial(
+        columns |= {"background_luminance": searched.background_luminance, "response_time": response_time}
+        trial = self.row(planned, SearchAnswer(searched.found_after, reported), columns)
+        return ConductedTrial(trial, (_view_log(place, searched),))
+
+    def row(self, planned: PlannedSearch, answer: SearchAnswer, columns: dict[str, Any]) -> SearchTrial:
+        """Return the record of a search; `background_luminance` is among the columns."""
+        return SearchTrial(
             **planned.columns,
             **columns,
             shown_contrast=shown_contrast(
                 planned.ring.contrast,
-                searched.background_luminance,
+                columns["background_luminance"],
                 planned.factor,
                 self._display,
                 by_pixels=self._rig.actuator is Actuator.PIXELS,
             ),
-            background_luminance=searched.background_luminance,
             gap_pixels=gap_pixels(planned.ring, self._display.pixels_per_degree),
             time_limit=self._design.time_limit,
-            found=searched.found_after is not None,
-            search_time=self._design.time_limit if searched.found_after is None else searched.found_after,
-            reported_orientation=reported,
-            response_time=response_time,
+            found=answer.found_after is not None,
+            search_time=self._design.time_limit if answer.found_after is None else answer.found_after,
+            reported_orientation=answer.orientation,
         )
-        return ConductedTrial(trial, (_view_log(place, searched),))
 
     def _view(self, planned: PlannedSearch, noise_seed: int) -> SearchView:
         """Return what is shown."""

@@ -1,4 +1,7 @@
-"""What the viewing tasks have in common: a fixed, counterbalanced order of trials, seeds, dropped frames."""
+"""What the viewing tasks have in common: a fixed, counterbalanced order of trials, seeds, dropped frames.
+
+A task of videos with one question after each trial is a `ClipTask` with `answers` and `row`.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import TrialFlag
-from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, RatingDesign, Version
+from evenlight.data_schema.recordings.rig import Keys
+from evenlight.data_schema.recordings.viewing import ClipLog, Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import SessionSetting, TrialPlace
+from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
 from evenlight.experiments.stage import Clip, ShownClip, Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
 
@@ -28,14 +32,31 @@ class PlannedTrial(Protocol):
 
     @property
     def block(self) -> int:
-        """Of the session, from 1."""
+        """Of the session, from 1; 0 for practice."""
 
     @property
     def columns(self) -> dict[str, Any]:
         """What of its row is known before it is shown."""
 
 
+class PlannedClips(PlannedTrial, Protocol):
+    """A trial that shows a sequence in some versions."""
+
+    @property
+    def sequence(self) -> str:
+        """Name of the sequence that is shown."""
+
+    @property
+    def versions(self) -> Sequence[Version]:
+        """In which versions it is shown, one after the other."""
+
+    @property
+    def seconds(self) -> float | None:
+        """How much of it is shown, from its beginning [s]; None for all."""
+
+
 Planned = TypeVar("Planned", bound=PlannedTrial)
+Clips = TypeVar("Clips", bound=PlannedClips)
 
 
 class FixedOrder(Generic[Planned]):
@@ -107,31 +128,43 @@ def _plain(value: Any) -> object:
 
 
 class ViewingTask(Generic[Planned]):
-    """What all viewing tasks answer alike; each adds its trials, how one is conducted, and what is right.
+    """What all viewing tasks answer alike; each adds its trials, how one is conducted, and its rows.
 
     Parameters
     ----------
     setting : SessionSetting
-        Design, stimuli, session and rig.
-    order : sequence of planned trials
-        Those of the session, in their order.
+        Design, stimuli, session and rig. The design has `adaptation_duration`, `max_dropped_share`,
+        `repeat_flagged` and `trials_between_breaks`.
+    order, practice : sequence of planned trials
+        Those of the session, and those for practice before it, in their order.
     """
 
-    instructions: str
     seconds = 0.0  # no trial has a time limit
 
-    def __init__(self, setting: SessionSetting, order: Sequence[Planned]) -> None:
-        self._session, self._rig = setting.session, setting.rig
-        self._stimuli = {stimulus.name: stimulus for stimulus in setting.stimuli}
-        design: Any = setting.manifest.design
-        self._order = FixedOrder(order, design.repeat_flagged)
+    def __init__(
+        self, setting: SessionSetting, order: Sequence[Planned], practice: Sequence[Planned]
+    ) -> None:
+        self._session, self._rig, self._task = setting.session, setting.rig, setting.manifest.task
+        self.stimuli = {stimulus.name: stimulus for stimulus in setting.stimuli}
+        self._design: Any = setting.manifest.design
+        self._trials, self._practice = order, practice
+        self._order = FixedOrder(order, self._design.repeat_flagged)
+        self.instructions = f"instructions_{self._task}"
         self.neutral_luminance = neutral_luminance(setting.stimuli)
         self.n_trials = self._order.n_trials
-        self.trials_between_breaks: int = design.trials_between_breaks
+        self.trials_between_breaks: int = self._design.trials_between_breaks
 
-    def prepare(self, stage: Stage) -> None:
-        """Refuse videos that are larger than the window."""
-        require_room(self._stimuli.values(), stage)
+    def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
+        """Return the record of an answered trial; the columns are those that all viewing tasks have."""
+        raise NotImplementedError
+
+    def practice(self) -> Sequence[Planned]:
+        """Return the trials for practice."""
+        return self._practice
+
+    def is_right(self, trial: Any) -> bool | None:
+        """Return None: no answer is right or wrong."""
+        return None
 
     def next_trial(self) -> Planned | None:
         """Return the trial that comes next, or None at the end."""
@@ -149,12 +182,48 @@ class ViewingTask(Generic[Planned]):
         """Return nothing: no trial is commented on."""
         return ""
 
-    def _clip_minutes(self, design: RatingDesign | ComparisonDesign, clips_per_trial: int) -> float:
-        """Return how long a session of clips takes, about."""
-        seconds = sum(stimulus.stimulus.duration for stimulus in self._stimuli.values())
-        practice = clips_per_trial * design.practice_trials * design.practice_duration
-        pauses = clips_per_trial * design.adaptation_duration * (self.n_trials + design.practice_trials)
-        return viewing_minutes(2 * design.repetitions * seconds + practice + pauses, self.n_trials)
+
+class ClipTask(ViewingTask[Clips]):
+    """A task of videos, with one question after each trial: the page `question_TASK`."""
+
+    def answers(self, keys: Keys) -> dict[str, Any]:
+        """Return the answer that each key gives."""
+        raise NotImplementedError
+
+    @property
+    def minutes(self) -> float:
+        """How long the session takes, about."""
+        shown = 0.0
+        for planned in (*self._trials, *self._practice):
+            seconds = planned.seconds or self.stimuli[planned.sequence].stimulus.duration
+            shown += len(planned.versions) * (seconds + self._design.adaptation_duration)
+        return viewing_minutes(shown, self.n_trials)
+
+    def prepare(self, stage: Stage) -> None:
+        """Refuse videos that are larger than the window."""
+        require_room(self.stimuli.values(), stage)
+
+    def conduct(
+        self, planned: Clips, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> ConductedTrial:
+        """Show the versions of a sequence one after the other, and ask the question of the task."""
+        stimulus, seed = self.stimuli[planned.sequence], noise_seed_of(self._session, place)
+        shown = []
+        for number, version in enumerate(planned.versions, start=1):
+            clip = stimulus_clip(stimulus, version, seed + number - 1, planned.seconds)
+            if len(planned.versions) > 1:
+                clip = dataclasses.replace(clip, label=str(number))
+            stage.prepare_clip(clip)
+            stage.wait(self._design.adaptation_duration, self.neutral_luminance)
+            shown.append(stage.play(clip))
+        answers = self.answers(self._rig.keys)
+        participant.see_trial(planned, place.trial_index)
+        question = pages.text(f"question_{self._task}", self._rig.keys)
+        press = stage.ask(question, list(answers), self.neutral_luminance)
+        columns = shown_columns(place, shown, seed, self._design.max_dropped_share)
+        trial = self.row(planned, answers[press.name], columns | {"response_time": press.time})
+        logs = (clip_log(place, number, part) for number, part in enumerate(shown, start=1))
+        return ConductedTrial(trial, tuple(logs))
 
 
 def viewing_minutes(shown: float, n_trials: int) -> float:

@@ -30,31 +30,15 @@ OPTIONS = {"baud": "baud rate of the board's serial port"}
 
 @dataclass(frozen=True, slots=True)
 class BoardIdentity:
-    """What a board says of itself.
+    """What a board says of itself."""
 
-    Attributes
-    ----------
-    chip : str
-        "INA219", "INA226" or "INA228".
-    serial_number, firmware : str
-        Its own.
-    highest_rate : float
-        That sensor and microcontroller have [Hz].
-    native_usb : bool
-        Whether its port is USB itself, so that no baud rate limits it.
-    highest_power : float
-        Above it the sensor saturates [W].
-    pwm_steps : int
-        Of the backlight above 0; 0 if it has no PWM output.
-    """
-
-    chip: str
+    chip: str  # "INA219", "INA226" or "INA228"
     serial_number: str
     firmware: str
-    highest_rate: float
-    native_usb: bool
-    highest_power: float
-    pwm_steps: int
+    highest_rate: float  # that sensor and microcontroller have [Hz]
+    native_usb: bool  # whether its port is USB itself, so that no baud rate limits it
+    highest_power: float  # above it the sensor saturates [W]
+    pwm_steps: int  # of the backlight above 0; 0 if it has no PWM output
 
 
 class PowerBoard(ContextDevice):

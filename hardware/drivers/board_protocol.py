@@ -43,24 +43,12 @@ class Flag(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class SampleLine:
-    """One line of samples, as the board counts.
+    """One line of samples, as the board counts."""
 
-    Attributes
-    ----------
-    sequence : int
-        16 bits, from 0 at START.
-    ticks : int
-        32 bits of the board's clock [µs], at the end of what the power is the mean of.
-    power : float
-        [W].
-    flags : Flag
-        Synchronisation input, and what makes the power no measurement.
-    """
-
-    sequence: int
-    ticks: int
-    power: float
-    flags: Flag
+    sequence: int  # 16 bits, from 0 at START
+    ticks: int  # 32 bits of the board's clock [µs], at the end of what the power is the mean of
+    power: float  # [W]
+    flags: Flag  # synchronisation input, and what makes the power no measurement
 
 
 def with_checksum(body: str) -> bytes:

@@ -10,7 +10,11 @@ from collections.abc import Callable, Sequence
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.drivers.power_sampling import BACKWARDS, require_sample_rate, split_address
+from evenlight.hardware.drivers.power_sampling import (
+    SamplingMeter,
+    require_sample_rate,
+    split_address,
+)
 from evenlight.hardware.drivers.ppk2_port import (
     CONVERTER_MASK,
     LOGIC_SHIFT,
@@ -21,7 +25,7 @@ from evenlight.hardware.drivers.ppk2_port import (
     Ppk2Port,
     WordStream,
 )
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 TIMEOUT = 1.0  # [s]
 SLOWEST, FASTEST = 10.0, 10_000.0  # [Hz]
@@ -32,7 +36,7 @@ LARGEST_DRIFT = 0.001  # and share of the time: no quartz is so wrong
 OPTIONS = {"voltage": "of the panel's supply [V]"}
 
 
-class Ppk2PowerMeter(ContextDevice):
+class Ppk2PowerMeter(SamplingMeter):
     """A PPK2 in ampere mode, between a panel and its supply.
 
     It measures no voltage, so power is current times the voltage that the address states. Times are its own
@@ -101,9 +105,7 @@ class Ppk2PowerMeter(ContextDevice):
         InstrumentError
             OVER_RANGE above 1 A; GARBLED where bytes were lost; NO_REPLY or DISCONNECTED.
         """
-        self._require_open()
-        if not self._sampling:
-            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+        self._require_sampling(is_sampling=self._sampling)
         data, self._early = self._early + self._port.read(), b""
         if data:
             self._last_news = time.monotonic()
@@ -133,10 +135,6 @@ class Ppk2PowerMeter(ContextDevice):
         samples += self._averaged(b"", is_last=True)
         self._require_all_counted(elapsed)
         return samples
-
-    def ping(self) -> None:
-        """Return None: it has no clock to read; samples are counted from the computer's at the start."""
-        self._require_open()
 
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself."""
@@ -197,10 +195,7 @@ class Ppk2PowerMeter(ContextDevice):
         if average.current > HIGHEST_CURRENT:
             raise self._over_range(f"{average.current:.3f} A")
         power = average.current * self._voltage
-        if power < BACKWARDS:
-            raise InstrumentError(
-                f"{self._name}: the power is {power:.3f} W, so the current flows backwards; swap VIN and VOUT"
-            )
+        self._require_forwards(power, "swap VIN and VOUT")
         time_at_end = self._began + (average.index + 1) * self._period
         return PowerSample(average.index, time_at_end, received, power, average.sync)
 

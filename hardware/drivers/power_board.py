@@ -19,8 +19,8 @@ from evenlight.hardware.backlights import SteppedBacklight
 from evenlight.hardware.drivers import board_protocol as protocol
 from evenlight.hardware.drivers.board_link import PowerBoard, shared_board
 from evenlight.hardware.drivers.board_protocol import number_in, whole_in
-from evenlight.hardware.drivers.power_sampling import require_sample_rate
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 SILENCE = 1.0  # [s] without a sample, or 20 of them, after which a board has stopped sending
 SILENT_SAMPLES = 20
@@ -28,7 +28,7 @@ ZEROING = 3.0  # [s] that the board may take to average its zero
 MIN_INTERVAL = 0.005  # [s] a command there and back
 
 
-class BoardPowerMeter(ContextDevice):
+class BoardPowerMeter(SamplingMeter):
     """The power meter of a power board.
 
     Parameters
@@ -86,9 +86,7 @@ class BoardPowerMeter(ContextDevice):
         InstrumentError
             OVER_RANGE where the sensor saturated; NO_REPLY or GARBLED where nothing of use comes any more.
         """
-        self._require_open()
-        if not self._sampling:
-            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+        self._require_sampling(is_sampling=self._sampling)
         self._take()
         self._require_news()
         return self._handed_over()

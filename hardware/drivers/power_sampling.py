@@ -1,4 +1,4 @@
-"""What drivers of power meters share: samples asked for one by one, sample rates, options of an address."""
+"""What drivers of power meters share: when they sample, at which rates, and the options of an address."""
 
 from __future__ import annotations
 
@@ -6,12 +6,34 @@ import math
 from collections.abc import Mapping
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.protocols import InstrumentError
+from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
+from evenlight.hardware.protocols import ContextDevice, InstrumentError
 
 ROUNDING = 1e-6  # of a period, in a clock that adds up
 BACKWARDS = -0.05  # [W] further below zero than any zero error of a meter for panels
 RATE_ROUNDING = 1e-9  # of a rate that was computed
+
+
+class SamplingMeter(ContextDevice):
+    """A power meter that has samples to give between `start` and `stop`."""
+
+    def ping(self) -> ClockPing | None:
+        """Return None: the samples carry the computer's own time, or are counted from it."""
+        self._require_open()
+        return None
+
+    def _require_sampling(self, *, is_sampling: bool) -> None:
+        """Refuse to give samples before `start`, or after `close`."""
+        self._require_open()
+        if not is_sampling:
+            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+
+    def _require_forwards(self, power: float, cure: str) -> None:
+        """Refuse a power [W] further below zero than any zero error."""
+        if power < BACKWARDS:
+            raise InstrumentError(
+                f"{self._name}: the power is {power:.3f} W, so the current flows backwards; {cure}"
+            )
 
 
 class PolledSampling:

@@ -247,21 +247,11 @@ class OutOfStepError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Average:
-    """The mean of some neighbouring words.
+    """The mean of some neighbouring words."""
 
-    Attributes
-    ----------
-    index : int
-        Which it is, from 0.
-    current : float
-        Mean [A].
-    sync : bool
-        Level of D0 at its end.
-    """
-
-    index: int
-    current: float
-    sync: bool
+    index: int  # which it is, from 0
+    current: float  # mean [A]
+    sync: bool  # level of D0 at its end
 
 
 class WordStream:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers.power_sampling import (
-    BACKWARDS,
     PolledSampling,
+    SamplingMeter,
     require_sample_rate,
     split_address,
 )
@@ -27,7 +27,7 @@ from evenlight.hardware.drivers.scpi_lines import (
     is_identity,
     number_in,
 )
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, InstrumentError
 
 TIMEOUT = 5.0  # [s] a multimeter may average over a second or more
 SLOWEST, FASTEST = 0.01, 1000.0  # [Hz]
@@ -38,7 +38,7 @@ OPTIONS = {"voltage": "of the supply [V], for an instrument that measures curren
 MOST_ERRORS = 20  # that an instrument's list is read of
 
 
-class ScpiPowerMeter(ContextDevice):
+class ScpiPowerMeter(SamplingMeter):
     """A SCPI instrument over a raw socket; its samples carry the computer's time.
 
     It is asked for power, or for voltage and current where it has no power. The next question goes out when
@@ -103,9 +103,7 @@ class ScpiPowerMeter(ContextDevice):
         InstrumentError
             OVER_RANGE where the instrument reports an overload; NO_REPLY, GARBLED or DISCONNECTED.
         """
-        self._require_open()
-        if not self._sampling.is_running:
-            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+        self._require_sampling(is_sampling=self._sampling.is_running)
         if not self._pending.is_asked:
             self._get_in_step()
             if not self._sampling.is_due(self._clock()):
@@ -129,10 +127,6 @@ class ScpiPowerMeter(ContextDevice):
         if code:
             raise InstrumentError(f"{self._name}: {error_in_words(code, words)}", Fault.REFUSED, str(code))
         return left
-
-    def ping(self) -> None:
-        """Return None: the samples carry the computer's own time."""
-        self._require_open()
 
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument says of itself."""
@@ -231,10 +225,7 @@ class ScpiPowerMeter(ContextDevice):
                 self._ask_next()
         self._pending = _Pending()
         power = math.prod(pending.values) * (self._voltage or 1.0)
-        if power < BACKWARDS:
-            raise InstrumentError(
-                f"{self._name}: the power is {power:.3f} W, so the current flows backwards; swap the leads"
-            )
+        self._require_forwards(power, "swap the leads")
         return [self._sampling.sample(power, pending.sent, self._clock())]
 
     def _answer_before(self, end: float) -> str | None:

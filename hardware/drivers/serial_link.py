@@ -34,30 +34,14 @@ SHOWN = 60  # characters of what came that a message quotes
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """How a port talks.
+    """How a port talks."""
 
-    Attributes
-    ----------
-    baud_rate : int
-        Bits per second; a socket and a USB port that only looks serial take any.
-    data_bits : int
-        7 or 8.
-    parity : str
-        "N", "E" or "O".
-    stop_bits : int
-        1 or 2.
-    terminator : bytes
-        What ends a line that the instrument sends.
-    timeout : float
-        How long a reply may take [s].
-    """
-
-    baud_rate: int = 9600
-    data_bits: int = 8
-    parity: str = "N"
-    stop_bits: int = 1
-    terminator: bytes = b"\r\n"
-    timeout: float = 5.0
+    baud_rate: int = 9600  # bits per second; a socket and a USB port that only looks serial take any
+    data_bits: int = 8  # 7 or 8
+    parity: str = "N"  # "N", "E" or "O"
+    stop_bits: int = 1  # 1 or 2
+    terminator: bytes = b"\r\n"  # what ends a line that the instrument sends
+    timeout: float = 5.0  # how long a reply may take [s]
 
 
 class SerialLink(ContextDevice):

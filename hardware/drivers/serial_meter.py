@@ -27,21 +27,11 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, slots=True)
 class MeterAnswer:
-    """What an instrument answered to the question for a reading.
+    """What an instrument answered to the question for a reading."""
 
-    Attributes
-    ----------
-    luminance : float
-        As it gave it [cd/m^2].
-    status : str
-        Its own word or code.
-    chromaticity : (float, float) or None
-        CIE 1931 x and y, if it gave them.
-    """
-
-    luminance: float
-    status: str
-    chromaticity: tuple[float, float] | None = None
+    luminance: float  # as it gave it [cd/m^2]
+    status: str  # its own word or code
+    chromaticity: tuple[float, float] | None = None  # CIE 1931 x and y, if it gave them
 
 
 class SerialMeter(ContextDevice):

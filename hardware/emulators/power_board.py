@@ -14,33 +14,15 @@ BUS_VOLTAGE = 5.0  # [V]
 
 @dataclass(frozen=True, slots=True)
 class BoardBuild:
-    """How an emulated board is made, and what is wrong with it.
+    """How an emulated board is made, and what is wrong with it."""
 
-    Attributes
-    ----------
-    chip : str
-        The sensor.
-    highest_rate : float
-        What it states [Hz].
-    native_usb : bool
-        Whether it states that no baud rate limits it.
-    pwm_steps : int
-        Of the backlight; 0 for a board without PWM.
-    protocol_version : str
-        What it states.
-    sensor_answers : bool
-        Whether the sensor is there.
-    supply_is_low : bool
-        Whether its own supply is.
-    """
-
-    chip: str = "INA226"
-    highest_rate: float = 1000.0
-    native_usb: bool = True
-    pwm_steps: int = 4095
-    protocol_version: str = protocol.VERSION
-    sensor_answers: bool = True
-    supply_is_low: bool = False
+    chip: str = "INA226"  # the sensor
+    highest_rate: float = 1000.0  # what it states [Hz]
+    native_usb: bool = True  # whether it states that no baud rate limits it
+    pwm_steps: int = 4095  # of the backlight; 0 for a board without PWM
+    protocol_version: str = protocol.VERSION  # what it states
+    sensor_answers: bool = True  # whether the sensor is there
+    supply_is_low: bool = False  # whether its own supply is
 
 
 class _RefusalError(Exception):

@@ -23,40 +23,19 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class MeterPhysics:
-    """What is true of a simulated luminance meter.
+    """What is true of a simulated luminance meter."""
 
-    Attributes
-    ----------
-    lowest, highest : float
-        Luminances between which it has a value [cd/m^2].
-    resolution : float
-        Its smallest step [cd/m^2].
-    significant_digits : int
-        That it shows of larger luminances.
-    proportional_noise : float
-        Standard deviation of readings of the same light, as a share of it.
-    floor_noise : float
-        The same where there is no light [cd/m^2].
-    calibration_error : float
-        Share by which every reading is too high.
-    reading_time : float
-        That a reading of a bright screen takes [s].
-    dark_reading_time : float
-        That one takes where there is next to no light [s].
-    dim_luminance : float
-        Where it takes half of the way from one to the other [cd/m^2].
-    """
-
+    # luminances between which it has a value [cd/m^2]
     lowest: float = 0.01
     highest: float = 299_900.0
-    resolution: float = 0.01
-    significant_digits: int = 4
-    proportional_noise: float = 0.002
-    floor_noise: float = 0.002
-    calibration_error: float = 0.0
-    reading_time: float = 0.4
-    dark_reading_time: float = 3.0
-    dim_luminance: float = 1.0
+    resolution: float = 0.01  # its smallest step [cd/m^2]
+    significant_digits: int = 4  # that it shows of larger luminances
+    proportional_noise: float = 0.002  # standard deviation of readings of the same light, as a share of it
+    floor_noise: float = 0.002  # the same where there is no light [cd/m^2]
+    calibration_error: float = 0.0  # share by which every reading is too high
+    reading_time: float = 0.4  # that a reading of a bright screen takes [s]
+    dark_reading_time: float = 3.0  # that one takes where there is next to no light [s]
+    dim_luminance: float = 1.0  # where it takes half of the way from one to the other [cd/m^2]
 
 
 LS100_PHYSICS = MeterPhysics(lowest=0.001, resolution=0.001, floor_noise=0.001)
@@ -79,18 +58,10 @@ SPOTREAD_PHYSICS = MeterPhysics(
 
 @dataclass(frozen=True, slots=True)
 class MeterResponse:
-    """What a meter makes of some light.
+    """What a meter makes of some light."""
 
-    Attributes
-    ----------
-    luminance : float
-        As it shows it; of no meaning where there is a fault [cd/m^2].
-    fault : Fault or None
-        OVER_RANGE or UNDER_RANGE where it has no value.
-    """
-
-    luminance: float
-    fault: Fault | None = None
+    luminance: float  # as it shows it; of no meaning where there is a fault [cd/m^2]
+    fault: Fault | None = None  # OVER_RANGE or UNDER_RANGE where it has no value
 
 
 def sensed(luminance: float, physics: MeterPhysics, rng: np.random.Generator) -> MeterResponse:

@@ -21,45 +21,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PanelPhysics:
-    """What is true of a simulated panel.
+    """What is true of a simulated panel."""
 
-    Attributes
-    ----------
-    peak_luminance, black_level : float
-        At full backlight, warm [cd/m^2].
-    gamma : float
-        γ, from pixel value to luminance.
-    reflected_luminance : float
-        Of the lit room, in its surface [cd/m^2].
-    backlight_exponent : float
-        Luminance goes with this power of the factor that the backlight is set to; 1 is linear.
-    warm_up_share : float
-        By which share the luminance of a cold panel differs from a warm one's.
-    warm_up_time : float
-        In which 63 % of the way to warm is made [s].
-    drift_per_hour : float
-        Share of the luminance by which it changes every hour, ageing and room temperature together.
-    lag : float
-        In which the backlight makes 63 % of a change [s].
-    base_power : float
-        At zero luminance [W].
-    power_per_luminance : float
-        Slope of power over the luminance that the backlight makes [W m^2/cd].
-    droop : float
-        Share by which power at full luminance lies above the line: LEDs lose efficiency with current.
-    """
-
+    # at full backlight, warm [cd/m^2]
     peak_luminance: float = 200.0
     black_level: float = 0.2
-    gamma: float = 2.2
-    reflected_luminance: float = 0.0
+    gamma: float = 2.2  # γ, from pixel value to luminance
+    reflected_luminance: float = 0.0  # of the lit room, in its surface [cd/m^2]
+    # luminance goes with this power of the factor that the backlight is set to; 1 is linear
     backlight_exponent: float = 1.0
-    warm_up_share: float = -0.06
-    warm_up_time: float = 300.0
+    warm_up_share: float = -0.06  # by which share the luminance of a cold panel differs from a warm one's
+    warm_up_time: float = 300.0  # in which 63 % of the way to warm is made [s]
+    # share of the luminance by which it changes every hour, ageing and room temperature together
     drift_per_hour: float = 0.0
-    lag: float = 0.005
-    base_power: float = 0.2945
+    lag: float = 0.005  # in which the backlight makes 63 % of a change [s]
+    base_power: float = 0.2945  # at zero luminance [W]
+    # slope of power over the luminance that the backlight makes [W m^2/cd]
     power_per_luminance: float = 0.001858
+    # share by which power at full luminance lies above the line: LEDs lose efficiency with current
     droop: float = 0.0
 
 
@@ -178,24 +157,12 @@ class SimulatedPanel:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """What simulated instruments share.
+    """What simulated instruments share."""
 
-    Attributes
-    ----------
-    panel : SimulatedPanel
-        What they look at.
-    rng : numpy.random.Generator
-        Of their noise.
-    clock : callable
-        The computer's clock [s], which the panel has too.
-    wait : callable
-        Waits for some time [s]: for a reading, for a panel to settle.
-    """
-
-    panel: SimulatedPanel
-    rng: np.random.Generator
-    clock: Callable[[], float]
-    wait: Callable[[float], None]
+    panel: SimulatedPanel  # what they look at
+    rng: np.random.Generator  # of their noise
+    clock: Callable[[], float]  # the computer's clock [s], which the panel has too
+    wait: Callable[[float], None]  # waits for some time [s]: for a reading, for a panel to settle
 
 
 class SimulatedBacklight(SteppedBacklight):

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
-from evenlight.hardware.drivers.power_sampling import require_sample_rate
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
+from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
+from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.panel import Simulation
+
+if TYPE_CHECKING:
+    import numpy as np
 
 STEP = 0.001  # [s] between two looks at the panel within one sample: panels answer in several
 MEMORY = 60.0  # [s] that the panel is asked to remember, for the instruments beside this one
@@ -19,66 +23,35 @@ SHORTEST_WAY = 0.0005  # [s] to the meter and back, each: what a USB port takes 
 
 @dataclass(frozen=True, slots=True)
 class PowerMeterPhysics:
-    """What is true of a simulated power meter.
+    """What is true of a simulated power meter."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of one sample [W].
-    gain_error : float
-        Share by which all its powers are too high; 0 is a meter calibrated right.
-    zero_error : float
-        What it shows at no power [W].
-    highest_power : float
-        Above it the meter says overload [W].
-    clock_start : float
-        Its clock when the simulation begins [s].
-    clock_drift : float
-        Share by which its clock is faster than the computer's.
-    lost_share, duplicated_share, corrupted_share : float
-        Of the samples: not sent, sent twice, changed on the way.
-    receive_jitter : float
-        Mean of the time that a sample is under way [s].
-    """
-
-    noise: float = 0.002
-    gain_error: float = 0.0
-    zero_error: float = 0.0
-    highest_power: float = 16.0
-    clock_start: float = 1000.0
-    clock_drift: float = 50e-6
+    noise: float = 0.002  # standard deviation of one sample [W]
+    gain_error: float = 0.0  # share by which all its powers are too high; 0 is a meter calibrated right
+    zero_error: float = 0.0  # what it shows at no power [W]
+    highest_power: float = 16.0  # above it the meter says overload [W]
+    clock_start: float = 1000.0  # its clock when the simulation begins [s]
+    clock_drift: float = 50e-6  # share by which its clock is faster than the computer's
+    # of the samples: not sent, sent twice, changed on the way
     lost_share: float = 0.0
     duplicated_share: float = 0.0
     corrupted_share: float = 0.0
-    receive_jitter: float = 0.001
+    receive_jitter: float = 0.001  # mean of the time that a sample is under way [s]
+
+    def shown(self, power: float, rng: np.random.Generator) -> float:
+        """Return what the sensor makes of a true power, without a limit [W]."""
+        return power * (1 + self.gain_error) + self.zero_error + self.noise * float(rng.standard_normal())
 
 
 @dataclass(frozen=True, slots=True)
 class SensorSample:
-    """One sample as the sensor took it, before anything is lost.
+    """One sample as the sensor took it, before anything is lost."""
 
-    Attributes
-    ----------
-    sequence : int
-        From 0.
-    device_time : float
-        On the sensor's clock [s].
-    taken : float
-        On the computer's [s].
-    power : float
-        Mean since the sample before, with the sensor's errors [W].
-    sync : bool
-        Level of the synchronisation line.
-    overload : bool
-        Whether the true power was above what the sensor measures.
-    """
-
-    sequence: int
-    device_time: float
-    taken: float
-    power: float
-    sync: bool
-    overload: bool
+    sequence: int  # from 0
+    device_time: float  # on the sensor's clock [s]
+    taken: float  # on the computer's [s]
+    power: float  # mean since the sample before, with the sensor's errors [W]
+    sync: bool  # level of the synchronisation line
+    overload: bool  # whether the true power was above what the sensor measures
 
 
 class SimulatedPowerSensor:
@@ -125,12 +98,11 @@ class SimulatedPowerSensor:
         """Return one sample."""
         physics = self.physics
         true = self._mean_power(time - 1 / self._rate, time)
-        noise = physics.noise * float(self._simulation.rng.standard_normal())
         return SensorSample(
             sequence,
             self.device_time(time),
             time,
-            power=true * (1 + physics.gain_error) + physics.zero_error + noise,
+            power=physics.shown(true, self._simulation.rng),
             sync=self._simulation.panel.sync(time),
             overload=true > physics.highest_power,
         )
@@ -143,7 +115,7 @@ class SimulatedPowerSensor:
         return sum(power(begin + (step + 0.5) * length) for step in range(steps)) / steps
 
 
-class SimulatedPowerMeter(ContextDevice):
+class SimulatedPowerMeter(SamplingMeter):
     """A power meter with noise, a clock of its own, lost samples and a synchronisation input.
 
     Nothing in it takes time: samples are worked out for the past moments that they belong to.
@@ -200,9 +172,7 @@ class SimulatedPowerMeter(ContextDevice):
         InstrumentError
             If the panel took more than the meter measures, or it was not started.
         """
-        self._require_open()
-        if not self._sampling:
-            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+        self._require_sampling(is_sampling=self._sampling)
         now = self._simulation.clock()
         self._take()
         arrived = [sample for sample in self._under_way if sample.received <= now]
@@ -217,9 +187,8 @@ class SimulatedPowerMeter(ContextDevice):
         self._take()
         now, left = self._simulation.clock(), self._under_way
         self._under_way = []
-        return [
-            _received_by(sample, now) for sample in left
-        ]  # all are in before the meter says that it ended
+        # All are in before the meter says that it ended.
+        return [replace(sample, received=min(sample.received, now)) for sample in left]
 
     def ping(self) -> ClockPing:
         """Return one comparison of the meter's clock with the computer's, which ended just now."""
@@ -261,10 +230,3 @@ class SimulatedPowerMeter(ContextDevice):
     def _way(self) -> float:
         """Return how long something is under way [s]."""
         return SHORTEST_WAY + float(self._simulation.rng.exponential(self._physics.receive_jitter))
-
-
-def _received_by(sample: PowerSample, time: float) -> PowerSample:
-    """Return a sample that had arrived by a time at the latest."""
-    if sample.received <= time:
-        return sample
-    return PowerSample(sample.sequence, sample.device_time, time, sample.power, sample.sync)

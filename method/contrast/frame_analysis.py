@@ -1,27 +1,37 @@
 """The analysis of one frame: its contrast loss at all brightness factors, in one pass over its pixels.
 
 It can be done in parts, band by band: the finest bands hold most of the pixels but change least from frame to
-frame, so that `contrast.frame_losses` need not count them in every one.
+frame, so that `contrast.frame_losses` need not count them in every one. `FrameLight` makes luminance of pixel
+values, in single precision; frames are large, and fresh memory can cost more than the work done on it, so
+`SpareArrays` are filled again and again.
 """
 
 from __future__ import annotations
 
+import threading
+from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.band_shares import BandShares
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.critical_factor import TABLE_STEPS, BandTable, band_tables, tables_hold
-from evenlight.method.contrast.frame_light import FrameLight, SpareArrays
-from evenlight.method.contrast.luminance import dimmed_luminance
-from evenlight.method.contrast.one_pass import compiled, reduced
+from evenlight.method.contrast.luminance import channel_means, dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.one_pass import (
+    FLOAT_STEPS,
+    compiled,
+    convert_floats,
+    convert_integers,
+    reduced,
+)
 from evenlight.method.contrast.pyramid import level_shapes
 
 _FINE_BANDS = 2  # bands that may be taken from other frames, at most: with 94 % of all pixels
@@ -31,31 +41,19 @@ _AMONG_EQUALS = 3.2
 _STEPS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # of g, around what is just visible
 _BELOW_PEAK = 0.1  # share of the peak luminance at which sensitivity is taken for these thresholds
 Shares = NDArray[np.float64]
+Luminance = NDArray[np.float32]
+_Kind = tuple[tuple[int, ...], np.dtype[Any]]  # shape and type of an array
 
 
 @dataclass(frozen=True, slots=True)
 class FrameLoss:
-    """What the analysis of a frame gives: a row of `LossCurves`.
+    """What the analysis of a frame gives: a row of `LossCurves`."""
 
-    Attributes
-    ----------
-    loss : array, (K,)
-        𝓛_c at each knot.
-    visible_contrast : float
-        C_v of the undimmed frame.
-    mean_luminance : float
-        Ī, mean luminance emitted at b = 1 [cd/m^2].
-    channel_means : array, (3,)
-        Means of the linear R, G, B channels.
-    counted : float
-        Share of the frame's pixels, over all bands, that were counted.
-    """
-
-    loss: Array
-    visible_contrast: float
-    mean_luminance: float
-    channel_means: Array
-    counted: float = 1.0
+    loss: Array  # (K,): 𝓛_c at each knot
+    visible_contrast: float  # C_v of the undimmed frame
+    mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2]
+    channel_means: Array  # (3,): means of the linear R, G, B channels
+    counted: float = 1.0  # share of the frame's pixels, over all bands, that were counted
 
 
 class FrameAnalyzer(Protocol):
@@ -255,3 +253,107 @@ def count_differences(luminance: Any, thresholds: Any, counts: Any) -> None:
             for j in range(width - 1):
                 n += numba.int32(row[j] > threshold)
             counts[k] += n
+
+
+class FrameLight:
+    """Tables that linearize the pixel values of frames, and what a display emits for them at factor 1.
+
+    Parameters
+    ----------
+    display : Display
+        The display that shows them.
+    order : PixelToLuminance
+        Whether channels are linearized before they are weighed.
+    take : function of (shape, type)
+        Gives arrays to be filled.
+
+    >>> light = FrameLight(Display("lab", 100.0, 0.0, 2.0, 60.0), PixelToLuminance.LINEAR_FIRST)
+    >>> light.luminance(np.full((1, 2, 3), [[[0], [255]]], dtype=np.uint8)).round(3).tolist()
+    [[0.0, 100.0]]
+    """
+
+    def __init__(
+        self,
+        display: Display,
+        order: PixelToLuminance,
+        take: Callable[[tuple[int, ...], DTypeLike], NDArray[Any]] = np.empty,
+    ) -> None:
+        self._display, self._order, self._take = display, order, take
+        self._linear: dict[int, NDArray[np.float32]] = {}
+
+    def luminance(self, pixel_values: NDArray[Any]) -> Luminance:
+        """Return I of a frame, (height, width, 3) gamma-encoded [cd/m^2]."""
+        if self._order is PixelToLuminance.LUMA_FIRST:
+            return self._of_luma(pixel_values)
+        return self._converted(pixel_values)[0]
+
+    def luminance_and_means(self, pixel_values: NDArray[Any]) -> tuple[Luminance, NDArray[np.float64]]:
+        """Return I, and the means of the linear R, G, B channels, (3,)."""
+        if self._order is PixelToLuminance.LUMA_FIRST:
+            return self._of_luma(pixel_values), channel_means(pixel_values, self._display.gamma)
+        return self._converted(pixel_values)
+
+    def _of_luma(self, pixel_values: NDArray[Any]) -> Luminance:
+        """Return I of pixel values whose channels are weighed first."""
+        wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
+        luminance = self._take(wide.shape, np.float32)
+        np.copyto(luminance, wide, casting="same_kind")
+        return luminance
+
+    def _converted(self, pixel_values: NDArray[Any]) -> tuple[Luminance, NDArray[np.float64]]:
+        """Return I and the channels' means of pixel values whose channels are linearized first."""
+        whole = np.issubdtype(pixel_values.dtype, np.integer)
+        steps = int(np.iinfo(pixel_values.dtype).max) if whole else FLOAT_STEPS
+        if steps not in self._linear:
+            encoded = np.arange(steps + 1) / steps
+            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
+        luminance = self._take(pixel_values.shape[:2], np.float32)
+        black = np.float32(self._display.black_level)
+        span = np.float32(self._display.peak_luminance - self._display.black_level)
+        convert = convert_integers if whole else convert_floats
+        sums = convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
+        return luminance, np.array(sums) / luminance.size
+
+
+class SpareArrays:
+    """Arrays that were given back, to be filled again; any thread may take and give.
+
+    The system hands out memory page by page, at its first touch: for the luminance of a 1080p frame that can
+    take milliseconds. So there are as many arrays as were ever in use at a time, and no more: one that comes
+    back when all that were handed out are back is not kept.
+
+    >>> spare = SpareArrays()
+    >>> first = spare.take((2, 3), np.float32)
+    >>> spare.give_back(first)
+    >>> spare.take((2, 3), np.float32) is first
+    True
+    """
+
+    def __init__(self) -> None:
+        self._held: defaultdict[_Kind, list[NDArray[Any]]] = defaultdict(list)
+        self._out: Counter[_Kind] = Counter()
+        self._one_at_a_time = threading.Lock()
+
+    def take(self, shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+        """Return an array of a shape and type, whatever it holds."""
+        asked = shape, np.dtype(kind)
+        with self._one_at_a_time:
+            self._out[asked] += 1
+            held = self._held[asked]
+            if held:
+                return held.pop()
+        return np.empty(shape, kind)
+
+    def give_back(self, array: NDArray[Any]) -> None:
+        """Give back an array, for the next `take`."""
+        given = array.shape, array.dtype
+        with self._one_at_a_time:
+            if self._out[given] > 0:
+                self._out[given] -= 1
+                self._held[given].append(array)
+
+    @property
+    def held(self) -> int:
+        """How many arrays wait to be filled again."""
+        with self._one_at_a_time:
+            return sum(map(len, self._held.values()))

@@ -27,8 +27,13 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
 from evenlight.method.choices import AnalysisEffort
-from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameCounts, FrameLoss
-from evenlight.method.contrast.frame_light import SpareArrays
+from evenlight.method.contrast.frame_analysis import (
+    FrameAnalysis,
+    FrameAnalyzer,
+    FrameCounts,
+    FrameLoss,
+    SpareArrays,
+)
 
 LONGEST_STRETCH = 16  # frames from one that is counted whole to the next
 _STRETCH_MEMORY = 350_000_000  # bytes that the frames of a stretch take at most, but for the least length

@@ -27,8 +27,7 @@ from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, Device
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
-from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameLoss
-from evenlight.method.contrast.frame_light import SpareArrays
+from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameLoss, SpareArrays
 from evenlight.method.contrast.frame_losses import frame_losses
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.gpu.context import is_software
@@ -218,21 +217,11 @@ def loss_curves_by_definition(
 
 @dataclass(frozen=True, slots=True)
 class ChosenAnalysis:
-    """An analysis, and where it runs.
-
-    Attributes
-    ----------
-    analysis : FrameAnalyzer
-        The analysis.
-    device : Device
-        CPU or GPU.
-    reason : str
-        Why, in words for the user; the renderer's name if it is the graphics processor.
-    """
+    """An analysis, and where it runs."""
 
     analysis: FrameAnalyzer
-    device: Device
-    reason: str
+    device: Device  # CPU or GPU
+    reason: str  # why, in words for the user; the renderer's name if it is the graphics processor
 
     @property
     def name(self) -> str:

@@ -27,7 +27,7 @@ from evenlight.method.contrast.band_shares import contrast_tables
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.critical_factor import BandTable, band_tables, tables_hold
 from evenlight.method.contrast.csf import LOWEST_LUMINANCE
-from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.frame_analysis import FrameLight
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.contrast.masking import MASKING_EXPONENT
 from evenlight.method.contrast.one_pass import (
@@ -51,18 +51,10 @@ GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples, without whole parts, fall even
 
 @dataclass(frozen=True, slots=True)
 class MeasuredLoss:
-    """What the controller needs of a frame.
+    """What the controller needs of a frame."""
 
-    Attributes
-    ----------
-    loss : float
-        𝓛_c at the factor that was asked for.
-    mean_luminance : float
-        Ī, mean luminance emitted at b = 1 [cd/m^2].
-    """
-
-    loss: float
-    mean_luminance: float
+    loss: float  # 𝓛_c at the factor that was asked for
+    mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2]
 
 
 class OneFactorLoss:

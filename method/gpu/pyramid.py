@@ -32,24 +32,12 @@ class TextureContent(enum.Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameTexture:
-    """A frame in the memory of the graphics processor.
+    """A frame in the memory of the graphics processor."""
 
-    Attributes
-    ----------
-    texture : moderngl.Texture
-        R, G, B in the first three of its channels; of the context that analyses it.
-    content : TextureContent
-        What its numbers mean.
-    levels : int
-        How many levels `LEVELS` has: 256, 1024 or 65536; of no meaning otherwise.
-    from_below : bool
-        Whether its first row is the lowest one, as in textures that were drawn to.
-    """
-
-    texture: moderngl.Texture
-    content: TextureContent
-    levels: int = 256
-    from_below: bool = False
+    texture: moderngl.Texture  # R, G, B in the first three of its channels; of the context that analyses it
+    content: TextureContent  # what its numbers mean
+    levels: int = 256  # how many levels `LEVELS` has: 256, 1024 or 65536; of no meaning otherwise
+    from_below: bool = False  # whether its first row is the lowest one, as in textures that were drawn to
 
     def __post_init__(self) -> None:
         kind, channels = self.texture.dtype, self.texture.components

@@ -13,41 +13,25 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import read_only
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.modulation import allowed_rate, modulation_rate
 from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
-from evenlight.method.online.frame_costs import FrameCost
-from evenlight.method.online.governor import Governor, GovernorState
+from evenlight.method.online.governor import FrameCost, Governor, GovernorState
+from evenlight.method.rate_limit import allowed_rate, modulation_rate
 
 
 @dataclass(frozen=True, slots=True)
 class ControlledTrack:
-    """What the controller made of a video of N frames.
+    """What the controller made of a video of N frames."""
 
-    Attributes
-    ----------
-    durations : array, (N,)
-        How long each frame is shown [s].
-    factors : array, (N,)
-        b of each frame.
-    contrast_loss : array, (N,)
-        𝓛_c of each frame at its factor.
-    rate, rate_limit : array, (N,)
-        Luminance change that the modulation makes to the next frame, and the largest allowed [cd/m^2/s].
-    limited : array of bool, (N,)
-        Where the rate limit or a bound kept the factor from where the controller wanted it.
-    targets : array, (N,)
-        c_r, the contrast loss that was to be held; a governor moves it.
-    budget_held : array of bool, (N,)
-        Where a bound kept the governor from meeting its budget; nowhere without one.
-    """
-
-    durations: Array
-    factors: Array
-    contrast_loss: Array
+    durations: Array  # (N,): how long each frame is shown [s]
+    factors: Array  # (N,): b of each frame
+    contrast_loss: Array  # (N,): 𝓛_c of each frame at its factor
+    # (N,): luminance change that the modulation makes to the next frame, and the largest allowed [cd/m^2/s]
     rate: Array
     rate_limit: Array
+    # (N,): where the rate limit or a bound kept the factor from where the controller wanted it
     limited: NDArray[np.bool_]
-    targets: Array
+    targets: Array  # (N,): c_r, the contrast loss that was to be held; a governor moves it
+    # (N,): where a bound kept the governor from meeting its budget; nowhere without one
     budget_held: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
@@ -67,18 +51,10 @@ class ControlledTrack:
 
 @dataclass(frozen=True, slots=True)
 class VideoGovernor:
-    """A governor, with what the frames of a video cost.
+    """A governor, with what the frames of a video cost."""
 
-    Attributes
-    ----------
-    governor : Governor
-        Moves the controller's target.
-    costs : list of FrameCost
-        Of each frame.
-    """
-
-    governor: Governor
-    costs: list[FrameCost]
+    governor: Governor  # moves the controller's target
+    costs: list[FrameCost]  # of each frame
 
 
 def control_curves(

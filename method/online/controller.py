@@ -49,80 +49,43 @@ class ControllerSettings:
 
 @dataclass(frozen=True, slots=True)
 class FrameMeasurement:
-    """What is measured of a frame before it is shown.
+    """What is measured of a frame before it is shown."""
 
-    Attributes
-    ----------
-    loss : float
-        c_y, its contrast loss at the factor of the frame before; of the first frame, at the factor it is to
-        be shown with.
-    luminance : float
-        Ī, the luminance at factor 1 that the rate limit is about [cd/m^2].
-    duration : float
-        How long it will be shown [s].
-    """
-
+    # c_y, its contrast loss at the factor of the frame before; of the first frame, at the factor it is to be
+    # shown with
     loss: float
-    luminance: float
-    duration: float
+    luminance: float  # Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]
+    duration: float  # how long it will be shown [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerState:
-    """The state of the controller at the frame that is being shown.
+    """The state of the controller at the frame that is being shown."""
 
-    Attributes
-    ----------
-    factor : float
-        b that it is shown with.
-    integral : float
-        What the integral term adds to the factor; it holds the starting factor too.
-    error : float
-        c_y - c_r when its factor was chosen.
-    luminance, duration : float
-        Of the frame, as in `FrameMeasurement`.
-    limited : bool
-        Whether the rate limit or a bound kept its factor from where the controller wanted it.
-    """
-
-    factor: float
-    integral: float
-    error: float
+    factor: float  # b that it is shown with
+    integral: float  # what the integral term adds to the factor; it holds the starting factor too
+    error: float  # c_y - c_r when its factor was chosen
+    # of the frame, as in `FrameMeasurement`
     luminance: float
     duration: float
+    # whether the rate limit or a bound kept its factor from where the controller wanted it
     limited: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class SteeredTarget:
-    """A target that a governor has moved (`online.governor`).
+    """A target that a governor has moved (`online.governor`)."""
 
-    Attributes
-    ----------
-    target_loss : float
-        c_r, the contrast loss to hold now, in [0, 1].
-    shift : float
-        What the move of the target is expected to change the factor by; the integral takes it up.
-    """
-
-    target_loss: float
-    shift: float
+    target_loss: float  # c_r, the contrast loss to hold now, in [0, 1]
+    shift: float  # what the move of the target is expected to change the factor by; the integral takes it up
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """A PID controller of the brightness factor, within a rate limit and bounds.
+    """A PID controller of the brightness factor, within a rate limit and bounds."""
 
-    Attributes
-    ----------
-    settings : ControllerSettings
-        Target, gains and bounds.
-    rate_limit : function
-        ΔL [cd/m^2/s] at a luminance b·Ī [cd/m^2].
-    """
-
-    settings: ControllerSettings
-    rate_limit: ScalarRateLimit
+    settings: ControllerSettings  # target, gains and bounds
+    rate_limit: ScalarRateLimit  # ΔL [cd/m^2/s] at a luminance b·Ī [cd/m^2]
 
     def start(self, factor: float, frame: FrameMeasurement) -> ControllerState:
         """Return the state at the first frame, shown with a given factor; there is no step to limit yet."""
@@ -187,7 +150,7 @@ class Controller:
     def _largest_step(self, state: ControllerState, frame: FrameMeasurement, goal: float) -> float:
         """Return how far towards a goal the factor may go: within ΔL at both ends of the step.
 
-        As in `method.modulation`: |Δb| · (mean of both Ī) / Δt ≤ ΔL of b·Ī of either frame.
+        As in `method.rate_limit`: |Δb| · (mean of both Ī) / Δt ≤ ΔL of b·Ī of either frame.
         """
         size, way = abs(goal - state.factor), (1.0 if goal > state.factor else -1.0)
         luminance = (state.luminance + frame.luminance) / 2

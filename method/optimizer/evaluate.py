@@ -21,11 +21,11 @@ from evenlight.data_schema.tracks.brightness_track import (
     OptimizationSummary,
     TrackHeader,
 )
-from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from evenlight.method.optimizer.chain import linearized_limits, nearest_within_budget
 from evenlight.method.optimizer.optimize import Problem, feasible_blend, is_feasible
 from evenlight.method.optimizer.request import Request
 from evenlight.method.power import power
+from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate
 
 ROUNDING = 1e-10  # of a mean difference of losses, which are at most 1, summed over up to a million frames
 RADII = 0.128 * 0.5 ** np.arange(10.0)  # of the tube, as differences of factors, widest first
@@ -35,8 +35,8 @@ RADII = 0.128 * 0.5 ** np.arange(10.0)  # of the tube, as differences of factors
 class RunRecord:
     """How the work was done."""
 
-    solve_s: float  # time that the optimizer took, and the loss curves [s]
-    curves_s: float  # time that the optimizer took, and the loss curves [s]
+    solve_s: float  # time that the optimizer took [s]
+    curves_s: float  # time that the loss curves took [s]
     bound_s: float  # time that the lower bound took [s]
     calm: float = 0.0  # share of the gain that could be given up for a calmer track
 

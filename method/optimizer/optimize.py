@@ -19,16 +19,16 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.modulation import (
+from evenlight.method.optimizer.objective import pairwise_spread
+from evenlight.method.optimizer.request import Request, budget_as_factor, frame_weights, step_allowances
+from evenlight.method.rate_limit import (
     RateLimitFunction,
     allowed_rate,
     largest_rate_ratio,
     modulation_rate,
+    rate_limit_at,
     step_luminance,
 )
-from evenlight.method.optimizer.objective import pairwise_spread
-from evenlight.method.optimizer.request import Request, budget_as_factor, frame_weights, step_allowances
-from evenlight.method.rate_limit import rate_limit_at
 
 BUDGET_TOLERANCE = 1e-9  # mean factor; the lower bound covers every track within it
 RATE_TOLERANCE = 1e-6  # share of the limit; the lower bound covers far more
@@ -36,33 +36,19 @@ RATE_TOLERANCE = 1e-6  # share of the limit; the lower bound covers far more
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """The problem that a solver gets: find factors b that minimize the spread of contrast loss.
+    """The problem that a solver gets: find factors b that minimize the spread of contrast loss."""
 
-    Attributes
-    ----------
-    curves : LossCurves
-        Contrast loss of each of N frames over the factor; the first knot is the lowest factor allowed.
-    budget_weights : array, (N,)
-        Share that each frame's factor has in the budget; they add up to 1.
-    baseline_factor : float
-        The budget: Σ budget_weights · b must equal it. Constant dimming by it uses the same power.
-    luminance : array, (N,)
-        Ī, the luminance at factor 1 that the rate limit is about [cd/m^2].
-    rate_limit : function
-        ΔL [cd/m^2/s] as a function of the luminance b·Ī [cd/m^2].
-    importance : array, (N,), or None
-        ω, how much each frame counts in the objective, 1 on average; None where all count alike.
-    allowances : array, (N-1,), or None
-        How many times the rate limit each step may reach, infinite where it is free; None where all may
-        reach just that.
-    """
-
+    # contrast loss of each of N frames over the factor; the first knot is the lowest factor allowed
     curves: LossCurves
-    budget_weights: Array
+    budget_weights: Array  # (N,): share that each frame's factor has in the budget; they add up to 1
+    # the budget: Σ budget_weights · b must equal it. Constant dimming by it uses the same power.
     baseline_factor: float
-    luminance: Array
-    rate_limit: RateLimitFunction
+    luminance: Array  # (N,): Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]
+    rate_limit: RateLimitFunction  # ΔL [cd/m^2/s] as a function of the luminance b·Ī [cd/m^2]
+    # (N,): ω, how much each frame counts in the objective, 1 on average; None where all count alike
     importance: Array | None = None
+    # (N-1,): how many times the rate limit each step may reach, infinite where it is free; None where all may
+    # reach just that
     allowances: Array | None = None
 
     @property
@@ -123,24 +109,14 @@ def _product(reach: Array, allowances: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What a solver answers.
+    """What a solver answers."""
 
-    Attributes
-    ----------
-    factors : array, (N,)
-        b; budget, rate limit and bounds are met.
-    iterations : int
-        That the solver took.
-    frame_weights : array, (N,) or None
-        Dual variable: how much the objective (as a sum over pairs, divided by N) rises with each frame's
-        loss. It lies in the permutahedron of the order weights / N (or near it), and so gives a lower bound.
-    budget_price : float
-        Dual variable of the budget: how much that objective falls per unit of the mean factor.
-    """
-
-    factors: Array
-    iterations: int
+    factors: Array  # (N,): b; budget, rate limit and bounds are met
+    iterations: int  # that the solver took
+    # (N,): dual variable: how much the objective (as a sum over pairs, divided by N) rises with each frame's
+    # loss. It lies in the permutahedron of the order weights / N (or near it), and so gives a lower bound.
     frame_weights: Array | None = None
+    # dual variable of the budget: how much that objective falls per unit of the mean factor
     budget_price: float = 0.0
 
 

@@ -24,35 +24,16 @@ from evenlight.method.power import power_per_factor
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is asked of the optimizer, beside the video.
+    """What is asked of the optimizer, beside the video."""
 
-    Attributes
-    ----------
-    budget : float
-        In `budget_unit`.
-    budget_unit : BudgetUnit
-        Mean factor, share of the power at full brightness, or watt.
-    power_model : PowerModel
-        Of the panel.
-    rate_limit : RateLimit
-        ΔL(L), fitted on the curves' display.
-    limit_curve : LimitCurve
-        The fitted curve, or the lower edge of its band.
-    modulated : ModulatedLuminance
-        Whose luminance the rate limit is about.
-    weights : tuple of WeightSection
-        Sections that count more or less than others.
-    allowances : tuple of AllowanceSection
-        Sections in which brightness may change faster than the rate limit, or not at all.
-    """
-
-    budget: float
-    budget_unit: BudgetUnit
-    power_model: PowerModel
-    rate_limit: RateLimit
-    limit_curve: LimitCurve = LimitCurve.FITTED
-    modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN
-    weights: tuple[WeightSection, ...] = ()
+    budget: float  # in `budget_unit`
+    budget_unit: BudgetUnit  # mean factor, share of the power at full brightness, or watt
+    power_model: PowerModel  # of the panel
+    rate_limit: RateLimit  # ΔL(L), fitted on the curves' display
+    limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
+    modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN  # whose luminance the rate limit is about
+    weights: tuple[WeightSection, ...] = ()  # sections that count more or less than others
+    # sections in which brightness may change faster than the rate limit, or not at all
     allowances: tuple[AllowanceSection, ...] = ()
 
 

@@ -18,24 +18,12 @@ NO_LIMIT = 2.0  # change of a factor: twice what any step can be
 
 @dataclass(frozen=True, slots=True)
 class SlsqpSolver:
-    """Minimize by SciPy's SLSQP from a perturbed constant, as the paper does (Section 3.5).
+    """Minimize by SciPy's SLSQP from a perturbed constant, as the paper does (Section 3.5)."""
 
-    Attributes
-    ----------
-    rng : np.random.Generator
-        For the perturbation.
-    tolerance : float
-        Convergence tolerance; the paper's.
-    perturbation : float
-        Standard deviation of the start about the constant.
-    max_frames : int
-        Longer problems are refused: time grows with the cube of N.
-    """
-
-    rng: np.random.Generator
-    tolerance: float = 1e-8
-    perturbation: float = 0.01
-    max_frames: int = 500
+    rng: np.random.Generator  # for the perturbation
+    tolerance: float = 1e-8  # convergence tolerance; the paper's
+    perturbation: float = 0.01  # standard deviation of the start about the constant
+    max_frames: int = 500  # longer problems are refused: time grows with the cube of N
 
     def solve(self, problem: Problem) -> Solution:
         """Return SLSQP's answer, made feasible; the baseline where that is better."""

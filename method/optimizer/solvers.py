@@ -126,15 +126,9 @@ def _clarabel() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class SequentialConvexSolver:
-    """Improve constant dimming by linear programs in a trust region.
+    """Improve constant dimming by linear programs in a trust region."""
 
-    Attributes
-    ----------
-    solver : LinearSolver
-        Which solves them.
-    """
-
-    solver: LinearSolver
+    solver: LinearSolver  # which solves them
 
     def solve(self, problem: Problem) -> Solution:
         """Return the last of the improving factors."""

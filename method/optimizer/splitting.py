@@ -57,23 +57,16 @@ BLOCK = 8  # frames
 
 @dataclass(frozen=True, slots=True)
 class SplittingSolver:
-    """Alternate between the pair sum and the chain; O(N log N) per iteration. Deterministic.
+    """Alternate between the pair sum and the chain; O(N log N) per iteration. Deterministic."""
 
-    Attributes
-    ----------
-    start : array, (N,), or None
-        Factors to start from, such as the track of an earlier version of the video; they need not keep the
-        limits. The search from the constant baseline is then left out, the polish of short videos is not.
-    stages : tuple of SearchStage or None
-        The only stages to go through, in place of those that suit the number of frames.
-    searches : int or None
-        How much is done above 600 frames, without a start: 1, one search from a coarse problem; 2, its answer
-        is settled; 3, another search from constant dimming; 4, all those of 501 to 600 frames, which takes
-        seconds. None takes what suits the number of frames.
-    """
-
+    # (N,): factors to start from, such as the track of an earlier version of the video; they need not keep
+    # the limits. The search from the constant baseline is then left out, the polish of short videos is not.
     start: Array | None = None
+    # the only stages to go through, in place of those that suit the number of frames
     stages: tuple[SearchStage, ...] | None = None
+    # how much is done above 600 frames, without a start: 1, one search from a coarse problem; 2, its answer
+    # is settled; 3, another search from constant dimming; 4, all those of 501 to 600 frames, which takes
+    # seconds. None takes what suits the number of frames.
     searches: int | None = None
 
     def solve(self, problem: Problem) -> Solution:

@@ -25,19 +25,18 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring
-from evenlight.stimuli.rings.place_files import (
+from evenlight.stimuli.rings.ring_scene import (
     PLACES,
     PRACTICE_SIZE,
     SUFFIX,
     KeypointRings,
     RingPlaces,
+    RingScene,
 )
-from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import PATHS, CameraPath, path_named
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
-from evenlight.stimuli.scenes.drawing.shaders import PEAK
+from evenlight.stimuli.scenes.graphics import PEAK, offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Floats, Patches, Scene, Vector, direction_of, scene_named, stream
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 

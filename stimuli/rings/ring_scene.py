@@ -1,8 +1,15 @@
-"""Draws a Landolt ring into the picture of a scene, wherever one looks."""
+"""Draws a Landolt ring into the picture of a scene, wherever one looks, and holds the places of rings.
+
+Along a camera path there are three places at each keypoint. They are chosen once
+(`stimuli.rings.ring_places`) and stored beside the path, so that every participant and every laboratory
+searches for the same rings, and a session needs no rendering before it can be planned.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -10,25 +17,32 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring, require_drawable
-from evenlight.stimuli.rings.ring_light import (
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.stimuli.rings import landolt
+from evenlight.stimuli.rings.landolt import (
+    GAPS_IN_DIAMETER,
     OUTER,
     PaintedRing,
+    Ring,
     Surroundings,
     levels_of,
     painted,
+    require_drawable,
     surroundings_of,
 )
+from evenlight.stimuli.scenes import graphics
+from evenlight.stimuli.scenes.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.drawing import graphics_state
-from evenlight.stimuli.scenes.drawing.shaders import WHOLE_VERTEX
+from evenlight.stimuli.scenes.camera_path import PATHS
+from evenlight.stimuli.scenes.graphics import WHOLE_VERTEX
 from evenlight.stimuli.scenes.scene import Vector
 
 if TYPE_CHECKING:
     import moderngl
 
 SUBSAMPLES = 8  # along each side of a pixel: an edge is drawn within 1/16 pixel of its place
-
 # The scene's codes of 10 bits become pixel values over the 16-bit range, as `sequence_format.on_grid` has
 # them, row 0 on top. The ring's own are finer: at 0.5 cd/m^2, a step of 10 bits is 2.4 % of the light.
 RING_FRAGMENT = """
@@ -89,6 +103,9 @@ void main() {
     pixel_values = uvec4(values, 65535u);
 }
 """.replace("SUBSAMPLES", str(SUBSAMPLES))
+SUFFIX = ".rings.json"
+PLACES = 2  # at each keypoint: one for each version that a participant sees; there is one more for practice
+PRACTICE_SIZE = 2  # of a ring for practice, as a multiple of the design's
 
 
 class Pictures(Protocol):
@@ -121,7 +138,7 @@ class RingScene:
         self._context, self._renderer, self._display = context, renderer, display
         self.size = renderer.size
         self.texture = context.texture(self.size, 4, dtype="u2")
-        self.texture.filter = graphics_state.NEAREST, graphics_state.NEAREST
+        self.texture.filter = graphics.NEAREST, graphics.NEAREST
         self._target = context.framebuffer(self.texture)
         self._program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=RING_FRAGMENT)
         self._whole = context.vertex_array(self._program, [])
@@ -178,7 +195,7 @@ class RingScene:
         self._set(there=painted_ring is not None)
         if painted_ring is not None:
             self._place(camera, painted_ring)
-        with graphics_state.own(self._context):
+        with graphics.own(self._context):
             self._target.use()
             self._renderer.codes.use(0)
             self._whole.render(vertices=3)
@@ -208,3 +225,77 @@ class RingScene:
         for name, value in uniforms.items():
             plain = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
             self._program[name].value = plain  # type: ignore[union-attr] # they are uniforms, all of them
+
+
+@dataclass(frozen=True, slots=True)
+class KeypointRings:
+    """The places of rings at one keypoint."""
+
+    keypoint: str = described("name of the keypoint")
+    azimuths: tuple[float, ...] = quantity(
+        "deg",
+        "azimuth of each place, from the keypoint's first direction of view",
+        minimum=-180.0,
+        maximum=180.0,
+    )
+    altitudes: tuple[float, ...] = quantity(
+        "deg", "altitude of each place, from the horizon", minimum=-90.0, maximum=90.0
+    )
+    luminances: tuple[float, ...] = quantity(
+        "cd/m^2",
+        "mean luminance around a ring at each place, on a display of 100 cd/m^2 without black",
+        above=0.0,
+    )
+    practice_azimuth: float = quantity(
+        "deg",
+        "azimuth of a third place, for the larger ring of practice: no ring of the session lies there",
+        minimum=-180.0,
+        maximum=180.0,
+    )
+    practice_altitude: float = quantity(
+        "deg", "altitude of the place for practice, from the horizon", minimum=-90.0, maximum=90.0
+    )
+    practice_luminance: float = quantity(
+        "cd/m^2", "mean luminance around the ring of practice, on the same display", above=0.0
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if not len(self.azimuths) == len(self.altitudes) == len(self.luminances) == PLACES:
+            raise ValueError(
+                f"need {PLACES} places at each keypoint, got {len(self.azimuths)} azimuths, "
+                f"{len(self.altitudes)} altitudes and {len(self.luminances)} luminances"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class RingPlaces:
+    """The places of rings along a camera path; the file `NAME.rings.json` beside it."""
+
+    path: str = described("name of the camera path")
+    seed: int = quantity("1", "seed of the choice", minimum=0)
+    keypoints: tuple[KeypointRings, ...] = described(
+        "the keypoints of the path that a search uses, with their places"
+    )
+
+
+def search_sha256(path: str) -> str:
+    """Return the SHA-256 of what a search along a camera path shows: scenes, path, rings and their places."""
+    rings = (Path(str(landolt.__file__)), Path(__file__))
+    files = (PATHS / f"{path}.json", PATHS / f"{path}{SUFFIX}", *rings)
+    return sha256_of_bytes(scenes_sha256().encode() + b"".join(file.read_bytes() for file in files))
+
+
+def ring_places(path: str) -> RingPlaces:
+    """Return where rings are searched for along a built-in camera path.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    file = PATHS / f"{path}{SUFFIX}"
+    if not file.is_file():
+        known = sorted(each.name.removesuffix(SUFFIX) for each in PATHS.glob(f"*{SUFFIX}"))
+        raise InputError(f"no rings are searched for along {path!r}; there is {', '.join(known)}")
+    return read_json_record(RingPlaces, file)

@@ -24,7 +24,6 @@ from evenlight.stimuli import fractal_noise, sequence_format
 OLD = 14 * 86400.0  # [s]
 LONGEST_WAIT = 300.0  # [s] for another process that makes the same
 FOLDER = Path(__file__).parent
-NOT_IN_PICTURES = ("preview.py",)
 
 
 def cache_folder() -> Path:
@@ -86,8 +85,7 @@ def scenes_sha256() -> str:
     What other packages do, and the graphics driver, is not in it: provenance has their versions.
     """
     digest = hashlib.sha256()
-    own = [file for file in sorted(FOLDER.rglob("*.py")) if file.name not in NOT_IN_PICTURES]
-    for file in [*own, Path(fractal_noise.__file__), Path(sequence_format.__file__)]:
+    for file in [*sorted(FOLDER.rglob("*.py")), Path(fractal_noise.__file__), Path(sequence_format.__file__)]:
         name = file.relative_to(FOLDER.parent).as_posix()
         digest.update(name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()

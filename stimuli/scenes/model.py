@@ -154,17 +154,16 @@ class SceneModel:
         self,
         base: ArrayLike,
         top: ArrayLike,
-        radius: float,
+        radius: float | tuple[float, float],
         material: Material,
         *,
-        top_radius: float | None = None,
         segments: int = 24,
         caps: bool = True,
         tint: Sequence[float] = WHITE,
     ) -> None:
-        """Add a cylinder or a cone from the middle of its base to that of its top [m]."""
+        """Add a cylinder, or a cone by its two radii, from the middle of its base to that of its top [m]."""
         base, top = np.asarray(base, dtype=float), np.asarray(top, dtype=float)
-        radii = radius, radius if top_radius is None else top_radius
+        radii = radius if isinstance(radius, tuple) else (radius, radius)
         side = cylinder_side(base, top, radii, segments, material.tile)
         self.mesh(side.points, side.triangles, material, uvs=side.uvs, normals=side.normals, tint=tint)
         # Each edge goes counter-clockwise seen from outside.

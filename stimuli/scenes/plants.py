@@ -33,15 +33,15 @@ def tree(
     trunk, leafy = kinds
     fork = 0.42 * tall
     thick = 0.022 * tall + 0.05
-    model.cylinder((0, 0, -0.1), (0, 0, 0.35), 1.5 * thick, trunk, top_radius=thick, segments=12, caps=False)
-    model.cylinder((0, 0, 0.35), (0, 0, fork), thick, trunk, top_radius=0.75 * thick, segments=12, caps=False)
+    model.cylinder((0, 0, -0.1), (0, 0, 0.35), (1.5 * thick, thick), trunk, segments=12, caps=False)
+    model.cylinder((0, 0, 0.35), (0, 0, fork), (thick, 0.75 * thick), trunk, segments=12, caps=False)
     tips = []
     for branch in range(7):
         turn = 2 * math.pi * (branch + 0.6 * rng.random()) / 7
         reach = spread * (0.45 + 0.3 * rng.random()) * (branch > 0)
         start = np.array([0, 0, fork * (0.85 + 0.15 * rng.random())])
         stop = np.array([reach * math.cos(turn), reach * math.sin(turn), tall * (0.62 + 0.2 * rng.random())])
-        model.cylinder(start, stop, 0.5 * thick, trunk, top_radius=0.15 * thick, segments=7, caps=False)
+        model.cylinder(start, stop, (0.5 * thick, 0.15 * thick), trunk, segments=7, caps=False)
         tips.append(stop)
     for tip in tips:
         clump(model, tip, spread * (0.48 + 0.12 * rng.random()), leafy, rng)
@@ -168,14 +168,7 @@ def potted(
     pot, soil, leaf = kinds
     high = 1.5 * radius
     model.cylinder(
-        (0, 0, 0),
-        (0, 0, high),
-        0.75 * radius,
-        pot,
-        top_radius=radius,
-        segments=20,
-        caps=False,
-        tint=colours[0],
+        (0, 0, 0), (0, 0, high), (0.75 * radius, radius), pot, segments=20, caps=False, tint=colours[0]
     )
     model.cylinder(
         (0, 0, high - 0.03), (0, 0, high), 1.06 * radius, pot, segments=20, caps=False, tint=colours[0]

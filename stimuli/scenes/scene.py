@@ -23,10 +23,7 @@ REC_709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green a
 Texture = Callable[[np.random.Generator, int], NDArray[np.float32]]
 SEED = 1
 # Module within `stimuli.scenes` and function that build each, for a seed.
-SCENES = {
-    "house": ("house.house", "house"),
-    "school": ("school.school", "school"),
-}
+SCENES = {"house": ("house.house", "house"), "school": ("school.school", "school")}
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,8 @@ class SceneSequence:
             If the machine has no OpenGL, or the path leaves the scene.
         """
         from evenlight.stimuli.scenes.camera_path import check_path
-        from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-        from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+        from evenlight.stimuli.scenes.graphics import offscreen_context
+        from evenlight.stimuli.scenes.renderer import SceneRenderer
         from evenlight.stimuli.scenes.scene import scene_named
 
         path = self.path()

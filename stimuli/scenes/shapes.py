@@ -25,6 +25,7 @@ BOX_SIDES = {
 }
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of the axes
 DARK: Vector = (0.0, 0.0, 0.0)
+WHOLE = ((0, 0), (1, 0), (1, 1), (0, 1))  # texture coordinates that show one tile upright on a rectangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,22 @@ def ring(segments: int) -> Floats:
     points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     points[-1] = points[0]
     return points
+
+
+def rectangle(
+    x: float | tuple[float, float], y: float | tuple[float, float], z: float | tuple[float, float]
+) -> list[tuple[float, ...]]:
+    """Return the corners of a rectangle: from where to where along two axes, a place on the third [m].
+
+    It begins at the first ends and goes along the earlier axis first: counter-clockwise seen from -y, +x or
+    +z if both spans run up. Where one runs down, the other side is the visible one.
+
+    >>> rectangle((0.0, 2.0), 1.0, (0.0, 3.0))
+    [(0.0, 1.0, 0.0), (2.0, 1.0, 0.0), (2.0, 1.0, 3.0), (0.0, 1.0, 3.0)]
+    """
+    orders = iter(((0, 1, 1, 0), (0, 0, 1, 1)))
+    columns = [[s[k] for k in next(orders)] if isinstance(s, tuple) else [s] * 4 for s in (x, y, z)]
+    return list(zip(*columns, strict=True))
 
 
 def at_right_angles(first: Floats, second: Floats) -> Floats:

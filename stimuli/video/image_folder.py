@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
-from evenlight.stimuli.video.colour_conversion import ColourConverter, UnsupportedColourError
-from evenlight.stimuli.video.frame_times import rate_from_number
+from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.video_file import decode_strictly
+from evenlight.stimuli.video.video_source import rate_from_number
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 ARRAYS = (".npy",)

@@ -1,34 +1,45 @@
 """Frames of a video file of any format that FFmpeg reads, streamed; damage that can be noticed is refused.
 
 Decoders report damage, where by default they would guess the picture. The checksums inside FFV1 frames are
-compared here: FFmpeg's decoder sees them fail but does not report it (RFC 9043, 4.9).
+compared here: FFmpeg's decoder sees them fail but does not report it (RFC 9043, 4.9). Files that are written
+here are lossless, FFV1 in Matroska, whole or not at all.
 """
 
 from __future__ import annotations
 
+import os
 import re
+import tempfile
 import zlib
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import av
 import numpy as np
 from av.codec.context import CodecContext
 from av.error import FFmpegError
 from av.stream import Disposition
+from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_file
-from evenlight.stimuli.video.colour_conversion import ColourConverter, UnsupportedColourError
-from evenlight.stimuli.video.frame_times import ASSUMED_RATE, FrameTimes, frame_times, uniform_times
+from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.video.video_source import (
+    ASSUMED_RATE,
+    FrameTimes,
+    frame_times,
+    rate_from_number,
+    uniform_times,
+)
 
 if TYPE_CHECKING:
-    from av.container import InputContainer
+    from av.container import InputContainer, OutputContainer
     from av.video.stream import VideoStream
 
 REMEDY = "give a whole copy of it, or one encoded again"
@@ -38,6 +49,9 @@ _REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 STRICT = {"err_detect": "crccheck+explode"}
 # FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
 STRICT_ALREADY = ("tiff",)
+FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
+# Version 3 with checksums: a damaged file is noticed. Every frame stands alone.
+FFV1_OPTIONS = {"level": "3", "slicecrc": "1", "g": "1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,3 +297,86 @@ def decode_strictly(decoder: CodecContext) -> None:
     """Make a decoder that is not yet open stop at the first error, checksums included."""
     if decoder.name not in STRICT_ALREADY:
         decoder.options = STRICT
+
+
+def write_video(
+    path: Path, frames: Iterable[Frame | NDArray[Any]], frames_per_second: float, bits: int | None = None
+) -> int:
+    """Write frames without loss, and return how many there were.
+
+    Parameters
+    ----------
+    path : Path
+        The file, ending in .mkv; it is there whole at the end, or not at all.
+    frames : iterable of Frame or array, (height, width, 3), uint8 or uint16
+        Gamma-encoded R, G, B over the full range of the integer type, all of one size.
+    frames_per_second : float
+        Constant frame rate [Hz].
+    bits : int, optional
+        Bits a channel: 8, 10, 12 or 16; those of the first frame's type if not given. Fewer bits than
+        the type holds are lossless only for values that lie on their grid, as those of the built-in
+        sequences do for 10 bits.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or there is no frame.
+    """
+    if path.suffix.lower() != ".mkv":
+        raise InputError(f"cannot write {path}: lossless video is Matroska, give a name that ends in .mkv")
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder, give the name of a file")
+    rate = rate_from_number(frames_per_second)
+    arrays = (frame.pixel_values if isinstance(frame, Frame) else frame for frame in frames)
+    written = 0
+    with _whole_file(path) as partial, _matroska(partial) as container:
+        stream = None
+        for array in arrays:
+            if stream is None:
+                depth = bits or 8 * array.dtype.itemsize
+                stream = container.add_stream("ffv1", rate=rate, options=FFV1_OPTIONS)
+                stream.height, stream.width = array.shape[:2]
+                stream.pix_fmt = FORMATS[depth]
+            container.mux(stream.encode(_picture(array, depth, stream)))
+            written += 1
+        if stream is None:
+            raise InputError(f"no frames to write to {path}")
+        container.mux(stream.encode())
+    return written
+
+
+def _matroska(path: Path) -> OutputContainer:
+    """Open a Matroska file to be written, without a random identifier: same frames, same bytes."""
+    return av.open(f"file:{path}", "w", format="matroska", container_options={"fflags": "+bitexact"})
+
+
+@contextmanager
+def _whole_file(path: Path) -> Iterator[Path]:
+    """Yield a name beside `path` to write to, which becomes `path` if the block ends well."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        partial = Path(name)
+        try:
+            yield partial
+            partial.chmod(0o644)
+            partial.replace(path)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+    except (OSError, FFmpegError) as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _picture(pixels: NDArray[Any], bits: int, stream: VideoStream) -> VideoFrame:
+    """Return a frame in the pixel format of the stream; every conversion keeps the values as they are."""
+    if pixels.dtype not in (np.uint8, np.uint16) or (bits == 8) != (pixels.dtype == np.uint8):
+        raise ValueError(f"need uint8 for 8 bits and uint16 for more, got {pixels.dtype} for {bits} bits")
+    if pixels.shape != (stream.height, stream.width, 3):
+        raise ValueError(f"need frames of shape {(stream.height, stream.width, 3)}, got {pixels.shape}")
+    if bits == 8:
+        return VideoFrame.from_ndarray(np.ascontiguousarray(pixels), "rgb24").reformat(format=FORMATS[8])
+    top = 2**bits - 1
+    codes = pixels if bits == 16 else ((pixels.astype(np.uint32) * top + 32767) // 65535).astype(np.uint16)
+    return VideoFrame.from_ndarray(np.ascontiguousarray(codes), FORMATS[bits])

@@ -1,12 +1,28 @@
-"""A video, as the model and the player see it."""
+"""A video, as the model and the player see it, and when each of its frames appears.
+
+Times are uniform where the stream is uniform, else as its file says.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator
+import math
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from evenlight.data_schema.frame import Frame
+
+COMMON_RATES = (
+    *(Fraction(n) for n in (10, 12, 15, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 240)),
+    *(Fraction(1000 * n, 1001) for n in (24, 30, 48, 60, 120)),
+)
+ASSUMED_RATE = Fraction(25)  # of a stream without any time stamps
+ROUNDING_TICKS = 1.5  # one for a truncated time stamp, one half for a rounded first one
 
 
 @runtime_checkable
@@ -38,3 +54,106 @@ def size_of(video: VideoSource) -> tuple[int, int]:
     with contextlib.closing(frames) if isinstance(frames, Generator) else contextlib.nullcontext():
         height, width, _ = next(frames).pixel_values.shape
     return width, height
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTimes:
+    """When the frames of a stream appear and for how long, in the order of presentation.
+
+    Attributes
+    ----------
+    times : array, (frames,)
+        When each frame appears, the first at 0 [s].
+    durations : array, (frames,)
+        For how long; 0 marks a frame that the next one replaces at once, so that it is never seen [s].
+    """
+
+    times: NDArray[np.float64]
+    durations: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("times", "durations"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @property
+    def shown(self) -> int:
+        """How many frames are seen."""
+        return int(np.count_nonzero(self.durations))
+
+
+def frame_times(
+    stamps: ArrayLike, tick: Fraction, last: int = 0, rates: Sequence[Fraction] = ()
+) -> FrameTimes:
+    """Return when frames appear, from the time stamps of their packets (docs/decisions/frame-times.md).
+
+    Parameters
+    ----------
+    stamps : array_like of int, (frames,)
+        Presentation time stamps in any order [ticks].
+    tick : Fraction
+        What one tick lasts [s].
+    last : int
+        Duration of the last frame, 0 if unknown [ticks].
+    rates : sequence of Fraction
+        Frame rates that the file claims, the most trusted first [Hz].
+
+    >>> frame_times([0, 33, 67, 100], Fraction(1, 1000), rates=[Fraction(30)]).times.tolist()
+    [0.0, 0.03333333333333333, 0.06666666666666667, 0.1]
+    """
+    ticks = np.sort(np.asarray(stamps, dtype=np.int64))
+    ticks -= ticks[0]
+    claimed = [rate for rate in rates if rate > 0]
+    if len(ticks) == 1:
+        alone = last * tick if last > 0 else 1 / (claimed[0] if claimed else ASSUMED_RATE)
+        return FrameTimes(np.zeros(1), np.array([float(alone)]))
+    rate = _uniform_rate(ticks, tick, claimed)
+    if rate is not None:
+        return uniform_times(len(ticks), rate)
+    steps = np.diff(ticks).astype(np.float64)
+    final = float(last) if last > 0 else float(np.median(steps[steps > 0]))
+    seconds = np.float64(tick)
+    return FrameTimes(ticks * seconds, np.append(steps, final) * seconds)
+
+
+def rate_from_number(frames_per_second: float) -> Fraction:
+    """Return a frame rate as a ratio, so that 29.97 is the 30000/1001 that is meant [Hz].
+
+    >>> rate_from_number(29.97)
+    Fraction(30000, 1001)
+    """
+    if not (math.isfinite(frames_per_second) and 0.01 <= frames_per_second <= 10000):
+        raise ValueError(f"need a frame rate from 0.01 to 10000 Hz, got {frames_per_second:g}")
+    ratio = Fraction(frames_per_second).limit_denominator(1001)
+    broadcast = Fraction(round(ratio * 1001 / 1000) * 1000, 1001)
+    return broadcast if ratio.denominator > 1 and abs(broadcast / ratio - 1) < Fraction(1, 5000) else ratio
+
+
+def uniform_times(frames: int, rate: Fraction) -> FrameTimes:
+    """Return the times of so many frames at a constant rate [Hz].
+
+    >>> uniform_times(3, Fraction(25)).times.tolist()
+    [0.0, 0.04, 0.08]
+    """
+    seconds = np.arange(frames, dtype=np.float64) * rate.denominator / rate.numerator
+    return FrameTimes(seconds, np.full(frames, float(1 / rate)))
+
+
+def _uniform_rate(ticks: NDArray[np.int64], tick: Fraction, claimed: Sequence[Fraction]) -> Fraction | None:
+    """Return the frame rate whose grid explains every time stamp within its rounding, None if none does.
+
+    The claimed rates come first, then the common ones close to the mean rate, the nearest first, then the
+    mean rate itself. A quarter of a frame is the most that counts as rounding: where the tick is coarser
+    than that, a varying rate could not be told from a constant one.
+    """
+    if ticks[-1] == 0:
+        raise ValueError("need at least two different time stamps")
+    mean = (len(ticks) - 1) / (int(ticks[-1]) * tick)
+    near = sorted((r for r in COMMON_RATES if abs(r / mean - 1) < 0.01), key=lambda r: abs(r - mean))
+    index = np.arange(len(ticks))
+    for rate in (*claimed, *near, mean):
+        step = float(1 / (rate * tick))
+        if np.abs(ticks - index * step).max() <= min(ROUNDING_TICKS, step / 4):
+            return rate
+    return None

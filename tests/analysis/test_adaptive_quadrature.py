@@ -13,8 +13,7 @@ from evenlight.analysis.inference.adaptive_quadrature import (
 )
 from evenlight.analysis.inference.cumulative_link import Link, OrdinalData
 from evenlight.analysis.inference.cumulative_link_model import ordinal_model
-from evenlight.analysis.inference.lognormal_times import CensoredTimes
-from evenlight.analysis.inference.lognormal_times_model import times_model
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, times_model
 from evenlight.data_schema.arrays import Array
 
 CUT_POINTS = np.array([-2.0, -0.3, 1.1])

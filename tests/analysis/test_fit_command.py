@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.rate_limit.published_rate_limit import published_fit
+from benchmarks.published_rate_limit import published_fit
 from evenlight.analysis.fit_commands import fit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm

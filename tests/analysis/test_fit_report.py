@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_files import write_calibration, write_figures
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
@@ -17,7 +16,12 @@ from evenlight.analysis.calibration.calibration_sections import (
 )
 from evenlight.analysis.calibration.choices.limit_choices import limit_choices
 from evenlight.analysis.calibration.choices.limit_choices_report import choices_section
-from evenlight.analysis.calibration.fit_report import FitResults, write_fit_report
+from evenlight.analysis.calibration.fit_report import (
+    FitResults,
+    write_calibration,
+    write_figures,
+    write_fit_report,
+)
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
 from evenlight.analysis.ramp_loading import load_ramp_data

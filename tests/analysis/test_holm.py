@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from statsmodels.stats.multitest import multipletests
 
-from evenlight.analysis.inference.holm import holm
+from evenlight.analysis.inference.exact_tests import holm
 
 
 def test_the_smallest_p_is_multiplied_by_the_number_of_tests_that_could_be_made() -> None:

@@ -15,9 +15,8 @@ from scipy import special
 
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
 from evenlight.analysis.plan_command import plan_command, whole_numbers
-from evenlight.analysis.plans.plan_files import write_plan
+from evenlight.analysis.plans.plan_files import planning_figure, write_plan
 from evenlight.analysis.plans.ramp_plan import NOT_COMPARABLE, PlanRequest, RampPlan, in_words, plan_ramps
-from evenlight.analysis.plans.ramp_plan_figure import planning_figure
 from evenlight.analysis.plans.ramp_plan_pool import (
     Experiments,
     first_trials,

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play, write_folder
 
-from evenlight.analysis.measurement.played_power.power_figure import _binned
 from evenlight.analysis.measurement.played_power.power_recording import _columns, load_recording
-from evenlight.analysis.measurement.played_power.power_report import write_power_results
+from evenlight.analysis.measurement.played_power.power_report import _binned, write_power_results
 from evenlight.analysis.measurement.played_power.power_table import MeasuredPower, measure_power
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel

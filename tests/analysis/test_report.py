@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_files import write_figures
 from evenlight.analysis.calibration.calibration_sections import calibration_section, rate_limit_section
+from evenlight.analysis.calibration.fit_report import write_figures
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
 from evenlight.analysis.ramp_loading import load_ramp_data

@@ -12,7 +12,7 @@ import pytest
 from made_sweeps import STARTED, WARM, Meter, luminance_readings, power_readings, write_sweep
 
 from evenlight.analysis.fit_commands import fit
-from evenlight.analysis.measurement.sweeps.sweep_results import fit_sweep
+from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel

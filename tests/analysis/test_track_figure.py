@@ -30,8 +30,7 @@ from evenlight.analysis.figure_style import (
 )
 from evenlight.analysis.tracks.frame_samples import dimmed_picture
 from evenlight.analysis.tracks.optimization import Weighing
-from evenlight.analysis.tracks.rate_panel import drawn_rates
-from evenlight.analysis.tracks.track_figure import track_figure
+from evenlight.analysis.tracks.track_figure import drawn_rates, track_figure
 from evenlight.analysis.tracks.track_figure_data import (
     TrackFigureData,
     budget_in_words,

@@ -14,7 +14,7 @@ from evenlight.analysis.comparison.comparison_shares import Choices, estimate_sh
 from evenlight.analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
 from evenlight.analysis.inference.binomial_power import difference_power
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.plans.plan_files import write_viewing_plan
+from evenlight.analysis.plans.plan_files import viewing_plan_figure, write_viewing_plan
 from evenlight.analysis.plans.viewing_plan import (
     ParticipantsNeeded,
     ViewingPlan,
@@ -30,7 +30,6 @@ from evenlight.analysis.plans.viewing_plan_comparison import (
     clustered_equivalence,
     person_in_the_middle,
 )
-from evenlight.analysis.plans.viewing_plan_figure import viewing_plan_figure
 from evenlight.analysis.plans.viewing_plan_rating import RatingTruth, published_difference, published_spread
 from evenlight.analysis.plans.viewing_plan_search import SearchTruth, version_effect
 from evenlight.analysis.search.search_models import slowing

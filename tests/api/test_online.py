@@ -10,10 +10,9 @@ import evenlight
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.contrast.loss_curves import analyze_frames
-from evenlight.method.modulation import allowed_rate, modulation_rate
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import allowed_rate, modulation_rate, scalar_rate_limit
 
 RATE = 10.0  # [Hz]
 

@@ -17,10 +17,15 @@ from benchmarks.online_walk import (
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss
-from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
+from evenlight.method.rate_limit import (
+    allowed_rate,
+    largest_rate_ratio,
+    modulation_rate,
+    rate_limit_at,
+    scalar_rate_limit,
+)
 
 DISPLAY, PAPER = load_display("varjo-xr3"), load_rate_limit("surace2025")
 CONTROLLER = Controller(ControllerSettings(TARGET), scalar_rate_limit(PAPER))

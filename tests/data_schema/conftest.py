@@ -31,7 +31,7 @@ from evenlight.data_schema.recordings.ramp import (
 )
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
-from evenlight.data_schema.recordings.session import DESIGN_OF_TASK, SessionManifest
+from evenlight.data_schema.recordings.session import TASKS, SessionManifest
 from evenlight.data_schema.recordings.sweep import (
     DESIGN_OF_SWEEP,
     LuminanceReading,
@@ -222,7 +222,7 @@ def a_view(values: Values) -> Values:
 
 
 def a_session_of_its_task(values: Values) -> Values:
-    return values | {"task": next(t for t, d in DESIGN_OF_TASK.items() if isinstance(values["design"], d))}
+    return values | {"task": next(t for t, of in TASKS.items() if isinstance(values["design"], of.design))}
 
 
 def with_a_reason(values: Values) -> Values:

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from evenlight.data_schema.checking.file_checks import schema_problems
-from evenlight.data_schema.data_dictionary import data_dictionary
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.json_schema import DICTIONARY, FOLDER, schema_text, schemas
+from evenlight.data_schema.json_schema import DICTIONARY, FOLDER, data_dictionary, schema_text, schemas
 from evenlight.data_schema.mapping import keys_of, mapping_from_record, record_from_mapping
 from evenlight.data_schema.record_kinds import KINDS, RecordKind
 from evenlight.data_schema.tracks.brightness_track import TRACK_COLUMNS, BrightnessTrack

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from checked_files import problems_of, results
 
-from evenlight.data_schema.checking.results_checks import mean_absolute_difference
-from evenlight.data_schema.checking.validation import validate
+from evenlight.data_schema.checking.validation import mean_absolute_difference, validate
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 
 

@@ -15,12 +15,11 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LONGEST, LiveDimmer
 from evenlight.experiments.playback.walk_request import LiveRequest
-from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.stability_margins import frame_gains, stable_slope
+from evenlight.method.online.tuning import frame_gains, stable_slope
 from evenlight.method.preset_files import load_display, load_rate_limit
-from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate, scalar_rate_limit
 
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 OTHER = replace(load_display("varjo-xr3"), name="other", peak_luminance=250.0)

@@ -13,21 +13,19 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor, PictureUse
-from evenlight.experiments.playback.walk import WalkResult
-from evenlight.experiments.playback.walk_record import (
-    BudgetOutcome,
-    budget_outcome,
+from evenlight.experiments.playback.walk import BudgetOutcome, WalkResult, budget_outcome, walk_summary
+from evenlight.experiments.playback.walk_request import (
+    LiveRequest,
+    WalkRequest,
+    budget_asked,
     live_control,
     settings_of,
-    walk_summary,
     with_budget,
 )
-from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, budget_asked
 from evenlight.method.choices import LimitCurve
 from evenlight.method.online.control_curves import VideoGovernor, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
-from evenlight.method.online.frame_costs import frame_costs
-from evenlight.method.online.governor import GovernorSettings, HorizonErrors, governor_of
+from evenlight.method.online.governor import GovernorSettings, HorizonErrors, frame_costs, governor_of
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 

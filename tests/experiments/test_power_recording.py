@@ -6,7 +6,7 @@ import pytest
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PlayedFlip, PowerLog, PowerSample
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.experiments.playback.power_recording import PINGS_AT_ONCE, RATES, PowerRecording
+from evenlight.experiments.playback.measured_play import PINGS_AT_ONCE, RATES, PowerRecording
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation

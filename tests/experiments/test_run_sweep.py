@@ -23,7 +23,7 @@ from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
 from evenlight.experiments.sweeps import sweep_devices
 from evenlight.experiments.sweeps.run_sweep import SweepRequest, run_sweep
-from evenlight.experiments.sweeps.sweep_store import SweepStore
+from evenlight.experiments.sweeps.sweep_readings import SweepStore
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 DISPLAY = Display("bench", 120.0, 0.3, 2.2, pixels_per_degree=40.0, reflected_luminance=0.05)

@@ -17,7 +17,7 @@ from evenlight.experiments.playback.clip_feeds import SceneFeed
 from evenlight.stimuli.dithering import thresholds_of
 from evenlight.stimuli.image_renderer import DimmedImage, ImageRenderer
 from evenlight.stimuli.scenes import scene
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.model import SceneModel
 from evenlight.stimuli.scenes.scene import Material, Quality, Scene
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence

@@ -27,7 +27,7 @@ from evenlight.stimuli.dithering import thresholds_of
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.graphics import offscreen_context
 
 SIZE = (96, 72)
 LAB = Display("lab", 100.0, 0.1, 2.0, pixels_per_degree=12.0)

@@ -19,7 +19,7 @@ from evenlight.experiments.viewing.search_schedule import (
     search_practice,
 )
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.rings.place_files import PRACTICE_SIZE, KeypointRings, ring_places
+from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import path_named
 

@@ -14,6 +14,7 @@ import pytest
 from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import SearchDesign
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign, Version
@@ -21,12 +22,12 @@ from evenlight.data_schema.storage.text_files import read_json_record, write_tom
 from evenlight.experiments.sessions.search_stage import RingPicture
 from evenlight.experiments.simulate_command import simulate
 from evenlight.experiments.stimulus_folder import LoadedStimulus
-from evenlight.experiments.viewing import simulate_viewing, simulated_viewers
+from evenlight.experiments.viewing import ring_views, search_task
 from evenlight.experiments.viewing.ring_views import ring_alone
 from evenlight.experiments.viewing.search_schedule import SearchPoint
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.place_files import KeypointRings
+from evenlight.stimuli.rings.ring_scene import KeypointRings
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 
@@ -75,7 +76,7 @@ def uniform_painter(display: Display, side: int) -> Iterator[UniformScenes]:
 
 
 def points_by_hand(
-    design: SearchDesign, stimuli: Sequence[LoadedStimulus], display: Display
+    design: SearchDesign, stimuli: Sequence[LoadedStimulus], display: Display, actuator: Actuator
 ) -> tuple[SearchPoint, ...]:
     baseline = {stimulus.name: stimulus.stimulus.baseline_factor for stimulus in stimuli}
     return tuple(
@@ -91,8 +92,8 @@ def points_by_hand(
 
 @pytest.fixture
 def search_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulated_viewers, "OffscreenPainter", uniform_painter)
-    monkeypatch.setattr(simulate_viewing, "search_points", points_by_hand)
+    monkeypatch.setattr(ring_views, "OffscreenPainter", uniform_painter)
+    monkeypatch.setattr(search_task, "search_points", points_by_hand)
 
 
 def run(task: str, out: Path, stimuli: Path, design_files: dict[str, str], n: int = 4, seed: int = 7) -> Path:
@@ -205,7 +206,7 @@ def test_a_search_without_opengl_is_refused_in_one_line_and_leaves_nothing(
         raise RuntimeError("no display and no EGL here")
 
     monkeypatch.setattr("moderngl.create_context", refused)
-    monkeypatch.setattr(simulate_viewing, "search_points", points_by_hand)
+    monkeypatch.setattr(search_task, "search_points", points_by_hand)
     with pytest.raises(InputError, match=r"need OpenGL 3\.3") as caught:
         run("search", tmp_path / "out", stimuli, design_files)
     assert "\n" not in str(caught.value)

@@ -16,14 +16,14 @@ from evenlight.data_schema.recordings.session import SessionManifest, SessionSta
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.sessions.search_stage import RingPicture
 from evenlight.experiments.sessions.task import SessionSetting
-from evenlight.experiments.viewing import simulated_viewers
-from evenlight.experiments.viewing.ring_views import ring_alone
+from evenlight.experiments.viewing import ring_views
+from evenlight.experiments.viewing.ring_views import ring_alone, search_viewing
 from evenlight.experiments.viewing.search_observer import SearchAnswer
 from evenlight.experiments.viewing.search_schedule import SearchPoint, search_order, search_practice
-from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, ViewingAnswers
+from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, ViewingAnswers, viewing_answers
 from evenlight.hardware.rig_files import load_rig
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.place_files import KeypointRings
+from evenlight.stimuli.rings.ring_scene import KeypointRings
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.scene import Vector
 
@@ -87,14 +87,13 @@ def closing(display: Display, side: int) -> Iterator[ClosingPainter]:
 
 @pytest.fixture
 def answers_of(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(simulated_viewers, "OffscreenPainter", closing)
-    monkeypatch.setattr(simulated_viewers, "search_points", lambda design, stimuli, display, actuator: POINTS)
+    monkeypatch.setattr(ring_views, "OffscreenPainter", closing)
+    monkeypatch.setattr(ring_views, "search_points", lambda design, stimuli, display, actuator: POINTS)
     manifest = SessionManifest(
         "01", "01", "search", True, SessionStatus.RUNNING, 6, LAB, DESIGN, Provenance()
     )
-    return simulated_viewers.viewing_answers(
-        SessionSetting(manifest, load_rig("simulated")[0]), np.random.default_rng(1)
-    )
+    setting = SessionSetting(manifest, load_rig("simulated")[0])
+    return viewing_answers(search_viewing, setting, np.random.default_rng(1))
 
 
 def test_whatever_a_session_shows_was_looked_at_before_its_window_opened(answers_of: Any) -> None:

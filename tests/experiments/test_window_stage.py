@@ -289,7 +289,7 @@ def test_without_a_window_the_pause_key_works_and_silence_is_an_error() -> None:
     with pytest.raises(PausePressed):
         blind.show_ramp(FALL)
     assert clock.now() == pytest.approx(2.0)
-    with pytest.raises(RuntimeError, match="nobody answers 'Changed"):
+    with pytest.raises(RuntimeError, match="no one answers 'Changed"):
         blind.ask("Changed?", ["y"], 70.0)
 
 

@@ -15,18 +15,16 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.online.control_curves import VideoGovernor, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.frame_costs import frame_costs
-from evenlight.method.online.governor import GovernorSettings, governor_of
+from evenlight.method.online.governor import GovernorSettings, frame_costs, governor_of
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import pairwise_spread, proximal_spread
 from evenlight.method.optimizer.optimize import Problem, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model
-from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
+from evenlight.method.rate_limit import largest_rate_ratio, rate_limit_at, scalar_rate_limit
 
 OLED = PowerModel("o", PanelKind.OLED, 0.1, red_power=0.3, green_power=1.0, blue_power=0.4)
 KNOTS = 17

@@ -21,7 +21,6 @@ from evenlight.data_schema.tracks.brightness_track import (
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.modulation import largest_rate_ratio, modulation_rate
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.optimizer.lower_bound import lower_bound
@@ -30,8 +29,8 @@ from evenlight.method.optimizer.optimize import feasible_blend, is_feasible, opt
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.rate_limit import scalar_rate_limit
-from evenlight.stimuli.video.frame_times import frame_times, uniform_times
+from evenlight.method.rate_limit import largest_rate_ratio, modulation_rate, scalar_rate_limit
+from evenlight.stimuli.video.video_source import frame_times, uniform_times
 
 MANY = 100_000  # frames: 55 minutes at 30 Hz
 

@@ -20,7 +20,6 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit, TrackHeade
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance, SolverName
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
@@ -29,7 +28,7 @@ from evenlight.method.optimizer.optimize import Problem, is_feasible, optimize, 
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.power import power
-from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import largest_rate_ratio, scalar_rate_limit
 
 PICTURES = {
     "flat": lambda x, y, rng: np.full(x.shape, rng.random()),

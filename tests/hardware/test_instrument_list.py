@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.hardware.instrument_list import ConnectedDevices, known_instruments, list_lines, missing_lines
+from evenlight.hardware.measure_command import ConnectedDevices, known_instruments, list_lines, missing_lines
 
 
 @dataclass

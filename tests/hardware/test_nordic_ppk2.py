@@ -12,7 +12,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers import ppk2_port as stream
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.ppk2 import Ppk2Emulator, calibration
+from evenlight.hardware.emulators.power_meters import Ppk2Emulator, calibration
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock

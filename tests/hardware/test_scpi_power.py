@@ -13,7 +13,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers.scpi_lines import number_in
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.scpi_instrument import ALL, ScpiEmulator
+from evenlight.hardware.emulators.power_meters import SCPI_QUESTIONS, ScpiEmulator
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
@@ -50,7 +50,7 @@ def averaged(meter: ScpiPowerMeter, simulation: Simulation) -> float:
 @pytest.mark.parametrize(
     ("known", "options", "asked"),
     [
-        (ALL, "", "MEAS:POW?"),
+        (SCPI_QUESTIONS, "", "MEAS:POW?"),
         (("MEAS:VOLT?", "MEAS:CURR?"), "", "MEAS:VOLT? and MEAS:CURR?"),
         (("MEAS:CURR?",), "?voltage=5.0", "MEAS:CURR? times 5 V"),
     ],

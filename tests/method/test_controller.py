@@ -13,7 +13,6 @@ from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import LimitCurve
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.online.control_curves import ControlledTrack, control_curves
 from evenlight.method.online.controller import (
     Controller,
@@ -22,7 +21,7 @@ from evenlight.method.online.controller import (
     FrameMeasurement,
 )
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
+from evenlight.method.rate_limit import largest_rate_ratio, rate_limit_at, scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 

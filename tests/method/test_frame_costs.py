@@ -5,8 +5,7 @@ import pytest
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.online.controller import ControllerState
-from evenlight.method.online.frame_costs import ContentCosts, first_factor
-from evenlight.method.online.governor import Governor, GovernorSettings
+from evenlight.method.online.governor import ContentCosts, Governor, GovernorSettings, first_factor
 from evenlight.method.preset_files import load_power_model
 
 LCD = load_power_model("surace2025")

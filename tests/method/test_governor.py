@@ -13,21 +13,21 @@ from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.modulation import largest_rate_ratio
 from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
-from evenlight.method.online.frame_costs import FrameCost, frame_costs
 from evenlight.method.online.governor import (
     PAYBACK,
     Excess,
+    FrameCost,
     Governor,
     GovernorSettings,
+    frame_costs,
     governor_of,
     horizon_warning,
 )
 from evenlight.method.power import power
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
+from evenlight.method.rate_limit import ScalarRateLimit, largest_rate_ratio, scalar_rate_limit
 
 PAPER = scalar_rate_limit(load_rate_limit("surace2025"))
 LCD = load_power_model("surace2025")

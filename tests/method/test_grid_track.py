@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from evenlight.method.optimizer.grid_track import GridCells, bins_within, cheapest_track
+from evenlight.method.optimizer.factor_grid import GridCells, bins_within, cheapest_track
 
 FRAMES, CHOICES = 5, 4
 FINE = 512  # bins: most sums of the hand-made grids have their own

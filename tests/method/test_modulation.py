@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.method.modulation import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate
 
 
 def test_only_the_modulation_counts_not_a_cut_in_the_content() -> None:

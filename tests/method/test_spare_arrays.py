@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
 from evenlight.data_schema.display import Display
-from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.frame_light import SpareArrays
+from evenlight.method.contrast.frame_analysis import FrameAnalysis, SpareArrays
 from evenlight.method.contrast.loss_curves import brightness_factors
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)

@@ -8,13 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
-from evenlight.method.online.stability_margins import (
-    FrameGains,
-    frame_gains,
-    margins,
-    open_loop,
-    stable_slope,
-)
+from evenlight.method.online.tuning import FrameGains, frame_gains, margins, open_loop, stable_slope
 
 GAIN = st.floats(0.0, 2.0).map(lambda gain: round(gain, 3))
 GAINS = st.builds(FrameGains, GAIN, GAIN.map(lambda gain: max(gain, 0.01)), GAIN)

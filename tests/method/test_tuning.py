@@ -10,12 +10,13 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.stability_margins import frame_gains, margins
 from evenlight.method.online.tuning import (
     AS_GOOD,
     MarginRequirements,
     TuningResult,
     content_slopes,
+    frame_gains,
+    margins,
     rms_error,
     tune,
 )

@@ -23,7 +23,7 @@ from evenlight.hardware.rig import open_held_keys, open_window
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.dithering import dithered_codes, thresholds_of
-from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.sequences import open_video
 
 LAB = Display("lab", 100.0, 0.2, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)
 SIZE = (161, 123)

@@ -123,8 +123,8 @@ def test_what_is_not_there_is_refused_in_one_line_and_leaves_nothing(dataset, co
         ((tmp_path,), "holds no session"),
         ((dataset, "--task", "search"), "expected sessions of search; it holds ramp, rating, comparison"),
         ((dataset, "--task", "seeing"), "--task must be one of"),
-        ((dataset, "--margin", "0.5"), "--margin must lie between 0 and 0.5, got 0.5"),
-        ((dataset, "--slowing", "0"), "--slowing must lie above 0 and not above 9, got 0"),
+        ((dataset, "--margin", "0.5"), "margin must lie between 0 and 0.5, got 0.5"),
+        ((dataset, "--slowing", "0"), "slowing must lie above 0 and not above 9, got 0"),
         (
             (dataset.parent,),
             "holds data sets in folders of their own: comparison, ramp, rating; give one",

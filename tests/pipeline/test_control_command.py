@@ -12,15 +12,15 @@ from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.control import TargetRow
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.experiments.playback.video_and_track import load_track, require_fit
+from evenlight.experiments.playback.clip_feeds import load_track, require_fit
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.video_file import write_video
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

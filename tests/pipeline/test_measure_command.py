@@ -21,7 +21,7 @@ from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.emulators.luminance_meters import EmulatedColorCal, EmulatedLs100, EmulatedPr655
 from evenlight.hardware.emulators.power_board import PowerBoardEmulator
-from evenlight.hardware.instrument_list import driver_names
+from evenlight.hardware.measure_command import driver_names
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 

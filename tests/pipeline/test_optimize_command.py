@@ -7,8 +7,8 @@ from optimized_videos import limit_file, optimized, refused, texture, video
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.video.coarser_frames import coarser
+from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.frame_conversion import coarser
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

@@ -22,9 +22,9 @@ from evenlight.data_schema.tracks.brightness_track import (
     TrackHeader,
     write_track,
 )
-from evenlight.experiments.playback.video_and_track import mean_factor
+from evenlight.experiments.playback.clip_feeds import mean_factor
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video.video_file import write_video
 
 ROOT = Path(evenlight.__file__).parents[1]
 N, RATE = 30, 25.0
@@ -229,7 +229,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         ((video, tmp_path), "no such brightness track"),
         ((video, track, "--size", "64x48"), "--size is for built-in sequences"),
         ((video, track, "--log", "log.txt"), "give a file that ends in .csv or .jsonl"),
-        ((video, track, "--loop", "--simulate"), "--loop goes on until somebody presses escape"),
+        ((video, track, "--loop", "--simulate"), "--loop goes on until someone presses escape"),
         (("nothing", track), "no video 'nothing'"),
         *[
             ((video, track, option, value), f"{option} is for walks through a scene: give it with --walk")

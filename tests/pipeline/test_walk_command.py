@@ -18,8 +18,8 @@ from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
-from evenlight.stimuli.open_video import open_video
 from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.sequences import open_video
 
 SPEED = 1.4  # [m/s] of somebody who walks straight on
 

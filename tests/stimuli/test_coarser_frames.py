@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.video.coarser_frames import area_weights, coarser
+from evenlight.stimuli.video.frame_conversion import area_weights, coarser
 
 GAMMA = 2.2
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from av.video.frame import VideoFrame
 
-from evenlight.stimuli.video.colour_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 
 WEIGHTS = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}  # H.273, table 4: K_R, K_B
 LIMITED, FULL = 1, 2

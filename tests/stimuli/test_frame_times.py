@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.stimuli.video.frame_times import frame_times, rate_from_number, uniform_times
+from evenlight.stimuli.video.video_source import frame_times, rate_from_number, uniform_times
 
 MILLISECOND = Fraction(1, 1000)
 rates = st.sampled_from(

@@ -6,7 +6,7 @@ import pytest
 from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.open_video import open_video
+from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.image_folder import natural_order, open_image_folder
 
 

@@ -6,8 +6,7 @@ from typer.testing import CliRunner
 
 from evenlight.command import app
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.sequences import built_in_sequence
+from evenlight.stimuli.sequences import built_in_sequence, open_video
 
 pytestmark = pytest.mark.slow
 

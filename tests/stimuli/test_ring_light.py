@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.display import Display
 from evenlight.stimuli.dithering import level_luminance
-from evenlight.stimuli.rings.ring_light import shown_contrast
+from evenlight.stimuli.rings.landolt import shown_contrast
 
 LAB = Display("lab", 100.0, 0.5, 2.2, pixels_per_degree=60.0)
 contrasts = st.floats(-1.0, 3.0)

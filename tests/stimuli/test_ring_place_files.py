@@ -9,20 +9,20 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.place_files import (
+from evenlight.stimuli.rings.ring_places import DISPLAY, PICTURE_SIZE, PlaceRules, lies_on_a_surface
+from evenlight.stimuli.rings.ring_scene import (
     PATHS,
     PRACTICE_SIZE,
     SUFFIX,
     KeypointRings,
     RingPlaces,
+    RingScene,
     ring_places,
 )
-from evenlight.stimuli.rings.ring_places import DISPLAY, PICTURE_SIZE, PlaceRules, lies_on_a_surface
-from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import Keypoint, path_named
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import direction_of, scene_named
 
 pytestmark = pytest.mark.slow

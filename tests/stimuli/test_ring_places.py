@@ -14,8 +14,7 @@ import pytest
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.ring_light import Surroundings
+from evenlight.stimuli.rings.landolt import Ring, Surroundings
 from evenlight.stimuli.rings.ring_places import (
     NOTHING,
     PlaceRules,
@@ -26,9 +25,9 @@ from evenlight.stimuli.rings.ring_places import (
 )
 from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Scene, direction_of
 
 pytestmark = pytest.mark.slow

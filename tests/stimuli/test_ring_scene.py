@@ -15,11 +15,10 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
-from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.ring_light import PaintedRing
+from evenlight.stimuli.rings.landolt import PaintedRing, Ring
 from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
+from evenlight.stimuli.scenes.graphics import offscreen_context
 
 SIZE = (400, 300)
 HERE = (1.0, 2.0, 1.65)

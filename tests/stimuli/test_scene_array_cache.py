@@ -93,6 +93,5 @@ def test_light_is_valid_for_the_sources_that_compute_it_and_no_others() -> None:
         "bake.py",
         "bake_kernels.py",
         "bake_lights.py",
-        "charts.py",
         "ray_tree.py",
     }

@@ -7,9 +7,9 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import direction_of
 
 SIZE = (320, 180)

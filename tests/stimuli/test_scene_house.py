@@ -7,10 +7,10 @@ import pytest
 
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, Camera
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.house import materials
 from evenlight.stimuli.scenes.house.house import house
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Floats, Material, Scene
 
 pytestmark = pytest.mark.slow

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
-from evenlight.stimuli.scenes.drawing.shaders import PEAK, shown_share
+from evenlight.stimuli.scenes.graphics import PEAK, offscreen_context, shown_share
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Quality
 
 pytestmark = pytest.mark.slow

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from evenlight.stimuli.scenes import renderer
 from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.drawing import graphics_scene
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 
 SIZE = (320, 180)
 CODE = 65535 / 1023  # pixel values per code of 10 bits
@@ -78,7 +78,7 @@ def frames():
     Without a quality of light: what is hidden is hidden in any.
     """
     counts: list[tuple[int, int]] = []
-    plain = graphics_scene.not_hidden
+    plain = renderer.not_hidden
 
     def counted(blocks, chosen, matrix, depth):
         kept = plain(blocks, chosen, matrix, depth)
@@ -89,15 +89,15 @@ def frames():
         return chosen
 
     with pytest.MonkeyPatch.context() as patched, offscreen_context() as context:
-        renderer = SceneRenderer(context, house_with_a_door(), SIZE, None)
+        drawn = SceneRenderer(context, house_with_a_door(), SIZE, None)
         pictures = []
         for function in (counted, hides_nothing):
-            patched.setattr(graphics_scene, "not_hidden", function)
+            patched.setattr(renderer, "not_hidden", function)
             pictures.append([])
             for camera in CAMERAS.values():
-                renderer.render(camera)
-                renderer.encode()
-                pictures[-1].append(renderer.pixel_values().astype(int))
+                drawn.render(camera)
+                drawn.encode()
+                pictures[-1].append(drawn.pixel_values().astype(int))
     return dict(zip(CAMERAS, zip(*pictures, counts, strict=True), strict=True))
 
 
@@ -128,12 +128,10 @@ def test_a_picture_lacks_what_is_wrongly_taken_for_hidden(monkeypatch):
     camera = CAMERAS["at the door, from afar"]
     pictures = []
     with offscreen_context() as context:
-        renderer = SceneRenderer(context, house_with_a_door(), SIZE, None)
+        drawn = SceneRenderer(context, house_with_a_door(), SIZE, None)
         for step in (1, 2):
-            monkeypatch.setattr(
-                graphics_scene, "not_hidden", lambda b, chosen, m, d, step=step: chosen[::step]
-            )
-            renderer.render(camera)
-            renderer.encode()
-            pictures.append(renderer.pixel_values().astype(int))
+            monkeypatch.setattr(renderer, "not_hidden", lambda b, chosen, m, d, step=step: chosen[::step])
+            drawn.render(camera)
+            drawn.encode()
+            pictures.append(drawn.pixel_values().astype(int))
     assert (np.abs(pictures[0] - pictures[1]) > CODE + 1).any(axis=2).mean() > 1e-2

@@ -6,9 +6,9 @@ import pytest
 from evenlight.stimuli.scenes.camera_path import path_named
 from evenlight.stimuli.scenes.model import SceneModel
 from evenlight.stimuli.scenes.scene import SEED, Material, scene_named
-from evenlight.stimuli.scenes.school import materials
+from evenlight.stimuli.scenes.school import building
+from evenlight.stimuli.scenes.school.furniture import book_row
 from evenlight.stimuli.scenes.school.school import school
-from evenlight.stimuli.scenes.school.shelves import book_row
 from evenlight.stimuli.scenes.textures.school import SPINE_ROWS, library_spines
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,7 @@ PLACES = {
 }  # fmt: skip
 MATERIALS = [
     material
-    for value in vars(materials).values()
+    for value in vars(building).values()
     for material in (value.values() if isinstance(value, dict) else [value])
     if isinstance(material, Material)
 ]

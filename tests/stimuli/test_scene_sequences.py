@@ -13,9 +13,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.array_cache import cache_folder
 from evenlight.stimuli.scenes.camera import Camera
 from evenlight.stimuli.scenes.camera_path import path_named
-from evenlight.stimuli.scenes.drawing.graphics_state import offscreen_context
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.graphics import offscreen_context
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene import Quality, scene_named
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequence_format import SequenceFormat
@@ -161,7 +161,7 @@ sys.path[:0] = [{root!r}, {tests!r}]
 from psychopy import visual
 import moderngl
 from test_scene_sequences import CAMERA, SIZE, pixel_values, small_scene
-from evenlight.stimuli.scenes.drawing.renderer import SceneRenderer
+from evenlight.stimuli.scenes.renderer import SceneRenderer
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.field_renderer import Field, FieldRenderer

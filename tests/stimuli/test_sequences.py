@@ -5,9 +5,8 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import white_tiles
-from evenlight.stimuli.open_video import open_video
 from evenlight.stimuli.sequence_format import SequenceFormat, encoded_light, on_grid
-from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence
+from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence, open_video
 
 pytestmark = pytest.mark.slow
 

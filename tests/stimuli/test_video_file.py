@@ -12,9 +12,8 @@ import pytest
 from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.video.video_file import open_video_file
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.video_file import open_video_file, write_video
 
 
 def moving_picture(k, size=(96, 64)):
@@ -260,7 +259,7 @@ def test_the_decoder_says_nothing_on_its_own(tmp_path):
     path.write_bytes(bytes(content))
     program = (
         "import sys; from evenlight.data_schema.errors import InputError\n"
-        "from evenlight.stimuli.open_video import open_video\n"
+        "from evenlight.stimuli.sequences import open_video\n"
         "try: list(open_video(sys.argv[1]).frames())\n"
         "except InputError: print('refused')"
     )

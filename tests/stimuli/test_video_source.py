@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.open_video import open_video, open_videos
+from evenlight.stimuli.sequences import open_video, open_videos
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
+from evenlight.analysis.report_prose import prose
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -18,12 +19,11 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.modulation import allowed_rate, modulation_rate
 from evenlight.method.optimizer.optimize import Problem, optimize, pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
-from evenlight.stimuli.open_video import open_video
-from evenlight.stimuli.sequences import built_in_sequence
+from evenlight.method.rate_limit import allowed_rate, modulation_rate
+from evenlight.stimuli.sequences import built_in_sequence, open_video
 from evenlight.stimuli.video.video_source import VideoSource
 
 # The clip that serves where no other is given: the sun rises and sets again, as in the paper's timelapse.
@@ -36,14 +36,11 @@ class ClipOutcome:
 
     Attributes
     ----------
-    choice : str
-        Name of the limit among the choices.
-    factors : array (N,)
-        The brightness track b.
-    objective : float
-        Mean absolute difference of contrast loss between two frames.
-    gain : float
-        How much less that is than under constant dimming, as a share; 0 where that has no difference.
+    choice, factors : str, array (N,)
+        Name of the limit among the choices, and the brightness track b.
+    objective, gain : float
+        Mean absolute difference of contrast loss between two frames, and how much less that is than under
+        constant dimming, as a share; 0 where that has no difference.
     fastest : float
         Fastest luminance change [cd/m^2/s].
     share_of_limit, share_of_fitted : float
@@ -69,10 +66,8 @@ class ClipComparison:
 
     Attributes
     ----------
-    video : str
-        Name of the clip.
-    budget : float
-        Mean brightness factor.
+    video, budget : str, float
+        Name of the clip, and mean brightness factor.
     times : array (N,)
         Of the frames [s].
     objective_baseline : float
@@ -99,14 +94,10 @@ def compare_on_clip(
 
     Parameters
     ----------
-    choices : LimitChoices
-        The limits, the fitted one first.
-    curves : LossCurves
-        Of the clip, on the display of the calibration.
-    budget : float
-        Mean brightness factor.
-    power_model : PowerModel
-        Of the panel; the budget counts factors, so that it changes nothing but what a watt is.
+    choices, curves : LimitChoices, LossCurves
+        The limits, the fitted one first; of the clip, on the display of the calibration.
+    budget, power_model : float, PowerModel
+        Mean brightness factor, and the panel; it changes nothing but what a watt is, as factors are counted.
 
     Raises
     ------
@@ -173,37 +164,13 @@ def _outcome(name: str, problem: Problem, fitted: Problem, factors: Array, basel
 
 def in_words(choices: LimitChoices, comparison: ClipComparison) -> str:
     """Return what the choice does on the clip, in a few sentences."""
-    fitted = comparison.outcomes[0]
-    words = (
-        f"On {comparison.video}, dimmed to a mean factor of {comparison.budget:g}, the fitted limit lets "
-        f"contrast loss differ by {fitted.objective:.3g} between two frames, {_percent(fitted.gain)} less "
-        f"than constant dimming ({comparison.objective_baseline:.3g}). "
-    )
-    others = comparison.outcomes[1:]
-    if not others:
-        return words.rstrip()
-    best, worst = (pick(others, key=lambda outcome: outcome.gain) for pick in (max, min))
-    low, high = worst.gain, best.gain
-    words += (
-        f"With the other curves it is {_percent(low)} to {_percent(high)} less "
-        f"({words_of(choices, worst.choice)}; {words_of(choices, best.choice)}). "
-        if round(low, 2) != round(high, 2)
-        else f"With every other curve it is {_percent(low)} less. "
-    )
-    boldest = max(others, key=lambda outcome: outcome.share_of_fitted)
-    if boldest.share_of_fitted > 1.005:
-        words += (
-            f"If the fitted curve is the true one, the track of “{words_of(choices, boldest.choice)}” "
-            f"changes up to {boldest.share_of_fitted:.2f} times as fast as it should."
-        )
-    return words.rstrip()
-
-
-def _percent(share: float) -> str:
-    """Return a share in percent."""
-    return f"{100 * share:.0f} %"
-
-
-def words_of(choices: LimitChoices, name: str) -> str:
-    """Return what a choice is."""
-    return next(choice.words for choice in choices.choices if choice.name == name)
+    fitted, *others = comparison.outcomes
+    by_gain = sorted(others, key=lambda outcome: outcome.gain)
+    return prose(
+        "fit_choices_on_clip",
+        comparison=comparison,
+        fitted=fitted,
+        ends=(by_gain[0], max(others, key=lambda outcome: outcome.gain)) if others else (),
+        boldest=max(others, key=lambda outcome: outcome.share_of_fitted, default=None),
+        words={choice.name: choice.words for choice in choices.choices},
+    )[0]

@@ -64,10 +64,8 @@ def limit_choices_figure(
 
     Parameters
     ----------
-    choices : LimitChoices
-        The curves.
-    thresholds : sequence of Threshold
-        Those that the fitted curve was fitted to.
+    choices, thresholds : LimitChoices, sequence of Threshold
+        The curves, and the thresholds that the fitted one was fitted to.
     comparison : ClipComparison, optional
         What they do to a clip; without it the upper part is drawn alone.
     medium : Medium

@@ -59,14 +59,10 @@ def write_limit_choices(
 
     Parameters
     ----------
-    folder : Path
-        Where to.
-    choices : LimitChoices
-        The curves, their records marked as simulated where they are.
-    comparison : ClipComparison or None
-        What they do to a clip, if one was looked at.
-    origin : Provenance
-        Of the calibration, with the clip among its inputs.
+    folder, choices : Path, LimitChoices
+        Where to, and the curves, their records marked as simulated where they are.
+    comparison, origin : ClipComparison or None, Provenance
+        What they do to a clip, if one was looked at; of the calibration, with the clip among its inputs.
     """
     rows = [_row(choice, comparison) for choice in choices.choices]
     write_rows(folder / TABLE, ChoiceRow, rows)
@@ -109,17 +105,12 @@ def _row(choice: LimitChoice, comparison: ClipComparison | None) -> ChoiceRow:
     outcome = comparison and comparison.of(choice.name)
     clip = (
         (
-            outcome.objective,
-            comparison.objective_baseline,
-            outcome.gain,
-            outcome.fastest,
-            outcome.share_of_limit,
-            outcome.share_of_fitted,
-            outcome.time_at_limit,
+            outcome.objective, comparison.objective_baseline, outcome.gain, outcome.fastest,
+            outcome.share_of_limit, outcome.share_of_fitted, outcome.time_at_limit,
         )
         if comparison and outcome
         else (None,) * 7
-    )
+    )  # fmt: skip
     return ChoiceRow(
         choice.name,
         choice.words,
@@ -141,12 +132,10 @@ def choices_section(choices: LimitChoices, comparison: ClipComparison | None, fi
 
     Parameters
     ----------
-    choices : LimitChoices
-        The curves.
+    choices, figure_png : LimitChoices, bytes
+        The curves, and their `limit_choices_figure`.
     comparison : ClipComparison or None
         What they do to a clip, if one was looked at.
-    figure_png : bytes
-        Its `limit_choices_figure`.
     """
     best = better_log_log(choices)
     text = prose(
@@ -173,15 +162,13 @@ def _curve_table(choices: LimitChoices) -> Table:
     """Return the curves beside the fitted one."""
     rows: list[tuple[Cell, ...]] = [
         (
-            choice.words,
-            None if choice.left_out_error is None else f"{100 * choice.left_out_error:.1f} %",
-            _falls(choice),
+            choice.words, None if choice.left_out_error is None else f"{100 * choice.left_out_error:.1f} %",
+            "; ".join(f"{low:.3g} to {high:.3g} cd/m²" for low, high in choice.falling) or "nowhere",
             f"{choice.lowest_ratio:.2f} to {choice.highest_ratio:.2f}",
-            f"{choice.mean_ratio:.2f}",
-            f"{100 * choice.share_above:.0f} %",
+            f"{choice.mean_ratio:.2f}", f"{100 * choice.share_above:.0f} %",
         )
         for choice in choices.choices
-    ]
+    ]  # fmt: skip
     return Table(
         prose("fit_choices_table")[0],
         ("curve", "error", "falls with luminance", "ratio", "mean ratio", "allows more"),
@@ -189,24 +176,15 @@ def _curve_table(choices: LimitChoices) -> Table:
     )
 
 
-def _falls(choice: LimitChoice) -> str:
-    """Return where a curve falls, in words."""
-    return "; ".join(f"{low:.3g} to {high:.3g} cd/m²" for low, high in choice.falling) or "nowhere"
-
-
 def _clip_table(choices: LimitChoices, comparison: ClipComparison) -> Table:
     """Return what each choice does to the clip."""
     rows: list[tuple[Cell, ...]] = [
         (
-            choice.words,
-            outcome.objective,
-            f"{100 * outcome.gain:.1f} %",
-            outcome.fastest,
-            f"{100 * outcome.time_at_limit:.0f} %",
-            f"{outcome.share_of_fitted:.2f}",
+            choice.words, outcome.objective, f"{100 * outcome.gain:.1f} %", outcome.fastest,
+            f"{100 * outcome.time_at_limit:.0f} %", f"{outcome.share_of_fitted:.2f}",
         )
         for choice, outcome in zip(choices.choices, comparison.outcomes, strict=True)
-    ]
+    ]  # fmt: skip
     return Table(
         prose("fit_choices_clip_table", comparison=comparison)[0],
         ("curve", "difference", "gain", "fastest [cd/m²/s]", "at the limit", "step / fitted limit"),

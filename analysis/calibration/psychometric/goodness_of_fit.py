@@ -177,16 +177,12 @@ class AnswerSets:
 
     Attributes
     ----------
-    x : array (m,)
-        ln(rate), rates in cd/m^2/s.
-    n_trials : array (m,)
-        Trials at each.
+    x, n_trials : array (m,)
+        ln(rate), rates in cd/m^2/s, and trials at each.
     success : array (r, m)
         Successes at each, of each data set.
-    catch_yes : array (r,)
-        "Yes" in catch trials.
-    catch_trials : int
-        Catch trials.
+    catch_yes, catch_trials : array (r,), int
+        "Yes" in catch trials, and catch trials.
     guess_rate : float or None
         The guess rate, if the task fixes it.
     """
@@ -204,10 +200,8 @@ def most_probable(answers: AnswerSets, prior: PsychometricPrior, start: Array | 
 
     Parameters
     ----------
-    answers : AnswerSets
-        The data sets.
-    prior : PsychometricPrior
-        What was known before.
+    answers, prior : AnswerSets, PsychometricPrior
+        The data sets, and what was known before.
     start : array (4,), optional
         Parameters to set out from.
 

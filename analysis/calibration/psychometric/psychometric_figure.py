@@ -58,10 +58,8 @@ def psychometric_figure(
 
     Parameters
     ----------
-    fits : sequence of ThresholdFit
-        One per participant and level.
-    simulated : bool
-        Whether the participants were simulated; the figure says so.
+    fits, simulated : sequence of ThresholdFit, bool
+        One per participant and level, and whether participants were simulated; the figure says so.
     medium : Medium
         Where it is shown.
     """
@@ -78,7 +76,7 @@ def psychometric_figure(
         strip = float(np.clip(0.45 * max(len(group) for group in levels.values()), 1.5, 9.0)) * em
         panel = (medium.height - top) / len(rows) - strip - BETWEEN_ROWS * em
         panel = float(np.clip(panel, 7 * em, 10 * em))
-        grid = PanelGrid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
+        grid = _PanelGrid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
         figure = new_figure(medium, grid.top + len(rows) * grid.row_height - 1.8 * em)
         lines_at(figure, grid.left, lines)
         _draw_key(figure, grid, above, key_columns, scale)
@@ -90,11 +88,7 @@ def psychometric_figure(
 
 
 def _draw_level(
-    figure: Figure,
-    grid: PanelGrid,
-    place: tuple[int, int],
-    fits: list[ThresholdFit],
-    scale: PanelScale,
+    figure: Figure, grid: _PanelGrid, place: tuple[int, int], fits: list[ThresholdFit], scale: _PanelScale
 ) -> None:
     """Draw one level: functions, answers and false alarms above, thresholds below."""
     em, (row, column) = grid.em, place
@@ -117,13 +111,9 @@ def _draw_level(
             axes.axvline(100 * mean / t.luminance, color=LIMIT, linewidth=0.08 * 72 * em, zorder=1)
     for line, (words, colour) in enumerate(names):
         text_at(
-            figure,
-            left,
-            top + (1.25 * (line - len(names)) - 0.6) * em,
-            words,
-            color=colour,
+            figure, left, top + (1.25 * (line - len(names)) - 0.6) * em, words, color=colour,
             fontsize=0.92 * 72 * em,
-        )
+        )  # fmt: skip
     for axes in (panel, strip):
         _set_rate_axis(axes, scale)
     panel.tick_params(labelbottom=False, labelleft=column == 0)
@@ -137,7 +127,7 @@ def _way(threshold: Threshold) -> str:
     return f", {arrow} {threshold.ramp_duration:g} s"
 
 
-def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: PanelScale) -> None:
+def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: _PanelScale) -> None:
     """Draw each participant's function thinly, and their mean."""
     relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
     luminance = fits[0].threshold.luminance
@@ -155,21 +145,15 @@ def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: PanelScale) -> 
     axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
 
 
-def _draw_answers(axes: Axes, fits: list[ThresholdFit], scale: PanelScale) -> None:
+def _draw_answers(axes: Axes, fits: list[ThresholdFit], scale: _PanelScale) -> None:
     """Draw the shares of successes over the rates, and at no change the false alarms."""
     size = text_size()
     rates, yes, trials = drawn_answers(fits)
     area = (0.75 * size) ** 2 * trials / trials.max()
     axes.scatter(
-        rates,
-        yes / trials,
-        s=area,
-        facecolor=INK,
-        edgecolor="white",
-        linewidth=size / 22,
-        clip_on=False,
+        rates, yes / trials, s=area, facecolor=INK, edgecolor="white", linewidth=size / 22, clip_on=False,
         zorder=4,
-    )
+    )  # fmt: skip
     alarms = [f.threshold.false_alarm_rate for f in fits if f.threshold.false_alarm_rate is not None]
     if alarms:
         zero = np.full(len(alarms), scale.zero_at)
@@ -199,7 +183,7 @@ def _draw_thresholds(axes: Axes, fits: list[ThresholdFit]) -> None:
     axes.set(ylim=(len(fits) - 0.3, -0.7))
 
 
-def _set_rate_axis(axes: Axes, scale: PanelScale) -> None:
+def _set_rate_axis(axes: Axes, scale: _PanelScale) -> None:
     """Give some axes the common logarithmic axis of relative rates, with "no change" at its left end."""
     axes.set_xscale("log")
     axes.set_xlim(scale.left, scale.high * 1.25)
@@ -212,33 +196,24 @@ def _set_rate_axis(axes: Axes, scale: PanelScale) -> None:
     axes.set_xticks([], minor=True)
 
 
-def _draw_key(figure: Figure, grid: PanelGrid, top: float, columns: int, scale: PanelScale) -> None:
+def _draw_key(figure: Figure, grid: _PanelGrid, top: float, columns: int, scale: _PanelScale) -> None:
     """Write what is what, above the panels."""
     size = 72 * grid.em
     line: dict[str, Any] = {"color": PARTICIPANT, "linewidth": size / 11}
     dots: dict[str, Any] = {"linestyle": "none", "color": INK}
+    success = "correct answers" if scale.two else "“yes”"
     handles = [
         Line2D([], [], label="a participant", **line),
         Line2D([], [], color=LIMIT, label="mean, threshold"),
         Line2D(
-            [],
-            [],
-            marker="o",
-            label=f"share of {_answer(scale)}, area: trials",
-            markersize=0.6 * size,
+            [], [], marker="o", label=f"share of {success}, area: trials", markersize=0.6 * size,
             **dots,
         ),
         Line2D(
-            [],
-            [],
-            marker="o",
-            markersize=0.4 * size,
-            mfc=INK,
-            mec=INK,
-            label="threshold, 95 % credible",
+            [], [], marker="o", markersize=0.4 * size, mfc=INK, mec=INK, label="threshold, 95 % credible",
             **line,
         ),
-    ]
+    ]  # fmt: skip
     if scale.zero:
         alarms = Line2D([], [], marker="D", label="false alarms", markersize=0.5 * size, **dots)
         handles.insert(3, alarms)
@@ -249,12 +224,7 @@ def _draw_key(figure: Figure, grid: PanelGrid, top: float, columns: int, scale: 
     )
 
 
-def _answer(scale: PanelScale) -> str:
-    """Return what a success is."""
-    return "correct answers" if scale.two else "“yes”"
-
-
-def _name_axes(figure: Figure, grid: PanelGrid, rows: int, medium: Medium, scale: PanelScale) -> None:
+def _name_axes(figure: Figure, grid: _PanelGrid, rows: int, medium: Medium, scale: _PanelScale) -> None:
     """Write what the axes measure."""
     height = float(figure.get_size_inches()[1])
     words = "rate of change, per initial luminance [%/s]"
@@ -263,13 +233,9 @@ def _name_axes(figure: Figure, grid: PanelGrid, rows: int, medium: Medium, scale
     for row in range(rows):
         middle = grid.top + row * grid.row_height + grid.panel_height / 2
         text_at(
-            figure,
-            0.6 * grid.em,
-            middle,
-            "correct [%]" if scale.two else "“yes” [%]",
-            rotation=90,
+            figure, 0.6 * grid.em, middle, "correct [%]" if scale.two else "“yes” [%]", rotation=90,
             va="center",
-        )
+        )  # fmt: skip
 
 
 def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdFit]]:
@@ -281,7 +247,7 @@ def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdF
 
 
 @dataclass(frozen=True, slots=True)
-class PanelGrid:
+class _PanelGrid:
     """Where the panels are [inch]."""
 
     em: float
@@ -298,21 +264,16 @@ class PanelGrid:
 
 
 @dataclass(frozen=True, slots=True)
-class PanelScale:
+class _PanelScale:
     """What all panels share.
 
     Attributes
     ----------
-    low, high : float
-        Slowest and fastest relative rate tested [%/s].
-    lowest_share : float
-        Where the axis of answers begins.
-    two : bool
-        Whether of two intervals the right one was to be found.
-    zero : bool
-        Whether there are catch trials, drawn at the left end of the axis.
-    several : bool
-        Whether there are several directions or durations.
+    low, high, lowest_share : float
+        Slowest and fastest relative rate tested [%/s]; where the axis of answers begins.
+    two, zero, several : bool
+        Whether of two intervals the right one was to be found; whether there are catch trials, drawn at the
+        left end of the axis; whether there are several directions or durations.
     """
 
     low: float
@@ -333,14 +294,14 @@ class PanelScale:
         return self.zero_at / 1.25 if self.zero else self.low / 1.4
 
 
-def scale_of(fits: Sequence[ThresholdFit]) -> PanelScale:
+def scale_of(fits: Sequence[ThresholdFit]) -> _PanelScale:
     """Return what all panels share."""
     rates = [100 * fit.fit.counts.rates / fit.threshold.luminance for fit in fits]
     two = fits[0].threshold.procedure is Procedure.TWO_INTERVAL
     levels = by_level(fits)
     shares = [drawn_answers(group) for group in levels.values()]
     lowest = min(float((yes / trials).min()) for _, yes, trials in shares)
-    return PanelScale(
+    return _PanelScale(
         low=float(min(r.min() for r in rates)),
         high=float(max(r.max() for r in rates)),
         lowest_share=min(0.5, lowest) if two else 0.0,

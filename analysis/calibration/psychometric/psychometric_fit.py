@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
-from evenlight.method.psychometric import (
-    THRESHOLD_PROBABILITY,
-    WIDTH_LOGITS,
-    PsychometricFunction,
-)
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
 INTERVAL = (0.025, 0.5, 0.975)
 MAX_GUESS = 0.7  # above 0.75 there is no 75 % point; fits this close to it are flagged as false alarms
@@ -196,10 +192,8 @@ def posterior_grid(
 
     Parameters
     ----------
-    counts : RampCounts
-        The answers.
-    prior : PsychometricPrior
-        What was known before.
+    counts, prior : RampCounts, PsychometricPrior
+        The answers, and what was known before.
     coarse, fine : tuple of int
         Nodes of the grid that finds the posterior, and of the one that integrates it; a known guess rate
         takes one.
@@ -272,7 +266,7 @@ def _integrate(
 ) -> PosteriorGrid:
     """Return the posterior on a grid over the given intervals."""
     x = np.log(counts.rates)
-    t, w = (_even_nodes(*ranges[i], sizes[i]) for i in (0, 1))
+    t, w = ((np.linspace(*ranges[i], sizes[i]), np.zeros(sizes[i])) for i in (0, 1))  # equal weights: ln 1
     g, m = (_gauss_nodes(*ranges[i], sizes[i]) for i in (2, 3))
     outside = np.maximum(0.0, np.maximum(x[0] - t[0], t[0] - x[-1])) / prior.threshold_falloff
     off_middle = (w[0] - np.log(prior.width_median)) / prior.width_spread
@@ -320,11 +314,6 @@ def _ln_likelihood(
 def _ln_beta(p: NDArray[np.float64], a: float, b: float) -> NDArray[np.float64]:
     """Return the logarithm of a Beta density, without its constant."""
     return np.asarray(special.xlogy(a - 1, p) + special.xlog1py(b - 1, -p))
-
-
-def _even_nodes(low: float, high: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return equally spaced nodes and the logarithm of their (equal) weights."""
-    return np.linspace(low, high, size), np.zeros(size)
 
 
 def _gauss_nodes(low: float, high: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

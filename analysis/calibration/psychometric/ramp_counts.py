@@ -20,16 +20,10 @@ class RampLevelKey:
 
     Attributes
     ----------
-    screen : str
-        "white" or "gray".
-    factor : float
-        Initial brightness factor b.
-    luminance : float
-        Initial luminance [cd/m^2].
-    direction : Direction
-        Which way the luminance goes.
-    ramp_duration : float
-        Of the ramp [s].
+    screen, factor, luminance : str, float, float
+        "white" or "gray", initial brightness factor b, and initial luminance [cd/m^2].
+    direction, ramp_duration : Direction, float
+        Which way the luminance goes, and for how long [s].
     procedure : Procedure
         What is asked.
     """
@@ -75,12 +69,7 @@ class RampCounts:
 def level_of_trial(trial: RampTrial) -> RampLevelKey:
     """Return the level that a trial belongs to."""
     return RampLevelKey(
-        trial.screen,
-        trial.factor,
-        trial.initial_luminance,
-        trial.direction,
-        trial.duration,
-        trial.procedure,
+        trial.screen, trial.factor, trial.initial_luminance, trial.direction, trial.duration, trial.procedure
     )
 
 

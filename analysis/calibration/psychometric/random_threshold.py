@@ -38,14 +38,10 @@ class RandomThresholdFit:
     ci_low, ci_high : float
         95 % confidence interval, Student's t with one degree of freedom less than there are participants
         [cd/m^2/s].
-    standard_error_ln : float
-        Of μ.
-    participant_sd : float
-        σ, of ln(threshold) between participants.
-    width, lapse_rate : float
-        Of all participants.
-    n_participants : int
-        How many.
+    standard_error_ln, participant_sd : float
+        Of μ; and σ, of ln(threshold) between participants.
+    width, lapse_rate, n_participants : float, float, int
+        Of all participants, and how many.
     """
 
     threshold: float

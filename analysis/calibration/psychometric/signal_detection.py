@@ -103,10 +103,8 @@ def rate_of_d_prime(
 
     Parameters
     ----------
-    d_prime : float
-        Which.
-    function : PsychometricFunction
-        Of the participant at a level.
+    d_prime, function : float, PsychometricFunction
+        Which d′, and the function of the participant at a level.
     criterion : float, optional
         z(1 - FA) in yes/no; none for the choice between two intervals.
 

@@ -59,10 +59,8 @@ class ThresholdFit:
 
     Attributes
     ----------
-    threshold : Threshold
-        The record.
-    fit : PsychometricFit
-        Answers, fitted function, posterior.
+    threshold, fit : Threshold, PsychometricFit
+        The record; answers, fitted function, posterior.
     goodness : GoodnessOfFit or None
         How well the function describes the answers; None with too few rates to judge by.
     """
@@ -265,12 +263,8 @@ class TimedAnswers:
     ----------
     function : PsychometricFunction
         Fitted.
-    rates : array (n,)
-        Of each trial [cd/m^2/s].
-    success : array (n,)
-        1 or 0.
-    times : array (n,)
-        Place of each trial among all of the participant's, from 0 to 1.
+    rates, success, times : array (n,)
+        Rate of each trial [cd/m^2/s]; 1 or 0; its place among all of the participant's, from 0 to 1.
     """
 
     function: PsychometricFunction
@@ -285,10 +279,8 @@ class Drift:
 
     Attributes
     ----------
-    ratio : float
-        Threshold at the end over that at the beginning, to first order.
-    ci_low, ci_high : float
-        95 % confidence interval.
+    ratio, ci_low, ci_high : float
+        Threshold at the end over that at the beginning, to first order, and its 95 % confidence interval.
     p_value : float
         Probability of a drift as clear as this one without any.
     """

@@ -60,10 +60,8 @@ class ConditionEffect:
     ----------
     condition, reference : Condition
         Which are compared.
-    ratio : float
-        Of the threshold rates.
-    ci_low, ci_high : float
-        95 % confidence interval.
+    ratio, ci_low, ci_high : float
+        Of the threshold rates, and its 95 % confidence interval.
     """
 
     condition: Condition
@@ -149,10 +147,8 @@ def effect_of(
         The condition and the reference.
     ln_ratio, model_error : float
         Coefficient of the mixed model and its standard error.
-    residuals : array (n,)
-        ln(threshold) minus the curve of the reference.
-    thresholds : sequence of Threshold
-        What was fitted.
+    residuals, thresholds : array (n,), sequence of Threshold
+        ln(threshold) minus the curve of the reference, and what was fitted.
     """
     condition, reference = pair
     own: dict[str, dict[Condition, list[float]]] = {}
@@ -177,18 +173,14 @@ class ThresholdModel:
 
     Attributes
     ----------
-    basis : CurveBasis
-        Of the curve.
+    basis, data : CurveBasis, GroupedEstimates
+        Of the curve, and what it was fitted to.
     model : MixedModelFit
         The curve's coefficients first, then the effects of the conditions.
-    data : GroupedEstimates
-        What it was fitted to.
     luminance : array (n,)
         At which each threshold was entered [cd/m^2].
-    reference : Condition or None
-        Whose curve it is; None without thresholds.
-    effects : tuple of ConditionEffect
-        Of the other conditions.
+    reference, effects : Condition or None, tuple of ConditionEffect
+        Whose curve it is, None without thresholds; and the effects of the other conditions.
     """
 
     basis: CurveBasis

@@ -79,10 +79,8 @@ class CurveBasis:
 
     Attributes
     ----------
-    form : RateLimitForm
-        What the polynomial describes.
-    degree : int
-        Of the polynomial.
+    form, degree : RateLimitForm, int
+        What the polynomial describes, and its degree.
     luminance_range : (float, float)
         Lowest and highest luminance [cd/m^2], mapped to -1 and 1.
     """

@@ -45,12 +45,10 @@ def rate_limit_figure(
 
     Parameters
     ----------
-    limit : RateLimit
-        The curve.
+    limit, compared : RateLimit, and optional another
+        The curve, and another one, drawn beside it.
     thresholds : sequence of Threshold
         Of all participants, those left out for their flag included; without any, the limit's own points.
-    compared : RateLimit, optional
-        Another curve, drawn beside it.
     medium : Medium
         Where it is shown.
     """
@@ -69,7 +67,9 @@ def rate_limit_figure(
         _draw_points(axes, limit, thresholds)
         if compared is not None:
             _draw_compared(axes, compared)
-        _frame(axes, limit, compared)
+        right = 1.15 * max(limit.luminance_range[1], compared.luminance_range[1] if compared else 0.0)
+        axes.set(xlim=(0, right), xlabel="luminance L [cd/m²]", ylabel="rate of luminance change [cd/m²/s]")
+        axes.set_ylim(0, 1.04 * axes.get_ylim()[1])
         _draw_rays(axes)
         axes.legend(loc="upper left", bbox_to_anchor=(0.0, -3.9 * em / height), ncols=columns)
     return figure
@@ -174,13 +174,6 @@ def _draw_compared(axes: Axes, other: RateLimit) -> None:
     )
 
 
-def _frame(axes: Axes, limit: RateLimit, compared: RateLimit | None) -> None:
-    """Set ranges and names of the axes."""
-    right = 1.15 * max(limit.luminance_range[1], compared.luminance_range[1] if compared else 0.0)
-    axes.set(xlim=(0, right), xlabel="luminance L [cd/m²]", ylabel="rate of luminance change [cd/m²/s]")
-    axes.set_ylim(0, 1.04 * axes.get_ylim()[1])
-
-
 def _draw_rays(axes: Axes) -> None:
     """Draw lines of constant relative rate, named where they leave the frame."""
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
@@ -190,13 +183,8 @@ def _draw_rays(axes: Axes) -> None:
         axes.plot([0, end], [0, share * end / 100], color=FAINT, linewidth=size / 14, zorder=0.5)
         at_right = end == right
         axes.annotate(
-            f"{share:g} %/s",
-            (end, share * end / 100),
-            xytext=(0.3 * size, 0) if at_right else (0, 0.2 * size),
-            textcoords="offset points",
-            ha="left" if at_right else "center",
-            va="center" if at_right else "bottom",
-            color=MUTED,
-            fontsize=0.85 * size,
-            annotation_clip=False,
-        )
+            f"{share:g} %/s", (end, share * end / 100),
+            xytext=(0.3 * size, 0) if at_right else (0, 0.2 * size), textcoords="offset points",
+            ha="left" if at_right else "center", va="center" if at_right else "bottom", color=MUTED,
+            fontsize=0.85 * size, annotation_clip=False,
+        )  # fmt: skip

@@ -55,16 +55,12 @@ class RateLimitFit:
         σ_u, between participants, same unit; None without several participants.
     falling : tuple of (float, float)
         Luminances [cd/m^2] between which the curve falls noticeably; empty if none.
-    used : tuple of Threshold
-        The thresholds that went in; empty for bare points.
-    excluded : tuple of Threshold
-        The thresholds that did not, for their flag.
+    used, excluded : tuple of Threshold
+        The thresholds that went in, and those that did not, for their flag; empty for bare points.
     notes : tuple of str
         What a reader of the curve should know, as sentences.
-    reference : Condition or None
-        Direction and duration of the ramps that the limit is for; None for bare points.
-    effects : tuple of ConditionEffect
-        How the thresholds of the other conditions compare; empty with one condition.
+    reference, effects : Condition or None, tuple of ConditionEffect
+        The ramps that the limit is for, None for bare points; and how the thresholds of other ramps compare.
     """
 
     limit: RateLimit
@@ -99,14 +95,10 @@ def fit_points(
 
     Parameters
     ----------
-    luminance : array_like (n,)
-        L [cd/m^2].
-    rate : array_like (n,)
-        Thresholds ΔL [cd/m^2/s].
-    display : Display
-        What they were measured on.
-    options : RateLimitOptions, optional
-        Form, degree and band.
+    luminance, rate : array_like (n,)
+        L [cd/m^2], and thresholds ΔL [cd/m^2/s].
+    display, options : Display, RateLimitOptions, optional
+        What they were measured on; form, degree and band.
     name : str
         What to call the limit.
 

@@ -55,7 +55,7 @@ def fit_clock(recording: Recording) -> ClockFit:
     arrivals = fit_arrivals(samples)
     stretch = arrivals.line.to_meter(played)
     pings = fit_pings(recording.pings, (stretch[0], stretch[1])) if len(recording.pings) else None
-    flashes = None if pings else fit_flashes(samples, recording.flashes, played, arrivals)
+    flashes = None if pings else _fit_flashes(samples, recording.flashes, played, arrivals)
     flags: tuple[ClockFlag, ...] = ()
     if recording.log.sync_connected:
         edges = fit_edges(samples, changes_of(flips), pings or flashes or arrivals)
@@ -66,7 +66,7 @@ def fit_clock(recording: Recording) -> ClockFit:
         return best.record(flags)
     if recording.flashes:
         flags = (*flags, ClockFlag.FLASHES_NOT_FOUND)
-    if carries_computer_time(samples):
+    if _carries_computer_time(samples):
         return computer_time(samples).record(flags)
     return arrivals.record(flags)
 
@@ -124,14 +124,8 @@ def _windows(pings: Array) -> ClockWindows:
     return ClockWindows(at=pings[:, 1], low=pings[:, 0], high=pings[:, 2])
 
 
-def carries_computer_time(samples: Samples) -> bool:
-    """Return whether the samples' times can be the computer's: right before they arrived.
-
-    Parameters
-    ----------
-    samples : Samples
-        Of a meter that cannot be pinged.
-    """
+def _carries_computer_time(samples: Samples) -> bool:
+    """Return whether the samples' times can be the computer's: right before they arrived."""
     delays = samples.received - samples.device_time
     return bool(delays.min() >= SOONEST and delays.max() <= LATEST)
 
@@ -175,25 +169,14 @@ class _FlashPlace:
     lag: float
 
 
-def fit_flashes(
+def _fit_flashes(
     samples: Samples, flashes: Sequence[FlashMark], played: tuple[float, float], seed: ClockEstimate
 ) -> ClockEstimate | None:
     """Return the meter's clock by flash markers; None if none is found in the power.
 
     Each marker is laid over the power where the squared differences are least (the cross-correlation is
     greatest), together with the lag with which the panel follows. Markers before and after what was played
-    give offset and drift, a single one the offset.
-
-    Parameters
-    ----------
-    samples : Samples
-        Each once.
-    flashes : sequence of FlashMark
-        The markers, in order.
-    played : (float, float)
-        First and last flip, on the computer's clock [s].
-    seed : ClockEstimate
-        The clock by arrivals.
+    (first and last flip, on the computer's clock [s]) give offset and drift, a single one the offset.
     """
     groups = [
         [mark for mark in flashes if mark.time < played[0]],

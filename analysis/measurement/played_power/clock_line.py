@@ -25,10 +25,8 @@ class ClockLine:
 
     Attributes
     ----------
-    reference : float
-        On the meter's clock [s].
-    offset : float
-        Computer's time less the meter's, there [s].
+    reference, offset : float
+        On the meter's clock, and computer's time less the meter's, there [s].
     drift : float
         Seconds of the computer in one of the meter, less 1.
     """

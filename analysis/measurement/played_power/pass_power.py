@@ -41,10 +41,8 @@ def pass_powers(energies: Sequence[FrameEnergy], flips: Flips, log: PowerLog) ->
 
     Parameters
     ----------
-    energies : sequence of FrameEnergy
-        The frames, in order.
-    flips : Flips
-        The refreshes that showed them.
+    energies, flips : sequence of FrameEnergy, Flips
+        The frames, in order, and the refreshes that showed them.
     log : PowerLog
         What they were measured on.
     """
@@ -83,10 +81,8 @@ def version_powers(
 
     Parameters
     ----------
-    energies : sequence of FrameEnergy
-        The frames of all passes.
-    comparison : PassComparison
-        Of the passes.
+    energies, comparison : sequence of FrameEnergy, PassComparison
+        The frames of all passes, and their comparison.
     predict : callable, optional
         Power that a model has for a mean brightness factor [W].
     """
@@ -104,7 +100,8 @@ def _version_power(
     places = {one.pass_index for one in own}
     frames = [f for f in energies if f.pass_index in places and f.energy is not None]
     spent = [f.energy for f in frames if f.energy is not None]
-    mean, factor, sd = _mean_power(frames), _mean_factor(frames), _sd_power(own)
+    mean, factor, means = _mean_power(frames), _mean_factor(frames), [one.mean_power for one in own]
+    sd = float(np.std(np.array(means, dtype=np.float64), ddof=1)) if len(own) > 1 else None
     low, high = PowerEstimate(mean, None if sd is None else sd / len(own) ** 0.5, len(own) - 1).interval()
     saving, share = comparison.difference("full", version), comparison.saving(version)
     ends = (None, None) if share is None else share.interval()
@@ -161,12 +158,6 @@ def _mean_power(frames: Sequence[FrameEnergy]) -> float:
 def _mean_factor(frames: Sequence[FrameEnergy]) -> float:
     """Return the mean over time of the brightness factor."""
     return min(sum(f.factor * f.duration for f in frames) / sum(f.duration for f in frames), 1.0)
-
-
-def _sd_power(passes: Sequence[PassPower]) -> float | None:
-    """Return the standard deviation of passes' means [W]; None of a single one."""
-    means = [one.mean_power for one in passes]
-    return float(np.std(np.array(means, dtype=np.float64), ddof=1)) if len(means) > 1 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,10 +313,8 @@ def frame_energies(samples: Samples, spans: FrameSpans, line: ClockLine) -> list
 
     Parameters
     ----------
-    samples : Samples
-        Each once.
-    spans : FrameSpans
-        The frames, on the computer's clock.
+    samples, spans : Samples, FrameSpans
+        Each sample once, and the frames, on the computer's clock.
     line : ClockLine
         The meter's clock on the computer's.
     """

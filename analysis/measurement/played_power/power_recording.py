@@ -43,14 +43,10 @@ class Flips:
     ----------
     pass_index, video_frame : array of int, (N,)
         Which time through the video, and which frame of it.
-    version : array of str, (N,)
-        How it was dimmed.
-    flip : array, (N,)
-        When it appeared, on the computer's clock, rising [s].
-    factor : array, (N,)
-        Brightness factor b that was achieved.
-    sync : array of bool, (N,)
-        Level of the synchronisation line from then on.
+    version, factor : array of str, (N,), array, (N,)
+        How it was dimmed, and the brightness factor b that was achieved.
+    flip, sync : array, (N,), array of bool, (N,)
+        When it appeared, on the computer's clock, rising [s]; level of the synchronisation line from then on.
     """
 
     pass_index: NDArray[np.int64]
@@ -67,18 +63,12 @@ class Recording:
 
     Attributes
     ----------
-    log : PowerLog
-        What it was measured on.
-    samples : Samples
-        Each sample once, in the meter's order.
-    n_duplicated : int
-        Samples that came again.
+    log, flips, flashes : PowerLog, Flips, sequence of FlashMark
+        What it was measured on, what was shown, and the markers, in order.
+    samples, n_duplicated : Samples, int
+        Each sample once, in the meter's order, and how many came again.
     pings : array, (N, 3)
         Sent, the meter's time, received [s].
-    flips : Flips
-        What was shown.
-    flashes : sequence of FlashMark
-        The markers, in order.
     where : str
         The file of the samples, for messages.
     """
@@ -208,14 +198,10 @@ class Samples:
     ----------
     sequence : array of int, (N,)
         The meter's own count.
-    device_time : array, (N,)
-        When, on the meter's clock [s].
-    received : array, (N,)
-        When they had arrived, on the computer's clock [s].
-    power : array, (N,)
-        Mean power since the sample before [W].
-    sync : array of bool, (N,)
-        Level of the synchronisation input at that moment.
+    device_time, received : array, (N,)
+        When, on the meter's clock, and when they had arrived, on the computer's [s].
+    power, sync : array, (N,), array of bool, (N,)
+        Mean power since the sample before [W], and the level of the synchronisation input at that moment.
     """
 
     sequence: NDArray[np.int64]
@@ -254,7 +240,7 @@ def samples_once(samples: Samples, where: Path | str) -> tuple[Samples, int]:
         number, line = int(samples.sequence[row]), int(row) + 2
         if once.sequence[first] != number:
             raise InputError(
-                f"{where}, line {line}: sequence {number} comes after higher ones and is no repetition; was "
+                f"{where}, line {line}: sequence {number} comes after higher ones and is no repetition; "
                 "did the meter restart? Measure again, in one go"
             )
         if (once.device_time[first], once.power[first]) != (samples.device_time[row], samples.power[row]):
@@ -289,10 +275,8 @@ class EnergyKnots:
 
     Attributes
     ----------
-    times : array, (K,)
-        When, on the meter's clock [s].
-    energy : array, (K,)
-        Energy from the first time to this one, on the meter's clock [J].
+    times, energy : array, (K,)
+        When, on the meter's clock [s], and the energy from the first time to this one [J].
     sample_times : array, (N,)
         When the samples ended [s].
     gap_starts, gap_ends : array, (G,)

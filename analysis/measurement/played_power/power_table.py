@@ -1,7 +1,8 @@
-"""The measured power of a played video: each version's average, as the paper's power table."""
+"""The measured power of a played video: each version's average, as the paper's power table, and in words."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
 from evenlight.analysis.measurement.played_power.clock_line import line_of
 from evenlight.analysis.measurement.played_power.pass_power import (
     ENOUGH,
+    VERSIONS,
     PassComparison,
     equal_power,
     frame_energies,
@@ -16,17 +18,27 @@ from evenlight.analysis.measurement.played_power.pass_power import (
     pass_powers,
     version_powers,
 )
-from evenlight.analysis.measurement.played_power.power_recording import (
-    Recording,
-    count_samples,
-)
-from evenlight.analysis.measurement.played_power.power_words import notes_of
+from evenlight.analysis.measurement.played_power.power_recording import Recording, count_samples
+from evenlight.analysis.report_prose import prose
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.recordings.played_power import FrameEnergy, PassPower, PlayedPower, VersionPower
+from evenlight.data_schema.recordings.instrument_logs import PowerLog
+from evenlight.data_schema.recordings.played_power import (
+    ClockFit,
+    FrameEnergy,
+    FrameFlag,
+    PassPower,
+    PlayedPower,
+    SampleCount,
+    VersionPower,
+)
 
 FAR_OFF = 0.1  # of what a power model predicts
+FINEST = 0.001  # [ms] that is said of a clock: no flip is known better
+MANY_LOST = 0.05  # share of the time that had to be bridged
+KNOWN = 0.01  # to which a frame's energy should be known
+NAMES = {"ours": "ours", "baseline": "baseline", "full": "full brightness"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,10 +47,8 @@ class MeasuredPower:
 
     Attributes
     ----------
-    power : PlayedPower
-        Passes, versions, clock.
-    energies : sequence of FrameEnergy
-        The frames.
+    power, energies : PlayedPower, sequence of FrameEnergy
+        Passes, versions and clock; and the frames.
     """
 
     power: PlayedPower
@@ -52,12 +62,10 @@ def measure_power(
 
     Parameters
     ----------
-    recording : Recording
-        What was played and sampled.
+    recording, origin : Recording, Provenance, optional
+        What was played and sampled, and where it comes from.
     power_model : PowerModel, optional
         Whose prediction is shown beside it.
-    origin : Provenance, optional
-        Where the recording comes from.
 
     Raises
     ------
@@ -69,9 +77,8 @@ def measure_power(
     spans = frame_spans(recording.flips, log.refresh_rate)
     energies = frame_energies(recording.samples, spans, line_of(clock))
     passes = pass_powers(energies, recording.flips, log)
-    predict, model_notes = _prediction(power_model)
     comparison = PassComparison(passes)
-    versions = version_powers(energies, comparison, predict)
+    versions = version_powers(energies, comparison, _prediction(power_model))
     if not versions:
         raise InputError(_nothing_measured(recording, passes))
     samples = count_samples(recording.samples, recording.n_duplicated)
@@ -89,38 +96,18 @@ def measure_power(
         equal_power=equal_power(comparison, full),
         drift_w_h=comparison.drift,
         power_model="" if power_model is None else power_model.name,
-        notes=(
-            *notes_of(log, clock, samples, energies, passes),
-            *model_notes,
-            *_misfit(versions, power_model),
-        ),
+        notes=_notes(log, clock, samples, energies, passes, versions, power_model),
         provenance=origin or Provenance(),
     )
     return MeasuredPower(power, energies)
 
 
-def _prediction(model: PowerModel | None) -> tuple[Callable[[float], float] | None, tuple[str, ...]]:
-    """Return what a model predicts of a mean factor, and what to say where it cannot."""
-    if model is None:
-        return None, ()
-    if model.kind is PanelKind.OLED:
-        return None, (
-            f"The power model {model.name} is of an OLED panel, whose power goes with the content: it "
-            "predicts nothing from the brightness factor alone.",
-        )
+def _prediction(model: PowerModel | None) -> Callable[[float], float] | None:
+    """Return what a model predicts of a mean factor: nothing of an OLED panel, whose content decides."""
+    if model is None or model.kind is PanelKind.OLED:
+        return None
     slope = model.power_per_luminance * model.peak_luminance
-    return lambda factor: model.base_power + slope * factor, ()
-
-
-def _misfit(versions: Sequence[VersionPower], model: PowerModel | None) -> tuple[str, ...]:
-    """Return what to say of a model that is far off: it is probably another panel's."""
-    ratios = [v.mean_power / v.predicted_power for v in versions if v.predicted_power and v.mean_power > 0]
-    if model is None or not ratios or max(abs(ratio - 1) for ratio in ratios) <= FAR_OFF:
-        return ()
-    return (
-        f"What was measured is {100 * min(ratios):.0f} to {100 * max(ratios):.0f} % of what the power model "
-        f"{model.name} predicts; is it of this panel?",
-    )
+    return lambda factor: model.base_power + slope * factor
 
 
 def _nothing_measured(recording: Recording, passes: Sequence[PassPower]) -> str:
@@ -134,3 +121,81 @@ def _nothing_measured(recording: Recording, passes: Sequence[PassPower]) -> str:
         f"{100 * best:.0f} %); samples came for {lasted:.3g} s, and {played:.3g} s were "
         "played. Measure again, with the meter on from the first marker to the last"
     )
+
+
+def _notes(
+    log: PowerLog,
+    clock: ClockFit,
+    samples: SampleCount,
+    energies: Sequence[FrameEnergy],
+    passes: Sequence[PassPower],
+    versions: Sequence[VersionPower],
+    model: PowerModel | None,
+) -> tuple[str, ...]:
+    """Return what a reader should be warned of, as sentences."""
+    n, flags = len(energies), Counter(frame.flag for frame in energies)
+    lasts = sorted(frame.duration for frame in energies)[n // 2]
+    used = Counter(one.version for one in passes if one.used)
+    ratios = [v.mean_power / v.predicted_power for v in versions if v.predicted_power and v.mean_power > 0]
+    return prose(
+        "power_notes",
+        log=log,
+        clock=clock,
+        samples=samples,
+        passes=passes,
+        model=model,
+        n=n,
+        outside=flags[FrameFlag.OUTSIDE],
+        in_gaps=flags[FrameFlag.GAP],
+        unresolved=flags[FrameFlag.UNRESOLVED],
+        off=0.0 if clock.bound is None else (0.25 / log.sample_rate + clock.bound) / lasts,
+        unmeasured=[version for version in VERSIONS if not used[version]],
+        dropped=sum(one.n_dropped for one in passes),
+        repeated=any(count > 1 for count in used.values()),
+        ratios=ratios if any(abs(ratio - 1) > FAR_OFF for ratio in ratios) else (),
+        many_lost=MANY_LOST,
+        known=KNOWN,
+        enough=ENOUGH,
+        finest=FINEST,
+        names=NAMES,
+    )
+
+
+def closing_lines(power: PlayedPower) -> tuple[str, ...]:
+    """Return what came out, line by line."""
+    return prose("power_lines", power=power, clock=clock_in_words(power.clock), names=NAMES, mw=_mw)
+
+
+def main_findings(power: PlayedPower) -> str:
+    """Return what came out, in a sentence or two: the lead of the report."""
+    words = _comparisons(power)
+    if not words:
+        words = tuple(f"{NAMES[one.version]} takes {one.mean_power:.4g} W" for one in power.versions)
+    return " ".join(f"{part[0].upper()}{part[1:]}." for part in words).replace(" %", "\u00a0%")
+
+
+def heading_in_words(power: PlayedPower) -> str:
+    """Return what came out as the subtitle of a figure."""
+    words = "; ".join(_comparisons(power)) or "one version was measured, and compared with no other"
+    return words[0].upper() + words[1:]
+
+
+def _comparisons(power: PlayedPower) -> tuple[str, ...]:
+    """Return what ours saves, and whether it takes the same power as the baseline."""
+    return prose("power_comparisons", power=power, mw=_mw)
+
+
+def _mw(power: float) -> str:
+    """Return a power in mW, with two decimals where it is small.
+
+    >>> _mw(-0.000236), _mw(0.01718), _mw(0.1718), _mw(-0.000001)
+    ('-0.24', '17.2', '172', '0.00')
+    """
+    value = 1000 * power
+    decimals = 2 if abs(value) < 10 else 1 if abs(value) < 100 else 0
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"  # 0.0 is added for -0.0, which reads as less than 0
+
+
+def clock_in_words(clock: ClockFit) -> str:
+    """Return how the meter's clock was put on the computer's."""
+    return prose("power_clock", clock=clock, finest=FINEST)[0]

@@ -50,10 +50,8 @@ class Changes:
 
     Attributes
     ----------
-    time : array, (N,)
-        When [s].
-    level : array of bool, (N,)
-        From then on.
+    time, level : array, (N,), array of bool, (N,)
+        When [s], and the level from then on.
     """
 
     time: Array
@@ -87,14 +85,13 @@ def fit_edges(samples: Samples, changes: Changes, seed: ClockEstimate) -> ClockE
 
     Parameters
     ----------
-    samples : Samples
-        Each once.
-    changes : Changes
-        Of the synchronisation line.
+    samples, changes : Samples, Changes
+        Each sample once, and the changes of the synchronisation line.
     seed : ClockEstimate
         The clock by pings, markers or arrivals.
     """
-    edges = _edges_of(samples)
+    at = np.flatnonzero(samples.sync[1:] != samples.sync[:-1])
+    edges = _Edges(samples.device_time[at], samples.device_time[at + 1], samples.sync[at + 1])
     if min(len(edges.level), len(changes.time)) < FEWEST_EDGES:
         return ClockFlag.NO_EDGES
     if samples.interval > 0.9 * changes.step:
@@ -136,18 +133,14 @@ def fit_edges(samples: Samples, changes: Changes, seed: ClockEstimate) -> ClockE
     )
 
 
-def _edges_of(samples: Samples) -> _Edges:
-    """Return the changes of level in the samples."""
-    at = np.flatnonzero(samples.sync[1:] != samples.sync[:-1])
-    return _Edges(samples.device_time[at], samples.device_time[at + 1], samples.sync[at + 1])
-
-
 def _alignments(edges: _Edges, changes: Changes, seed: ClockEstimate) -> Iterator[_Alignment]:
     """Yield the alignments that many edges speak for, at least half a frame apart."""
     width = float(np.median(edges.width))
     near = BLIND_REACH if seed.bound is None else seed.bound + width / 2 + LATE_FLIP
     times = seed.line.to_computer(edges.middle)
-    covered = _in(changes.time, times[0] - BLIND_REACH, times[-1] + BLIND_REACH)
+    covered = int(
+        np.diff(np.searchsorted(changes.time, [times[0] - BLIND_REACH, times[-1] + BLIND_REACH]))[0]
+    )
     for inverted in (False, True):
         for shift in _frequent_shifts(times, edges.level ^ inverted, changes, width):
             matched = _matched(times - shift, edges.level ^ inverted, changes, 0.45 * changes.step)
@@ -168,11 +161,6 @@ def _best(found: Sequence[_Alignment], n_edges: int) -> tuple[_Alignment, set[Cl
     rivals = [one for one in (allowed or found) if one is not best and best.score - one.score <= NEAR_TIE]
     doubts = {ClockFlag.AMBIGUOUS} if rivals else set()
     return best, doubts if allowed else doubts | {ClockFlag.DISAGREES}
-
-
-def _in(times: Array, low: float, high: float) -> int:
-    """Return how many times are in a range."""
-    return int(np.searchsorted(times, high) - np.searchsorted(times, low))
 
 
 def _frequent_shifts(times: Array, level: Bools, changes: Changes, width: float) -> list[float]:

@@ -248,10 +248,8 @@ class PixelLevel:
 
     Attributes
     ----------
-    pixel_value : float
-        L'.
-    repeats : Repeats
-        Those with a value, without reflected light [cd/m^2].
+    pixel_value, repeats : float, Repeats
+        L', and the readings with a value, without reflected light [cd/m^2].
     n_under_range : int
         Those that were too dark for the meter.
     """
@@ -267,12 +265,8 @@ class GammaCurve:
 
     Attributes
     ----------
-    gamma : float
-        γ.
-    peak : float
-        L_max [cd/m^2].
-    black : float
-        L_black [cd/m^2].
+    gamma, peak, black : float
+        γ, L_max and L_black [cd/m^2].
     """
 
     gamma: float
@@ -295,14 +289,12 @@ class CurveSolution:
 
     Attributes
     ----------
-    parameters : array (3,)
-        γ, peak and black.
+    parameters, n_levels : array (3,), int
+        γ, peak and black; and k, how many levels were read.
     residuals : array (k + d,)
         Over their errors: of the levels that were read, then of the readings under range.
     derivatives : array (k + d, m)
         Of the residuals by the parameters that were fitted: two if black was given.
-    n_levels : int
-        k, how many levels were read.
     """
 
     parameters: Array

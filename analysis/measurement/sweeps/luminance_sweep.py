@@ -36,14 +36,10 @@ class LuminanceSweepFit:
 
     Attributes
     ----------
-    sweep : Sweep
-        What was read.
-    curve_fit : GammaFit
-        The fitted curve.
+    sweep, curve_fit, record : Sweep, GammaFit, DisplayFit
+        What was read, the fitted curve, and the result.
     levels, brightness : tuple of LuminanceLevel
         Pixel values, and brightness factors (none if they were not measured).
-    record : DisplayFit
-        The result.
     """
 
     sweep: Sweep[LuminanceReading]
@@ -141,7 +137,8 @@ def _record(
     """Return the result as a record."""
     manifest, reflected, (drift, warm_up) = sweep.manifest, _reflected(sweep), changes
     worst = fit.worst_level(reflected)
-    uneven = _most_uneven(brightness)
+    told = [row for row in brightness if row.deviation is not None]
+    uneven = max(told, key=_unevenness, default=None)  # by most of what is tolerated
     pixels = [r for r in sweep.readings if r.factor is None and r.phase is not SweepPhase.WARM_UP]
     return DisplayFit(
         display_name=named(manifest.display_name, manifest.simulated),
@@ -173,12 +170,6 @@ def _record(
         flags=tuple(_flags(sweep, fit, changes, uneven)),
         provenance=provenance_now(seed=manifest.provenance.seed, inputs=sweep.inputs),
     )
-
-
-def _most_uneven(rows: Sequence[LuminanceLevel]) -> LuminanceLevel | None:
-    """Return the brightness factor that deviates from proportion by most of what is tolerated."""
-    told = [row for row in rows if row.deviation is not None]
-    return max(told, key=_unevenness, default=None)
 
 
 def _unevenness(row: LuminanceLevel) -> float:
@@ -232,17 +223,13 @@ def pixel_levels(readings: Sequence[LuminanceReading], reflected: float) -> list
         L_refl, which is taken off [cd/m^2].
     """
     own = [r for r in readings if r.factor is None and r.phase in USED]
+    levels = {
+        value: [r for r in own if r.pixel_value == value] for value in sorted({r.pixel_value for r in own})
+    }
     return [
-        PixelLevel(
-            value, repeats_of((r for r in own if r.pixel_value == value), reflected), _too_dark(own, value)
-        )
-        for value in sorted({r.pixel_value for r in own})
+        PixelLevel(value, repeats_of(at_value, reflected), sum(r.luminance is None for r in at_value))
+        for value, at_value in levels.items()
     ]
-
-
-def _too_dark(readings: Sequence[LuminanceReading], pixel_value: float) -> int:
-    """Return how many readings of a pixel value have no luminance."""
-    return sum(r.pixel_value == pixel_value and r.luminance is None for r in readings)
 
 
 def repeats_of(readings: Iterable[LuminanceReading], reflected: float = 0.0) -> Repeats:

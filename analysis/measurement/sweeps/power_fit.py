@@ -25,10 +25,8 @@ class PowerPoints:
 
     Attributes
     ----------
-    luminance : array (n,)
-        L, without reflected light [cd/m^2].
-    power : array (n,)
-        P [W].
+    luminance, power : array (n,)
+        L, without reflected light [cd/m^2], and P [W].
     level : array (n,)
         Number of the level, from 0, that a reading is of.
     """
@@ -58,18 +56,12 @@ class LineFit:
 
     Attributes
     ----------
-    base_power : float
-        P at zero luminance [W].
-    base_power_interval : (float, float)
-        Its 95 % confidence interval [W].
-    slope : float
-        [W m^2/cd].
-    slope_interval : (float, float)
-        Its 95 % confidence interval [W m^2/cd].
-    residual_sd : float
-        Of the readings around the line [W].
-    r_squared : float
-        Share of the readings' variance that it explains.
+    base_power, base_power_interval : float, (float, float)
+        P at zero luminance, and its 95 % confidence interval [W].
+    slope, slope_interval : float, (float, float)
+        The slope and its 95 % confidence interval [W m^2/cd].
+    residual_sd, r_squared : float
+        SD of the readings around the line [W], and the share of their variance that it explains.
     lack_of_fit_f, lack_of_fit_p : float or None
         F test of the levels' deviations against the scatter of repeats; None without repeats.
     bend : float
@@ -79,10 +71,9 @@ class LineFit:
         How probable as clear a bend is on a linear panel; None of three readings.
     level_luminance, deviations : array (k,)
         Mean luminance of each level [cd/m^2], and measured over fitted power, less 1.
-    level_errors : array (k,)
-        Standard error of each level's mean power at its luminance [W]; 0 where repeats are wanting.
-    noise_freedom : float
-        Degrees of freedom of those errors; 0 where repeats are wanting.
+    level_errors, noise_freedom : array (k,), float
+        Standard error of each level's mean power at its luminance [W], and their degrees of freedom; 0 where
+        there are no repeats.
     """
 
     base_power: float

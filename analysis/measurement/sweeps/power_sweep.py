@@ -45,18 +45,12 @@ class PowerSweepFit:
 
     Attributes
     ----------
-    sweep : Sweep
-        What was read.
-    used : tuple of PowerReading
-        The readings that the line was fitted to.
-    points : PowerPoints
-        Their luminance and power.
-    line : LineFit
-        The fitted line.
-    levels : tuple of PowerLevel
-        Brightness factors.
-    record : PowerFit
-        The result.
+    sweep, used : Sweep, tuple of PowerReading
+        What was read, and the readings that the line was fitted to.
+    points, line : PowerPoints, LineFit
+        Their luminance and power, and the fitted line.
+    levels, record : tuple of PowerLevel, PowerFit
+        Brightness factors, and the result.
     """
 
     sweep: Sweep[PowerReading]

@@ -35,10 +35,8 @@ class Repeats:
 
     Attributes
     ----------
-    values : array (n,)
-        What was read.
-    times : array (n,)
-        When, since the sweep began [s].
+    values, times : array (n,)
+        What was read, and when, since the sweep began [s].
     """
 
     values: Array
@@ -56,10 +54,8 @@ class Noise:
 
     Attributes
     ----------
-    floor : float
-        At a value of zero, in the unit of the readings.
-    share : float
-        Of the value, added in squares.
+    floor, share : float
+        At a value of zero, in the unit of the readings; and of the value, added in squares.
     freedom : float
         Degrees of freedom of the variance at a level, on average; 0 if it is assumed, not measured.
     """
@@ -263,10 +259,8 @@ class RelativeChange:
 
     Attributes
     ----------
-    share : float
-        The change; above 0 if the value rose.
-    interval : (float, float)
-        Its 95 % confidence interval.
+    share, interval : float, (float, float)
+        The change, above 0 if the value rose, and its 95 % confidence interval.
     """
 
     share: float

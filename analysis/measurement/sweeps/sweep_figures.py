@@ -2,28 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
-from evenlight.analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, Medium, look, text_size
+from evenlight.analysis.figure_style import (
+    FAINT,
+    INK,
+    LIMIT,
+    MUTED,
+    OURS,
+    PAGE,
+    Medium,
+    heading_lines,
+    lines_at,
+    look,
+    new_figure,
+    text_size,
+)
 from evenlight.analysis.measurement.sweeps.display_fit import GammaFit, tolerated
 from evenlight.analysis.measurement.sweeps.luminance_sweep import SIMULATED, LuminanceSweepFit
 from evenlight.analysis.measurement.sweeps.power_fit import TOLERATED_DEVIATION
 from evenlight.analysis.measurement.sweeps.power_sweep import PowerSweepFit
-from evenlight.analysis.measurement.sweeps.sweep_panels import (
-    TimedReading,
-    draw_over_time,
-    draw_points,
-    half_width,
-    legend_in,
-    name_panel,
-    page_of_panels,
-    plain_log_scale,
-    widen,
-)
+from evenlight.data_schema.recordings.sweep import SweepPhase
 from evenlight.data_schema.recordings.sweep_fit import LuminanceSource
+
+ROWS, COLUMNS = 2, 2  # of panels on a page
+ROW = 3.0  # [inch] height of a row of panels with their names of axes, on a page of the report
+PHASE_MARKS = {
+    SweepPhase.WARM_UP: ("s", MUTED, "warm-up"),
+    SweepPhase.SWEEP: ("o", INK, "sweep"),
+    SweepPhase.DRIFT: ("D", OURS, "repeat at the end"),
+}
 
 
 def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> Figure:
@@ -37,7 +54,7 @@ def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> 
         Where it is shown.
     """
     with look(medium):
-        figure, panels = page_of_panels(medium, _luminance_heading(result))
+        figure, panels = _page_of_panels(medium, _luminance_heading(result))
         _draw_curve(panels[0], result)
         _draw_deviations(panels[1], result)
         _draw_steadiness(panels[2], result)
@@ -98,11 +115,11 @@ def _draw_deviations(axes: Axes, result: LuminanceSweepFit) -> None:
 def _draw_steadiness(axes: Axes, result: LuminanceSweepFit) -> None:
     """Draw the readings that tell of warm-up and drift: white, and the levels repeated at the end."""
     readings = [
-        TimedReading(r.phase, (r.begun + r.ended) / 2, r.pixel_value, r.luminance)
+        _TimedReading(r.phase, (r.begun + r.ended) / 2, r.pixel_value, r.luminance)
         for r in result.sweep.readings
         if r.factor is None and r.luminance is not None
     ]
-    draw_over_time(axes, readings, "luminance")
+    _draw_over_time(axes, readings, "luminance")
     name_panel(axes, "C", "Warm-up and drift")
 
 
@@ -144,7 +161,7 @@ def power_sweep_figure(result: PowerSweepFit, medium: Medium = PAGE) -> Figure:
         Where it is shown.
     """
     with look(medium):
-        figure, panels = page_of_panels(medium, _power_heading(result))
+        figure, panels = _page_of_panels(medium, _power_heading(result))
         _draw_line(panels[0], result)
         _draw_residuals(panels[1], result)
         _draw_power_over_time(panels[2], result)
@@ -206,9 +223,9 @@ def _draw_residuals(axes: Axes, result: PowerSweepFit) -> None:
 def _draw_power_over_time(axes: Axes, result: PowerSweepFit) -> None:
     """Draw the readings that tell of warm-up and drift."""
     readings = [
-        TimedReading(r.phase, (r.begun + r.ended) / 2, r.factor, r.power) for r in result.sweep.readings
+        _TimedReading(r.phase, (r.begun + r.ended) / 2, r.factor, r.power) for r in result.sweep.readings
     ]
-    draw_over_time(axes, readings, "power")
+    _draw_over_time(axes, readings, "power")
     name_panel(axes, "C", "Warm-up and drift of power")
 
 
@@ -229,3 +246,115 @@ def _draw_slopes(axes: Axes, result: PowerSweepFit) -> None:
     axes.set_ylim(min(low, 0.9e3 * line.slope), max(high, 1.15e3 * line.slope))
     legend_in(axes, "best")
     name_panel(axes, "D", "Power for more luminance")
+
+
+def _page_of_panels(medium: Medium, heading: tuple[str, str]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a heading and four panels, two in a row, and the panels in reading order."""
+    em = medium.em
+    lines, above = heading_lines(*heading, medium.width - 6 * em, em)
+    whole = above + ROWS * ROW * medium.width / PAGE.width
+    figure = new_figure(medium, whole)
+    lines_at(figure, 5.5 * em, lines)
+    grid = figure.add_gridspec(
+        ROWS, COLUMNS, left=5.5 * em / medium.width, right=1 - 1.5 * em / medium.width,
+        top=1 - (above + 2.6 * em) / whole, bottom=4.2 * em / whole,
+        wspace=0.26, hspace=0.46,
+    )  # fmt: skip
+    return figure, [figure.add_subplot(grid[row, column]) for row in range(ROWS) for column in range(COLUMNS)]
+
+
+def name_panel(axes: Axes, letter: str, words: str) -> None:
+    """Write the letter of a panel and what it shows above it."""
+    axes.set_title(f"{letter}  {words}", loc="left", pad=0.7 * text_size(), fontweight="bold")
+
+
+def draw_points(axes: Axes, x: ArrayLike, y: ArrayLike, half: ArrayLike, label: str) -> None:
+    """Draw measured points with their error bars."""
+    size = text_size()
+    axes.errorbar(x, y, yerr=half, fmt="o", color=INK, ms=0.42 * size, capsize=0.2 * size,
+                  elinewidth=size / 10, capthick=size / 10, label=label, zorder=4)  # fmt: skip
+
+
+def half_width(errors: ArrayLike, freedom: float) -> NDArray[np.float64]:
+    """Return half the 95 % confidence interval of means with some standard errors.
+
+    Parameters
+    ----------
+    errors : array_like
+        Standard errors.
+    freedom : float
+        Degrees of freedom that they are known with (Student's t); 0 for errors that are assumed.
+
+    >>> half_width([1.0, 2.0], 10).round(3).tolist()  # t of 10 degrees of freedom: 2.228
+    [2.228, 4.456]
+    """
+    quantile = stats.t.ppf(0.975, freedom) if freedom > 0 else stats.norm.ppf(0.975)
+    return float(quantile) * np.asarray(errors, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class _TimedReading:
+    """One reading of a sweep."""
+
+    phase: SweepPhase
+    time: float
+    level: float
+    value: float
+
+
+def from_level_means(readings: Sequence[_TimedReading]) -> list[tuple[SweepPhase, float, float]]:
+    """Return phase, time [s] and deviation [%] of readings that tell of warm-up and drift.
+
+    Only of levels that were read outside of the sweep too; the deviation is from the level's mean in the
+    sweep. A level whose mean is 0 tells nothing.
+
+    >>> swept, again = _TimedReading(SweepPhase.SWEEP, 0, 1, 2.0), _TimedReading(SweepPhase.DRIFT, 9, 1, 1.5)
+    >>> from_level_means([swept, again])[1]
+    (<SweepPhase.DRIFT: 'drift'>, 9, -25.0)
+    """
+    repeated = {r.level for r in readings if r.phase is not SweepPhase.SWEEP}
+    means = {
+        level: float(np.mean([r.value for r in readings if r.level == level and r.phase is SweepPhase.SWEEP]))
+        for level in repeated
+    }
+    shown = [r for r in readings if means.get(r.level, 0.0) > 0]
+    return [(r.phase, r.time, 100 * (r.value / means[r.level] - 1)) for r in shown]
+
+
+def _draw_over_time(axes: Axes, readings: Sequence[_TimedReading], quantity: str) -> None:
+    """Draw the readings that tell of warm-up and drift over time, each from its level's mean."""
+    shown = from_level_means(readings)
+    if not shown:
+        axes.set_axis_off()
+        words = "neither a warm-up nor a repeat at the end was read"
+        axes.text(0.0, 0.5, words, color=MUTED, transform=axes.transAxes)
+        return
+    for phase, (mark, colour, name) in PHASE_MARKS.items():
+        own = [(time / 60, percent) for what, time, percent in shown if what is phase]
+        if own:
+            axes.plot(*zip(*own, strict=True), mark, color=colour, ms=0.36 * text_size(), mew=0, label=name,
+                      zorder=3)  # fmt: skip
+    axes.axhline(0, color=FAINT, linewidth=text_size() / 11, zorder=1)
+    axes.set(xlabel="time since the sweep began [min]", ylabel=f"{quantity}, from its level's mean [%]")
+    widen(axes, 1.2)
+    legend_in(axes, "best")
+
+
+def widen(axes: Axes, least: float) -> None:
+    """Let the vertical axis reach at least so far to both sides of 0, so that noise does not look large."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -least), max(high, least))
+
+
+Corner = Literal["best", "lower right", "upper left", "upper right"]
+
+
+def legend_in(axes: Axes, place: Corner, columns: int = 1) -> None:
+    """Put the legend into a corner of some axes, clear of their frame."""
+    axes.legend(loc=place, ncols=columns, borderaxespad=0.6)
+
+
+def plain_log_scale(axes: Axes) -> None:
+    """Give some axes a logarithmic vertical scale with plain numbers."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -33,10 +33,8 @@ class Sweep(Generic[Reading]):
 
     Attributes
     ----------
-    manifest : SweepManifest
-        What it is.
-    readings : tuple of LuminanceReading or PowerReading
-        In the order in which they were taken.
+    manifest, readings : SweepManifest, tuple of LuminanceReading or PowerReading
+        What it is, and its readings in the order in which they were taken.
     inputs : dict of str to str
         SHA-256 of the manifest and of the readings, by the names of their files.
     warnings : tuple of str
@@ -187,10 +185,8 @@ class ChosenSweep:
 
     Attributes
     ----------
-    task : str
-        "luminance-sweep" or "power-sweep".
-    folder : Path
-        Of the newest complete one; of the newest, if none is complete.
+    task, folder : str, Path
+        "luminance-sweep" or "power-sweep"; of the newest complete one, or of the newest, if none is complete.
     others : tuple of str
         Names of the folders of the others.
     """

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from evenlight.stimuli.scenes.house import materials as stuff
 from evenlight.stimuli.scenes.house import plan
-from evenlight.stimuli.scenes.house.furniture import stool
-from evenlight.stimuli.scenes.house.household import bare_bulb, garment, glow, picture
-from evenlight.stimuli.scenes.house.kitchen_equipment import bottle
-from evenlight.stimuli.scenes.house.storage import GLASS_TINTS, carton, jar, lying_books, open_shelf
-from evenlight.stimuli.scenes.house.workshop import (
-    basket,
+from evenlight.stimuli.scenes.house.furniture import (
+    BLUE,
+    WHITE,
+    Tint,
     bicycle,
-    boiler,
     ladder,
     loop,
-    paint_can,
-    pegboard,
-    pipe,
-    washing_machine,
+    stool,
     workbench,
 )
-from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.house.household import bare_bulb, garment, glow, picture
+from evenlight.stimuli.scenes.house.storage import GLASS_TINTS, bottle, carton, jar, lying_books, open_shelf
+from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.shapes import WHOLE, rectangle
 
 COPPER, GREY, LAGGING = (0.55, 0.26, 0.12), (0.45, 0.46, 0.47), (0.7, 0.68, 0.6)
 Z = plan.CELLAR
+RED, YELLOW = (0.55, 0.06, 0.04), (0.75, 0.5, 0.05)
 
 
 def basement(model: SceneModel) -> None:
@@ -70,11 +71,8 @@ def _workshop(model: SceneModel) -> None:
         stool(model, 0.6, stuff.PINE)
     for k in range(6):
         with model.at((0.45 + 0.07 * k, 6.2 + 0.03 * k, Z), 90.0):
-            model.box(
-                (-0.05, -0.012, 0),
-                (0.05, 0.012, 1.7 + 0.1 * (k % 3)),
-                stuff.PINE if k % 2 else stuff.OLD_WOOD,
-            )
+            wood = stuff.PINE if k % 2 else stuff.OLD_WOOD
+            model.box((-0.05, -0.012, 0), (0.05, 0.012, 1.7 + 0.1 * (k % 3)), wood)
     with model.at((0.42, 1.1, Z + 0.1), 90, tilt=0):
         ladder(model, 0.42, 1.95, stuff.PINE)
     with model.at((0.31, 2.95, Z + 1.55), 90):
@@ -94,13 +92,8 @@ def _jars(model: SceneModel) -> None:
                             place = (-0.58 + 0.165 * k + 0.02 * rng.random(), row, z)
                             tint = GLASS_TINTS[(level * 2 + int(2.2 * rng.random())) % len(GLASS_TINTS)]
                             with model.at(place):
-                                jar(
-                                    model,
-                                    0.16 + 0.06 * rng.random(),
-                                    stuff.GLAZED,
-                                    stuff.STEEL,
-                                    [0.7 * t for t in tint],
-                                )
+                                tall = 0.16 + 0.06 * rng.random()
+                                jar(model, tall, stuff.GLAZED, stuff.STEEL, [0.7 * t for t in tint])
             for k in range(3):
                 with model.at((-0.42 + 0.42 * k, 0.0, heights[0]), 10 * rng.random() - 5):
                     carton(model, (0.34, 0.36, 0.28), (stuff.CARTON, stuff.PINE))
@@ -177,11 +170,8 @@ def _boxes(model: SceneModel) -> None:
         (7.45, 7.2, 0.5, 0.5),
     ):
         with model.at((x, y, Z + z), 16 * rng.random() - 8):
-            carton(
-                model,
-                (size, 0.85 * size, 0.8 * size),
-                (stuff.CARTON if rng.random() < 0.6 else stuff.LABEL, stuff.PINE),
-            )
+            side = stuff.CARTON if rng.random() < 0.6 else stuff.LABEL
+            carton(model, (size, 0.85 * size, 0.8 * size), (side, stuff.PINE))
     with model.at((6.4, 7.2, Z)):
         loop(model, (0, 0, 0.1), 0.28, 0.1, stuff.PAINT, plane="xy", tint=(0.04, 0.04, 0.045))
         loop(model, (0.02, 0, 0.3), 0.28, 0.1, stuff.PAINT, plane="xy", tint=(0.045, 0.045, 0.05))
@@ -192,30 +182,138 @@ def _boxes(model: SceneModel) -> None:
 def _pipes(model: SceneModel) -> None:
     """Run pipes under the ceiling: heating, water, the drain; a meter, a fuse box, cables."""
     top = plan.CELLAR_CEILING
-    pipe(
-        model,
-        [(0.55, 0.42, top - 0.22), (7.8, 0.42, top - 0.22), (7.8, 3.1, top - 0.22), (7.8, 3.1, Z + 1.85)],
-        0.03,
-        stuff.STEEL,
-        COPPER,
-    )
-    pipe(
-        model,
-        [(0.55, 0.55, top - 0.24), (7.7, 0.55, top - 0.24), (7.7, 3.2, top - 0.24)],
-        0.022,
-        stuff.STEEL,
-        COPPER,
-    )
-    pipe(
-        model,
-        [(3.75, 0.36, top), (3.75, 0.36, top - 0.27), (3.75, 6.4, top - 0.22), (3.75, 6.4, top)],
-        0.055,
-        stuff.PAINT,
-        LAGGING,
-    )
+    water = [(0.55, 0.42, top - 0.22), (7.8, 0.42, top - 0.22), (7.8, 3.1, top - 0.22), (7.8, 3.1, Z + 1.85)]
+    pipe(model, water, 0.03, stuff.STEEL, COPPER)
+    heating = [(0.55, 0.55, top - 0.24), (7.7, 0.55, top - 0.24), (7.7, 3.2, top - 0.24)]
+    pipe(model, heating, 0.022, stuff.STEEL, COPPER)
+    drain = [(3.75, 0.36, top), (3.75, 0.36, top - 0.27), (3.75, 6.4, top - 0.22), (3.75, 6.4, top)]
+    pipe(model, drain, 0.055, stuff.PAINT, LAGGING)
     pipe(model, [(7.85, 6.9, Z), (7.85, 6.9, top)], 0.06, stuff.STEEL, GREY)
     pipe(model, [(6.95, 0.36, Z + 1.05), (6.95, 0.36, top - 0.22)], 0.014, stuff.STEEL, COPPER)
     with model.at((7.98, 4.5, Z + 1.35), -90):
         model.box((-0.2, -0.1, 0), (0.2, 0, 0.5), stuff.STEEL, skip="Y", tint=(0.55, 0.56, 0.55))
         model.box((-0.17, -0.105, 0.28), (0.17, -0.1, 0.46), stuff.KEYBOARD, skip="Y")
         model.cylinder((0, -0.1, 0.13), (0, -0.115, 0.13), 0.06, stuff.GLAZED, segments=18)
+
+
+def washing_machine(
+    model: SceneModel, enamel: Material, steel: Material, keys: Material, tint: Tint = WHITE
+) -> None:
+    """Add a washing machine with its round door, drawer, knobs; front -y."""
+    model.box((-0.3, -0.28, 0.02), (0.3, 0.3, 0.85), enamel, tint=tint)
+    model.box((-0.28, -0.285, 0.02), (0.28, -0.28, 0.14), enamel, skip="Y", tint=[0.8 * t for t in tint])
+    loop(model, (0, -0.29, 0.45), 0.17, 0.03, steel, tint=(0.7, 0.72, 0.75))
+    model.cylinder(
+        (0, -0.27, 0.45), (0, -0.31, 0.45), (0.15, 0.11), steel, segments=24, tint=(0.03, 0.035, 0.045)
+    )
+    model.box((-0.28, -0.29, 0.71), (-0.08, -0.28, 0.82), enamel, skip="Y", tint=[0.9 * t for t in tint])
+    model.cylinder(
+        (0.02, -0.28, 0.765), (0.02, -0.315, 0.765), 0.032, steel, segments=16, tint=(0.6, 0.6, 0.62)
+    )
+    model.quad(rectangle((0.08, 0.27), -0.281, (0.73, 0.8)), keys, uvs=WHOLE)
+
+
+def pegboard(
+    model: SceneModel, wide: float, tall: float, board: Material, steel: Material, grip: Material
+) -> None:
+    """Hang a pegboard full of tools, its lower left corner at the origin, before a wall at y = 0."""
+    model.box((0, -0.015, 0), (wide, 0, tall), board, skip="Y")
+    x, tool = 0.1, 0
+    while x < wide - 0.12:
+        with model.at((x, -0.02, tall - 0.1)):
+            HANGING[tool % len(HANGING)](model, steel, grip)
+        x, tool = x + 0.17 + 0.03 * (tool % 3), tool + 1
+    for row in range(9):  # spanners, the smaller the further right
+        x, size = 0.12 + 0.075 * row, 0.2 - 0.012 * row
+        model.box((x - 0.009, -0.026, 0.08), (x + 0.009, -0.018, 0.08 + size), steel)
+        for z in (0.08, 0.08 + size):
+            model.cylinder((x, -0.016, z), (x, -0.028, z), 0.02 - 0.001 * row, steel, segments=10)
+
+
+def _saw(model: SceneModel, steel: Material, grip: Material) -> None:
+    points = [(-0.05, 0, -0.1), (-0.035, 0, -0.52), (0.0, 0, -0.52), (0.07, 0, -0.1)]
+    model.mesh(points, [(0, 1, 2), (0, 2, 3)], steel, tint=(0.8, 0.82, 0.85))
+    model.box((-0.055, -0.012, -0.11), (0.075, 0.012, 0.03), grip, tint=(0.7, 0.4, 0.2))
+
+
+def _hammer(model: SceneModel, steel: Material, grip: Material) -> None:
+    model.box((-0.012, -0.012, -0.34), (0.012, 0.012, 0.02), grip, tint=(0.9, 0.7, 0.4))
+    model.box((-0.055, -0.018, -0.02), (0.06, 0.018, 0.025), steel, tint=(0.3, 0.3, 0.32))
+
+
+def _driver(model: SceneModel, steel: Material, grip: Material) -> None:
+    for x, tint in ((-0.03, RED), (0.03, YELLOW)):
+        model.cylinder((x, -0.012, -0.1), (x, -0.012, 0.02), 0.017, grip, segments=10, tint=tint)
+        model.cylinder((x, -0.012, -0.26), (x, -0.012, -0.1), 0.005, steel, segments=6)
+
+
+def _pliers(model: SceneModel, steel: Material, grip: Material) -> None:
+    for side in (-1, 1):
+        model.cylinder(
+            (side * 0.008, -0.01, 0.0), (side * 0.035, -0.01, -0.16), 0.01, grip, segments=8, tint=BLUE
+        )
+    model.box((-0.016, -0.016, -0.02), (0.016, -0.002, 0.07), steel, tint=(0.4, 0.4, 0.42))
+
+
+def _level(model: SceneModel, steel: Material, grip: Material) -> None:
+    model.box((-0.025, -0.02, -0.55), (0.025, 0.0, 0.02), grip, tint=YELLOW)
+    model.box((-0.012, -0.022, -0.28), (0.012, -0.02, -0.22), steel, skip="Y", tint=(0.6, 0.9, 0.3))
+
+
+def _coil(model: SceneModel, steel: Material, grip: Material) -> None:
+    for radius in (0.09, 0.105):
+        loop(model, (0, -0.02, -0.1), radius, 0.01, grip, tint=(0.5, 0.16, 0.05), segments=20)
+
+
+HANGING = (_saw, _hammer, _driver, _pliers, _coil, _level)
+
+
+def pipe(
+    model: SceneModel, line: Sequence[Sequence[float]], radius: float, stuff: Material, tint: Tint = WHITE
+) -> None:
+    """Add a pipe along a line of points, with elbows, and clips at its middles."""
+    for start, stop in pairwise(line):
+        model.cylinder(start, stop, radius, stuff, segments=12, caps=False, tint=tint)
+        middle, along = (np.asarray(start) + stop) / 2, np.subtract(stop, start)
+        along = along / np.linalg.norm(along) * 0.02
+        model.cylinder(
+            middle - along, middle + along, 1.3 * radius, stuff, segments=12, tint=[0.6 * t for t in tint]
+        )
+    for corner in line[1:-1]:
+        model.sphere(corner, 1.35 * radius, stuff, segments=12, tint=tint)
+
+
+def boiler(model: SceneModel, enamel: Material, steel: Material, dial: Material) -> None:
+    """Add a hot-water boiler on the wall at y = 0: gauge, valves; the origin is its lower middle."""
+    model.cylinder((0, -0.27, 0), (0, -0.27, 0.95), 0.23, enamel, segments=32)
+    for z in (0.08, 0.87):
+        model.cylinder((0, -0.27, z - 0.01), (0, -0.27, z + 0.01), 0.236, steel, segments=32, caps=False)
+    model.cylinder((0, -0.49, 0.5), (0, -0.515, 0.5), 0.05, steel, segments=18, tint=(0.3, 0.3, 0.3))
+    model.quad(rectangle((-0.045, 0.045), -0.516, (0.455, 0.545)), dial, uvs=WHOLE)
+    for x, tint in ((-0.1, RED), (0.1, BLUE)):
+        model.cylinder(
+            (x, -0.27, -0.5), (x, -0.27, 0), 0.014, steel, segments=8, caps=False, tint=(0.7, 0.35, 0.15)
+        )
+        loop(model, (x, -0.3, -0.2), 0.03, 0.007, steel, tint=tint, segments=12)
+
+
+def paint_can(model: SceneModel, radius: float, steel: Material, tint: Tint) -> None:
+    """Add a paint can with a band of its colour."""
+    tall = 2.1 * radius
+    model.cylinder((0, 0, 0), (0, 0, tall), radius, steel, segments=18, tint=(0.75, 0.76, 0.78))
+    model.cylinder(
+        (0, 0, 0.2 * tall), (0, 0, 0.8 * tall), 1.015 * radius, steel, segments=18, caps=False, tint=tint
+    )
+
+
+def basket(
+    model: SceneModel, radius: float, tall: float, wicker: Material, cloth: Material, tint: Tint
+) -> None:
+    """Add a laundry basket with clothes heaped in it."""
+    model.cylinder((0, 0, 0), (0, 0, tall), (0.8 * radius, radius), wicker, segments=20, caps=False)
+    loop(model, (0, 0, tall), radius, 0.015, wicker, plane="xy", segments=20)
+    model.sphere(
+        (0, 0, 0.85 * tall), (0.9 * radius, 0.9 * radius, 0.35 * tall), cloth, segments=14, tint=tint
+    )
+    radii = (0.5 * radius, 0.45 * radius, 0.25 * tall)
+    model.sphere((0.3 * radius, 0.2 * radius, tall), radii, cloth, segments=12, tint=[1 - t for t in tint])

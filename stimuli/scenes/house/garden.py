@@ -8,12 +8,12 @@ from evenlight.stimuli.scenes.house import materials as stuff
 from evenlight.stimuli.scenes.house import plan
 from evenlight.stimuli.scenes.house.furniture import bench, chair, deck_chair, round_table
 from evenlight.stimuli.scenes.house.household import mug, plate
-from evenlight.stimuli.scenes.house.kitchen_equipment import bottle
-from evenlight.stimuli.scenes.house.rooms import TRIM
-from evenlight.stimuli.scenes.house.shell import GREEN_TRIM, gable
-from evenlight.stimuli.scenes.house.walls import Opening, bar, flight, window
+from evenlight.stimuli.scenes.house.plan import Opening, bar, flight, window
+from evenlight.stimuli.scenes.house.shell import GREEN_TRIM, TRIM, gable
+from evenlight.stimuli.scenes.house.storage import bottle
 from evenlight.stimuli.scenes.model import SceneModel
 from evenlight.stimuli.scenes.plants import flower_bed, hedge, potted, shrub, tree
+from evenlight.stimuli.scenes.shapes import rectangle
 
 TERRACOTTA, LEAF = (0.62, 0.28, 0.16), (0.22, 0.4, 0.1)
 
@@ -92,13 +92,7 @@ def _watering_can(model: SceneModel) -> None:
     model.cylinder((0, 0, 0), (0, 0, 0.26), 0.12, stuff.STEEL, segments=18, tint=(0.25, 0.42, 0.3))
     model.cylinder((0.1, 0, 0.06), (0.38, 0, 0.32), 0.022, stuff.STEEL, segments=8, tint=(0.25, 0.42, 0.3))
     model.cylinder(
-        (0.36, 0, 0.3),
-        (0.4, 0, 0.335),
-        0.03,
-        stuff.STEEL,
-        top_radius=0.055,
-        segments=12,
-        tint=(0.6, 0.5, 0.2),
+        (0.36, 0, 0.3), (0.4, 0, 0.335), (0.03, 0.055), stuff.STEEL, segments=12, tint=(0.6, 0.5, 0.2)
     )
 
 
@@ -111,13 +105,8 @@ def _railing(model: SceneModel, along: str, span: tuple[float, float], line: flo
     for place in np.linspace(span[0] + 0.02, span[1] - 0.02, count):
         post = place in (span[0] + 0.02, span[1] - 0.02)
         half = 0.04 if post else 0.014
-        bar(
-            model,
-            along,
-            (place - half, place + half),
-            (line - half, line + half),
-            (stuff.PAINT, (-0.02, 0.95 if post else 0.83), TRIM),
-        )
+        paint = (stuff.PAINT, (-0.02, 0.95 if post else 0.83), TRIM)
+        bar(model, along, (place - half, place + half), (line - half, line + half), paint)
 
 
 def _porch(model: SceneModel) -> None:
@@ -167,12 +156,8 @@ def _planting(model: SceneModel) -> None:
     ):
         rng = model.rng_for(f"tree {number}")
         with model.at((x, y, z), 40.0 * number):
-            tree(
-                model,
-                (tall, spread),
-                (stuff.BARK, stuff.LEAVES if number % 2 == 0 else stuff.DARK_LEAVES),
-                rng,
-            )
+            leaves = stuff.LEAVES if number % 2 == 0 else stuff.DARK_LEAVES
+            tree(model, (tall, spread), (stuff.BARK, leaves), rng)
     rng = model.rng_for("hedges")
     hedge(model, (-4.2, -13.4, z), (15.0, -12.5, z + 1.75), (stuff.HEDGE, stuff.DARK_LEAVES), rng)
     hedge(model, (-5.2, -13.4, z), (-4.4, 4.6, z + 1.25), (stuff.HEDGE, stuff.DARK_LEAVES), rng)
@@ -186,12 +171,8 @@ def _planting(model: SceneModel) -> None:
         ((-1.9, 3.9), (-0.15, 4.9)),
     ):
         model.box((*low, z - 0.1), (*high, z + 0.05), stuff.SOIL, skip="z")
-        model.box(
-            (low[0] - 0.06, low[1] - 0.06, z - 0.1),
-            (high[0] + 0.06, high[1] + 0.06, z + 0.04),
-            stuff.PLINTH,
-            skip="z",
-        )
+        under, over = (low[0] - 0.06, low[1] - 0.06, z - 0.1), (high[0] + 0.06, high[1] + 0.06, z + 0.04)
+        model.box(under, over, stuff.PLINTH, skip="z")
         flower_bed(model, (*low, z), high, 0.55, (stuff.ROSES, stuff.DAISIES, stuff.FERN, stuff.DAISIES), rng)
     for x, y, radius in (
         (8.2, -9.8, 0.7),
@@ -216,18 +197,10 @@ def _lawn(model: SceneModel) -> None:
     with model.at((8.3, -10.6, z)):
         _swing(model)
     with model.at((1.4, -7.4, z)):
-        model.cylinder((0, 0, 0), (0, 0, 0.7), 0.16, stuff.PLINTH, top_radius=0.08, segments=16)
+        model.cylinder((0, 0, 0), (0, 0, 0.7), (0.16, 0.08), stuff.PLINTH, segments=16)
+        model.cylinder((0, 0, 0.7), (0, 0, 0.82), (0.12, 0.33), stuff.PLINTH, segments=24, caps=False)
         model.cylinder(
-            (0, 0, 0.7), (0, 0, 0.82), 0.12, stuff.PLINTH, top_radius=0.33, segments=24, caps=False
-        )
-        model.cylinder(
-            (0, 0, 0.74),
-            (0, 0, 0.79),
-            0.2,
-            stuff.GLAZED,
-            top_radius=0.3,
-            segments=24,
-            tint=(0.25, 0.35, 0.42),
+            (0, 0, 0.74), (0, 0, 0.79), (0.2, 0.3), stuff.GLAZED, segments=24, tint=(0.25, 0.35, 0.42)
         )
     model.sphere((6.2, -7.6, z + 0.12), 0.12, stuff.CUSHION_STRIPES, segments=18)
     with model.at((2.3, -5.6, z), 60):
@@ -239,11 +212,7 @@ def _shed(model: SceneModel) -> None:
     model.box((-1.4, -0.9, 0), (1.1, 0.9, 2.0), stuff.SHED_BOARDS, skip="z")
     gable(model, (-1.4, -0.9), (1.1, 0.9), (2.0, 2.65), (stuff.ROOF, stuff.SHED_BOARDS))
     model.box((-0.9, 0.9, 0.05), (-0.1, 0.94, 1.85), stuff.FENCE_BOARDS, skip="Y", tint=GREEN_TRIM)
-    model.quad(
-        [(-0.1, 0.94, 0.05), (-0.9, 0.94, 0.05), (-0.9, 0.94, 1.85), (-0.1, 0.94, 1.85)],
-        stuff.FENCE_BOARDS,
-        tint=GREEN_TRIM,
-    )
+    model.quad(rectangle((-0.1, -0.9), 0.94, (0.05, 1.85)), stuff.FENCE_BOARDS, tint=GREEN_TRIM)
     model.box((0.25, 0.9, 0.95), (0.85, 0.92, 1.5), stuff.GLAZED, tint=(0.08, 0.1, 0.12))
     window(model, Opening(0.25, 0.85, 0.95, 1.5), "x", (0.9, 0.95), (2, 2), material=(stuff.PAINT, TRIM))
     for x, lean in ((0.12, 0.3), (0.98, 0.25)):
@@ -273,15 +242,9 @@ def _barrow(model: SceneModel) -> None:
     )
     points = [(*p, 0.32) for p in low] + [(*p, 0.6) for p in high]
     sides = [(k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4) for k in range(4)]
-    model.mesh(
-        points,
-        [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))],
-        stuff.STEEL,
-        tint=(0.12, 0.35, 0.2),
-    )
-    model.quad(
-        [(-0.39, -0.28, 0.54), (0.46, -0.28, 0.54), (0.46, 0.28, 0.54), (-0.39, 0.28, 0.54)], stuff.SOIL
-    )
+    triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    model.mesh(points, triangles, stuff.STEEL, tint=(0.12, 0.35, 0.2))
+    model.quad(rectangle((-0.39, 0.46), (-0.28, 0.28), 0.54), stuff.SOIL)
     model.cylinder(
         (0.6, -0.04, 0.18), (0.6, 0.04, 0.18), 0.18, stuff.STEEL, segments=20, tint=(0.05, 0.05, 0.05)
     )

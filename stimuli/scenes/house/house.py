@@ -13,9 +13,8 @@ from evenlight.stimuli.scenes.house.basement import basement
 from evenlight.stimuli.scenes.house.garden import garden
 from evenlight.stimuli.scenes.house.kitchen import kitchen
 from evenlight.stimuli.scenes.house.living_room import hall, living_room
-from evenlight.stimuli.scenes.house.rooms import TRIM, floor
-from evenlight.stimuli.scenes.house.shell import gable, shell
-from evenlight.stimuli.scenes.house.walls import Opening, bar, lining, window
+from evenlight.stimuli.scenes.house.plan import Opening, bar, lining, window
+from evenlight.stimuli.scenes.house.shell import TRIM, floor, gable, shell
 from evenlight.stimuli.scenes.model import Material, SceneModel
 from evenlight.stimuli.scenes.plants import clump
 from evenlight.stimuli.scenes.scene import Scene
@@ -134,13 +133,8 @@ def _lawn_and_street(model: SceneModel) -> None:
     rng = model.rng_for("stepping stones")
     for step in range(9):
         x, y = 4.3 + 0.35 * np.sin(0.8 * step), -6.7 - 0.62 * step
-        model.box(
-            (x - 0.3, y - 0.2, z - 0.1),
-            (x + 0.3, y + 0.2, z + 0.025),
-            stuff.STONE,
-            turn=20 * rng.random() - 10,
-            skip="z",
-        )
+        under, over, turn = (x - 0.3, y - 0.2, z - 0.1), (x + 0.3, y + 0.2, z + 0.025), 20 * rng.random() - 10
+        model.box(under, over, stuff.STONE, turn=turn, skip="z")
 
 
 def _fences(model: SceneModel) -> None:
@@ -171,13 +165,7 @@ def _belt(model: SceneModel) -> None:
             tall = 4.5 + 3.5 * rng.random()
             a, b = list(low), list(high)
             a[along], b[along] = float(start), float(start) + 4.2
-            model.box(
-                (a[0], a[1], z - 0.2),
-                (b[0], b[1], z + tall - 1.5),
-                stuff.HEDGE,
-                skip="z",
-                tint=(0.75, 0.85, 0.8),
-            )
+            model.box((*a, z - 0.2), (*b, z + tall - 1.5), stuff.HEDGE, skip="z", tint=(0.75, 0.85, 0.8))
             middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, z + tall - 1.6)
             clump(model, middle, 2.6, stuff.DARK_LEAVES, rng, 30)
 
@@ -214,11 +202,6 @@ def _neighbour(
                 for line, outward in zip(sides, (-1, 1), strict=True):
                     across = (line - 0.04, line) if outward < 0 else (line, line + 0.04)
                     pane = (line - 0.01, line) if outward < 0 else (line, line + 0.01)
-                    bar(
-                        model,
-                        along,
-                        (hole.low, hole.high),
-                        pane,
-                        (stuff.GLAZED, (hole.sill, hole.head), (0.1, 0.13, 0.17)),
-                    )
+                    glass = (stuff.GLAZED, (hole.sill, hole.head), (0.1, 0.13, 0.17))
+                    bar(model, along, (hole.low, hole.high), pane, glass)
                     window(model, hole, along, across, (2, 1), material=(stuff.PAINT, TRIM))

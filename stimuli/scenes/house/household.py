@@ -9,10 +9,9 @@ import numpy as np
 
 from evenlight.stimuli.scenes.house.furniture import WHITE, Tint
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.shapes import WHOLE, rectangle
 
 WARM = (1.0, 0.80, 0.55)
-WHOLE = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Texture coordinates that show one tile upright on a quad."""
 
 
 def picture(
@@ -25,7 +24,7 @@ def picture(
     """Hang a picture on a wall at y = 0 that is seen from -y; the origin is its middle."""
     x, z = size[0] / 2, size[1] / 2
     model.box((-x, -0.03, -z), (x, 0.0, z), edge, skip="yY", tint=tint)
-    model.quad([(-x, -0.03, -z), (x, -0.03, -z), (x, -0.03, z), (-x, -0.03, z)], image, uvs=WHOLE)
+    model.quad(rectangle((-x, x), -0.03, (-z, z)), image, uvs=WHOLE)
 
 
 def sheet(model: SceneModel, corners: Sequence[Sequence[float]], image: Material, tint: Tint = WHITE) -> None:
@@ -39,11 +38,11 @@ def glow(
     """Add a luminous box: a bulb or a lampshade that shines to all sides."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     faces = (
-        ((x0, y0, z0), (x1, y0, z0), (x1, y0, z1), (x0, y0, z1)),
-        ((x1, y0, z0), (x1, y1, z0), (x1, y1, z1), (x1, y0, z1)),
-        ((x1, y1, z0), (x0, y1, z0), (x0, y1, z1), (x1, y1, z1)),
-        ((x0, y1, z0), (x0, y0, z0), (x0, y0, z1), (x0, y1, z1)),
-        ((x0, y1, z0), (x1, y1, z0), (x1, y0, z0), (x0, y0, z0)),
+        rectangle((x0, x1), y0, (z0, z1)),
+        rectangle(x1, (y0, y1), (z0, z1)),
+        rectangle((x1, x0), y1, (z0, z1)),
+        rectangle(x0, (y1, y0), (z0, z1)),
+        rectangle((x0, x1), (y1, y0), z0),
     )
     for corners in faces:
         model.lamp(corners, luminance, colour)
@@ -79,15 +78,8 @@ def floor_lamp(model: SceneModel, tall: float, stuff: Material, luminance: float
 def shade_rims(model: SceneModel, radius: float, heights: tuple[float, float], stuff: Material) -> None:
     """Add the rings that hold a shade open."""
     for z in heights:
-        model.cylinder(
-            (0, 0, z - 0.006),
-            (0, 0, z + 0.006),
-            1.01 * radius,
-            stuff,
-            segments=24,
-            caps=False,
-            tint=(0.5, 0.4, 0.25),
-        )
+        low, high, brass = (0, 0, z - 0.006), (0, 0, z + 0.006), (0.5, 0.4, 0.25)
+        model.cylinder(low, high, 1.01 * radius, stuff, segments=24, caps=False, tint=brass)
 
 
 def table_lamp(model: SceneModel, tall: float, stuff: Material, luminance: float, tint: Tint) -> None:
@@ -102,10 +94,10 @@ def pendant(model: SceneModel, drop: float, stuff: Material, luminance: float, t
     model.cylinder((0, 0, -drop), (0, 0, 0), 0.006, stuff, segments=6, caps=False, tint=(0.05, 0.05, 0.05))
     model.cylinder((0, 0, -0.03), (0, 0, 0), 0.05, stuff, segments=16, tint=tint)
     model.cylinder(
-        (0, 0, -drop - 0.2), (0, 0, -drop), 0.24, stuff, top_radius=0.05, segments=28, caps=False, tint=tint
+        (0, 0, -drop - 0.2), (0, 0, -drop), (0.24, 0.05), stuff, segments=28, caps=False, tint=tint
     )
     z = -drop - 0.185
-    model.lamp([(-0.14, 0.14, z), (0.14, 0.14, z), (0.14, -0.14, z), (-0.14, -0.14, z)], luminance, WARM)
+    model.lamp(rectangle((-0.14, 0.14), (0.14, -0.14), z), luminance, WARM)
 
 
 def paper_globe(model: SceneModel, drop: float, radius: float, stuff: Material, luminance: float) -> None:
@@ -117,27 +109,11 @@ def paper_globe(model: SceneModel, drop: float, radius: float, stuff: Material, 
         for share, low, high in ((0.8, -0.75, -0.4), (1.0, -0.4, 0.4), (0.8, 0.4, 0.75)):
             lantern(model, (share * radius, share * radius), (low * radius, high * radius), luminance, colour)
         flat = 0.56 * radius
-        model.lamp(
-            [
-                (-flat, flat, -0.75 * radius),
-                (flat, flat, -0.75 * radius),
-                (flat, -flat, -0.75 * radius),
-                (-flat, -flat, -0.75 * radius),
-            ],
-            luminance,
-            colour,
-        )
+        model.lamp(rectangle((-flat, flat), (flat, -flat), -0.75 * radius), luminance, colour)
         for level, share in ((-0.75, 0.8), (-0.4, 1.0), (0.0, 1.0), (0.4, 1.0), (0.75, 0.8)):
             z = level * radius
-            model.cylinder(
-                (0, 0, z - 0.003),
-                (0, 0, z + 0.003),
-                1.02 * share * radius,
-                stuff,
-                segments=24,
-                caps=False,
-                tint=(0.5, 0.42, 0.3),
-            )
+            under, over, wire = (0, 0, z - 0.003), (0, 0, z + 0.003), (0.5, 0.42, 0.3)
+            model.cylinder(under, over, 1.02 * share * radius, stuff, segments=24, caps=False, tint=wire)
 
 
 def bare_bulb(model: SceneModel, drop: float, stuff: Material, luminance: float) -> None:
@@ -146,9 +122,7 @@ def bare_bulb(model: SceneModel, drop: float, stuff: Material, luminance: float)
     model.cylinder((0, 0, -drop - 0.06), (0, 0, -drop), 0.022, stuff, segments=12, tint=(0.1, 0.1, 0.1))
     colour, low = (1.0, 0.78, 0.5), -drop - 0.16
     lantern(model, (0.05, 0.05), (low, -drop - 0.06), luminance, colour)
-    model.lamp(
-        [(-0.04, 0.04, low), (0.04, 0.04, low), (0.04, -0.04, low), (-0.04, -0.04, low)], luminance, colour
-    )
+    model.lamp(rectangle((-0.04, 0.04), (0.04, -0.04), low), luminance, colour)
 
 
 def drapes(model: SceneModel, wide: float, tall: float, cloth: Material, seed_phase: float = 0.0) -> None:
@@ -191,11 +165,8 @@ def garment(
         (-0.3, 0.85, 0.12),
         (-tall, 1.0, 0.14),
     ):
-        rows.append(
-            np.column_stack(
-                [wide / 2 * spread * np.cos(angle), deep * np.sin(angle) * folds, np.full(steps + 1, height)]
-            )
-        )
+        x, y = wide / 2 * spread * np.cos(angle), deep * np.sin(angle) * folds
+        rows.append(np.column_stack([x, y, np.full(steps + 1, height)]))
     points, k = np.concatenate(rows), np.arange(steps)
     triangles = [
         np.concatenate([np.stack([a + k, a + k + 1, b + k + 1], 1), np.stack([a + k, b + k + 1, b + k], 1)])[
@@ -208,9 +179,8 @@ def garment(
         model.cylinder(
             (side * wide * 0.5, -0.09, -0.62),
             (side * wide * 0.34, -0.06, -0.09),
-            0.05,
+            (0.05, 0.065),
             cloth,
-            top_radius=0.065,
             segments=8,
             caps=False,
             tint=[0.9 * t for t in tint],
@@ -221,7 +191,7 @@ def shoe(model: SceneModel, stuff: Material, tint: Tint, tall: float = 0.09) -> 
     """Add a shoe, or with more height a boot, its tip towards -y."""
     model.box((-0.045, -0.14, 0.0), (0.045, 0.13, 0.02), stuff, tint=(0.08, 0.07, 0.06))
     model.sphere((0, -0.07, 0.03), (0.046, 0.08, 0.045), stuff, segments=8, tint=tint)
-    model.cylinder((0, 0.06, 0.015), (0, 0.07, tall), 0.05, stuff, top_radius=0.042, segments=8, tint=tint)
+    model.cylinder((0, 0.06, 0.015), (0, 0.07, tall), (0.05, 0.042), stuff, segments=8, tint=tint)
 
 
 def mug(model: SceneModel, stuff: Material, tint: Tint) -> None:
@@ -236,24 +206,10 @@ def mug(model: SceneModel, stuff: Material, tint: Tint) -> None:
 def bowl(model: SceneModel, radius: float, stuff: Material, tint: Tint) -> None:
     """Add a bowl; its inside is a disc below the rim."""
     model.cylinder(
-        (0, 0, 0),
-        (0, 0, 0.45 * radius),
-        0.45 * radius,
-        stuff,
-        top_radius=radius,
-        segments=20,
-        caps=False,
-        tint=tint,
+        (0, 0, 0), (0, 0, 0.45 * radius), (0.45 * radius, radius), stuff, segments=20, caps=False, tint=tint
     )
-    model.cylinder(
-        (0, 0, 0.28 * radius),
-        (0, 0, 0.38 * radius),
-        0.75 * radius,
-        stuff,
-        top_radius=0.96 * radius,
-        segments=20,
-        tint=[0.75 * t for t in tint],
-    )
+    low, high, inner = (0, 0, 0.28 * radius), (0, 0, 0.38 * radius), [0.75 * t for t in tint]
+    model.cylinder(low, high, (0.75 * radius, 0.96 * radius), stuff, segments=20, tint=inner)
 
 
 def fruit(model: SceneModel, radius: float, stuff: Material, rng: np.random.Generator) -> None:
@@ -274,7 +230,7 @@ def fruit(model: SceneModel, radius: float, stuff: Material, rng: np.random.Gene
 def plate(model: SceneModel, radius: float, stuff: Material, tint: Tint = WHITE) -> None:
     """Add a plate with a raised rim."""
     model.cylinder(
-        (0, 0, 0), (0, 0, 0.018), 0.6 * radius, stuff, top_radius=radius, segments=24, caps=False, tint=tint
+        (0, 0, 0), (0, 0, 0.018), (0.6 * radius, radius), stuff, segments=24, caps=False, tint=tint
     )
     model.cylinder(
         (0, 0, 0.0), (0, 0, 0.012), 0.86 * radius, stuff, segments=24, tint=[0.92 * t for t in tint]
@@ -285,4 +241,4 @@ def paper(model: SceneModel, size: tuple[float, float], image: Material, tint: T
     """Lay a sheet, a magazine or a place mat flat on the origin, its lower edge towards -y."""
     x, y = size[0] / 2, size[1] / 2
     model.box((-x, -y, 0), (x, y, 0.004), image, skip="zZ", tint=tint)
-    sheet(model, [(-x, -y, 0.004), (x, -y, 0.004), (x, y, 0.004), (-x, y, 0.004)], image, tint)
+    sheet(model, rectangle((-x, x), (-y, y), 0.004), image, tint)

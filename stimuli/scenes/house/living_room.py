@@ -23,6 +23,7 @@ from evenlight.stimuli.scenes.house.household import (
 from evenlight.stimuli.scenes.house.storage import bookcase, cabinet, lying_books, vase
 from evenlight.stimuli.scenes.model import Material, SceneModel
 from evenlight.stimuli.scenes.plants import flower_bed, potted
+from evenlight.stimuli.scenes.shapes import rectangle
 
 LEAF, PALE_LEAF = (0.13, 0.3, 0.08), (0.28, 0.42, 0.12)
 POT, WHITE_POT = (0.3, 0.4, 0.45), (0.85, 0.83, 0.78)
@@ -48,7 +49,7 @@ def living_room(model: SceneModel) -> None:
 def _rug(model: SceneModel, low: tuple[float, float], high: tuple[float, float], kind: Material) -> None:
     """Lay a rug: one tile of its texture, with a fringe at its two short ends."""
     (x0, y0), (x1, y1) = low, high
-    sheet(model, [(x0, y0, 0.012), (x1, y0, 0.012), (x1, y1, 0.012), (x0, y1, 0.012)], kind)
+    sheet(model, rectangle((x0, x1), (y0, y1), 0.012), kind)
     model.box((x0, y0, 0.0), (x1, y1, 0.0115), stuff.CLOTH, skip="zZ", tint=(0.3, 0.1, 0.08))
     for y in (y0, y1):
         model.box((x0, y - 0.06, 0.0), (x1, y + 0.06, 0.006), stuff.CLOTH, skip="z", tint=(0.75, 0.68, 0.5))
@@ -79,7 +80,7 @@ def _seats(model: SceneModel) -> None:
             scatter_cushion(model, 0.38, stuff.SOFA)
     with model.at((2.35, 3.45, 0.0), 15):
         model.cylinder((0, 0, 0.08), (0, 0, 0.36), 0.24, stuff.SOFA, segments=24)
-        model.cylinder((0, 0, 0.36), (0, 0, 0.41), 0.24, stuff.SOFA, top_radius=0.19, segments=24)
+        model.cylinder((0, 0, 0.36), (0, 0, 0.41), (0.24, 0.19), stuff.SOFA, segments=24)
         model.cylinder((0, 0, 0.0), (0, 0, 0.08), 0.2, stuff.WALNUT, segments=16)
     with model.at((0.62, 0.72, 0.0)):
         floor_lamp(model, 1.62, stuff.STEEL, 800.0)
@@ -107,11 +108,7 @@ def _coffee_table(model: SceneModel) -> None:
         flower_bed(model, (-0.08, -0.03, 0.6), (-0.02, 0.03), 0.24, (stuff.ROSES,), rng)
         with model.at((0.42, 0.17, 0.42), 25):
             model.box((-0.025, -0.09, 0), (0.025, 0.09, 0.018), stuff.PAINT, tint=(0.05, 0.05, 0.06))
-            sheet(
-                model,
-                [(-0.02, -0.08, 0.0185), (0.02, -0.08, 0.0185), (0.02, 0.06, 0.0185), (-0.02, 0.06, 0.0185)],
-                stuff.KEYBOARD,
-            )
+            sheet(model, rectangle((-0.02, 0.02), (-0.08, 0.06), 0.0185), stuff.KEYBOARD)
         with model.at((0.25, 0.1, 0.16), 10):
             lying_books(model, 4, (stuff.BOOKS, stuff.PAGES), rng)
 
@@ -122,11 +119,7 @@ def _television(model: SceneModel) -> None:
     with model.at((6.06, 1.12, 0.0), -90):
         cabinet(model, (1.6, 0.42, 0.5), stuff.WALNUT, (3, 1))
         model.box((-0.5, -0.04, 0.56), (0.5, 0.0, 1.16), stuff.PAINT, skip="y", tint=(0.03, 0.03, 0.03))
-        sheet(
-            model,
-            [(-0.5, -0.04, 0.56), (0.5, -0.04, 0.56), (0.5, -0.04, 1.16), (-0.5, -0.04, 1.16)],
-            stuff.SCREEN,
-        )
+        sheet(model, rectangle((-0.5, 0.5), -0.04, (0.56, 1.16)), stuff.SCREEN)
         model.box((-0.2, -0.12, 0.5), (0.2, 0.08, 0.515), stuff.PAINT, tint=(0.04, 0.04, 0.04))
         model.box((-0.04, -0.02, 0.515), (0.04, 0.02, 0.57), stuff.PAINT, tint=(0.04, 0.04, 0.04))
         for x in (-0.66,):
@@ -226,13 +219,8 @@ def _coats(model: SceneModel) -> None:
             model.cylinder((x, -0.02, 1.68), (x, -0.1, 1.71), 0.01, stuff.STEEL, segments=8)
             if k != 3:
                 with model.at((x, -0.05, 1.69)):
-                    garment(
-                        model,
-                        (0.34 + 0.06 * rng.random(), 0.85 + 0.25 * rng.random()),
-                        stuff.CLOTH,
-                        COATS[k % len(COATS)],
-                        rng,
-                    )
+                    size = (0.34 + 0.06 * rng.random(), 0.85 + 0.25 * rng.random())
+                    garment(model, size, stuff.CLOTH, COATS[k % len(COATS)], rng)
         for x, tint in ((-0.5, (0.5, 0.4, 0.25)), (0.45, (0.2, 0.1, 0.1))):
             model.cylinder((x, -0.14, 1.846), (x, -0.14, 1.856), 0.17, stuff.CLOTH, segments=20, tint=tint)
             model.sphere((x, -0.14, 1.88), (0.1, 0.1, 0.075), stuff.CLOTH, segments=14, tint=tint)
@@ -273,23 +261,11 @@ def _console(model: SceneModel) -> None:
             (0, 0, 0), (0, 0, 0.55), 0.11, stuff.STEEL, segments=18, caps=False, tint=(0.45, 0.35, 0.2)
         )
         for k, tint in enumerate(((0.05, 0.05, 0.06), (0.4, 0.08, 0.08), (0.1, 0.2, 0.35))):
-            model.cylinder(
-                (0.03 * k - 0.03, 0, 0.05),
-                (0.07 * k - 0.07, 0.03 * k, 0.85),
-                0.022,
-                stuff.CLOTH,
-                segments=8,
-                tint=tint,
-            )
+            low, high = (0.03 * k - 0.03, 0, 0.05), (0.07 * k - 0.07, 0.03 * k, 0.85)
+            model.cylinder(low, high, 0.022, stuff.CLOTH, segments=8, tint=tint)
     with model.at((2.05, 7.4, 0.0)):
-        potted(
-            model,
-            (0.16, 1.0),
-            (stuff.PAINT, stuff.SOIL, stuff.PAINT),
-            ((0.8, 0.78, 0.7), (0.13, 0.3, 0.08)),
-            rng,
-            24,
-        )
+        pot, colours = (stuff.PAINT, stuff.SOIL, stuff.PAINT), ((0.8, 0.78, 0.7), (0.13, 0.3, 0.08))
+        potted(model, (0.16, 1.0), pot, colours, rng, 24)
 
 
 def _walls(model: SceneModel) -> None:
@@ -305,10 +281,6 @@ def _walls(model: SceneModel) -> None:
             picture(model, (0.36, 0.44), image, stuff.WALNUT)
     with model.at((6.28, 5.12, 1.65), 180):
         model.cylinder((0, 0, 0), (0, -0.03, 0), 0.11, stuff.WALNUT, segments=28)
-        sheet(
-            model,
-            [(-0.09, -0.031, -0.09), (0.09, -0.031, -0.09), (0.09, -0.031, 0.09), (-0.09, -0.031, 0.09)],
-            stuff.DIAL,
-        )
+        sheet(model, rectangle((-0.09, 0.09), -0.031, (-0.09, 0.09)), stuff.DIAL)
     for x in (4.95, 6.12):
         model.box((x - 0.04, 5.12, 1.1), (x + 0.04, 5.13, 1.2), stuff.PAINT, skip="y")

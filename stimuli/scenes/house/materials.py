@@ -6,15 +6,30 @@ Plain things share a few white materials and get their colour by a tint.
 from __future__ import annotations
 
 from evenlight.stimuli.scenes.model import Material
-from evenlight.stimuli.scenes.textures.cloth import (
+from evenlight.stimuli.scenes.textures.garden import bark, blossoms, grass, gravel, leaves, soil, thicket
+from evenlight.stimuli.scenes.textures.interior import (
+    asphalt,
+    brick,
     carpet,
     checked_fabric,
+    chequered_tiles,
+    concrete,
     curtain,
     fabric,
+    metal,
+    painted_boards,
+    painted_brick,
+    panel_door,
+    paving,
+    planks,
+    plaster,
+    roof_tiles,
     rug,
     striped_fabric,
+    stripes,
+    tiles,
+    wood,
 )
-from evenlight.stimuli.scenes.textures.garden import bark, blossoms, grass, gravel, leaves, soil, thicket
 from evenlight.stimuli.scenes.textures.printed import (
     abstract_painting,
     book_spines,
@@ -29,23 +44,6 @@ from evenlight.stimuli.scenes.textures.printed import (
     screen,
 )
 from evenlight.stimuli.scenes.textures.tileable import linear
-from evenlight.stimuli.scenes.textures.walls import (
-    asphalt,
-    brick,
-    chequered_tiles,
-    concrete,
-    metal,
-    painted_boards,
-    painted_brick,
-    panel_door,
-    paving,
-    planks,
-    plaster,
-    roof_tiles,
-    stripes,
-    tiles,
-    wood,
-)
 
 WHITE = linear("f4f2ec")
 

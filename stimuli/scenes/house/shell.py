@@ -1,16 +1,30 @@
-"""The shell of the house: its walls with their windows and doors, floors, ceilings, stairs, roof."""
+"""The shell of the house and its rooms: walls with windows and doors, floors, ceilings, stairs, roof."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from evenlight.stimuli.scenes.house import materials as stuff
 from evenlight.stimuli.scenes.house import plan
-from evenlight.stimuli.scenes.house.rooms import TRIM, cased, rooms, silled
-from evenlight.stimuli.scenes.house.walls import Opening, casing, lining, reveal, seen_from, window
+from evenlight.stimuli.scenes.house.plan import (
+    Opening,
+    bar,
+    casing,
+    flight,
+    hollow,
+    lining,
+    reveal,
+    room_edges,
+    seen_from,
+    window,
+)
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.shapes import WHOLE, rectangle
 
 GREEN_TRIM = (0.16, 0.27, 0.23)
 UPPER_SOUTH = tuple(Opening(x, x + 1.2, 3.5, 4.8) for x in (1.2, 3.7, 6.4, 8.9))
 UPPER_WEST = tuple(Opening(y, y + 1.1, 3.5, 4.8) for y in (1.8, 5.2))
+TRIM = (0.93, 0.92, 0.88)
 
 
 def shell(model: SceneModel) -> None:
@@ -50,33 +64,14 @@ def _blind_window(model: SceneModel, hole: Opening, along: str, across: tuple[fl
     depth = across[1] - 0.012
     middle = (hole.low + hole.high) / 2
     for low, high, tint in ((hole.low, middle, (0.07, 0.09, 0.11)), (middle, hole.high, (0.1, 0.12, 0.15))):
-        span = (low, high)
-        _slab(model, along, span, (depth - 0.005, depth), (hole.sill, hole.head), (stuff.GLAZED, tint))
+        bar(model, along, (low, high), (depth - 0.005, depth), (stuff.GLAZED, (hole.sill, hole.head), tint))
     wide = (hole.high - hole.low) / 2
     for low in (hole.low - wide - 0.02, hole.high + 0.02):
         outer = (across[0] + 0.005, across[1])
-        _slab(
-            model, along, (low, low + wide), outer, (hole.sill, hole.head), (stuff.FENCE_BOARDS, GREEN_TRIM)
-        )
-    sill = (across[0] - 0.06, across[1])
-    _slab(
-        model,
-        along,
-        (hole.low - 0.05, hole.high + 0.05),
-        sill,
-        (hole.sill - 0.05, hole.sill),
-        (stuff.PLINTH, (1, 1, 1)),
-    )
-
-
-def _slab(
-    model: SceneModel, along: str, span: tuple[float, float], across: tuple[float, float],
-    heights: tuple[float, float], paint: tuple[Material, tuple[float, float, float]],
-) -> None:  # fmt: skip
-    low, high = (span[0], across[0]), (span[1], across[1])
-    if along == "y":
-        low, high = low[::-1], high[::-1]
-    model.box((*low, heights[0]), (*high, heights[1]), paint[0], tint=paint[1])
+        shutter = (stuff.FENCE_BOARDS, (hole.sill, hole.head), GREEN_TRIM)
+        bar(model, along, (low, low + wide), outer, shutter)
+    sill = (stuff.PLINTH, (hole.sill - 0.05, hole.sill), (1, 1, 1))
+    bar(model, along, (hole.low - 0.05, hole.high + 0.05), (across[0] - 0.06, across[1]), sill)
 
 
 def _roof(model: SceneModel) -> None:
@@ -133,24 +128,11 @@ def _openings(model: SceneModel) -> None:
         middle = (depth[0] + 0.05, depth[0] + 0.11) if depth[0] < 5 else (depth[1] - 0.11, depth[1] - 0.05)
         window(model, hole, along, middle, panes, material=white)
         seen_from(model, hole, along, sum(middle) / 2)
+        wide = (hole.low - 0.06, hole.high + 0.06)
         outer = (depth[0] - 0.06, depth[0] + 0.02) if depth[0] < 5 else (depth[1] - 0.02, depth[1] + 0.06)
-        _slab(
-            model,
-            along,
-            (hole.low - 0.06, hole.high + 0.06),
-            outer,
-            (hole.sill - 0.05, hole.sill),
-            (stuff.PLINTH, (1, 1, 1)),
-        )
+        bar(model, along, wide, outer, (stuff.PLINTH, (hole.sill - 0.05, hole.sill), (1, 1, 1)))
         inner = (depth[1] - 0.02, depth[1] + 0.07) if depth[0] < 5 else (depth[0] - 0.07, depth[0] + 0.02)
-        _slab(
-            model,
-            along,
-            (hole.low - 0.06, hole.high + 0.06),
-            inner,
-            (hole.sill - 0.035, hole.sill),
-            (stuff.PAINT, TRIM),
-        )
+        bar(model, along, wide, inner, (stuff.PAINT, (hole.sill - 0.035, hole.sill), TRIM))
     for hole, along, depth in (
         (plan.TERRACE_DOOR, "x", (0.0, 0.3)),
         (plan.FRONT_DOOR, "y", (0.0, 0.3)),
@@ -192,9 +174,8 @@ def door_leaf(
     wide, tall = size
     with model.at(hinge, turn):
         for y, order in ((-0.02, 1), (0.02, -1)):
-            corners = [(0.0, y, 0.01), (wide, y, 0.01), (wide, y, tall), (0.0, y, tall)]
-            uvs = [(0, 0), (1, 0), (1, 1), (0, 1)]
-            model.quad(corners[::order], face, uvs=uvs[::order])
+            corners = rectangle((0.0, wide), y, (0.01, tall))
+            model.quad(corners[::order], face, uvs=WHOLE[::order])
             model.cylinder(
                 (wide - 0.07, y, 1.02), (wide - 0.07, 2.8 * y, 1.02), 0.011, stuff.STEEL, segments=8
             )
@@ -202,3 +183,185 @@ def door_leaf(
                 (wide - 0.07, 2.8 * y, 1.02), (wide - 0.19, 2.8 * y, 1.02), 0.01, stuff.STEEL, segments=8
             )
         model.box((0.0, -0.0199, 0.01), (wide, 0.0199, tall), stuff.PAINT, skip="yY", tint=TRIM)
+
+
+def rooms(model: SceneModel) -> None:
+    """Add the insides of all rooms and the stairs between them."""
+    _living_room(model)
+    _kitchen(model)
+    _hall(model)
+    _basement(model)
+    _stairs(model)
+
+
+def cased(hole: Opening) -> Opening:
+    """Return the hole that the wall behind a casing has: corners must lie free to be lit."""
+    return Opening(hole.low - 0.07, hole.high + 0.07, hole.sill, hole.head + 0.07)
+
+
+def silled(hole: Opening) -> Opening:
+    """Return the hole that the wall behind a window sill has."""
+    return Opening(hole.low, hole.high, hole.sill - 0.03, hole.head)
+
+
+def _room(
+    model: SceneModel, corners: tuple[tuple[float, float], tuple[float, float]], heights: tuple[float, float],
+    walls: dict[str, Material], holes: Mapping[str, tuple[Opening, ...]],
+) -> None:  # fmt: skip
+    """Add the four linings of a room: materials and openings by side "xXyY"."""
+    (x0, y0), (x1, y1) = corners
+    ends = {
+        "y": ((x1, y0), (x0, y0)),
+        "x": ((x0, y0), (x0, y1)),
+        "Y": ((x0, y1), (x1, y1)),
+        "X": ((x1, y1), (x1, y0)),
+    }
+    for side, line in ends.items():
+        lining(model, line, heights, walls[side], holes.get(side, ()))
+
+
+def floor(
+    model: SceneModel, low: tuple[float, float], high: tuple[float, float], z: float, material: Material
+) -> None:
+    """Add a level rectangle that is seen from above."""
+    model.quad([(*low, z), (high[0], low[1], z), (*high, z), (low[0], high[1], z)], material)
+
+
+def ceiling(
+    model: SceneModel, low: tuple[float, float], high: tuple[float, float], z: float, material: Material
+) -> None:
+    """Add a level rectangle that is seen from below."""
+    model.quad([(low[0], high[1], z), (*high, z), (high[0], low[1], z), (*low, z)], material)
+
+
+def _living_room(model: SceneModel) -> None:
+    low, high = plan.LIVING
+    holes = {
+        "y": (silled(plan.GARDEN_WINDOW), cased(plan.TERRACE_DOOR)), "x": (silled(plan.WEST_WINDOW),),
+        "X": (cased(plan.ARCH),), "Y": (cased(plan.LIVING_DOOR),),
+    }  # fmt: skip
+    walls = {"x": stuff.LIVING_WALL, "X": stuff.LIVING_WALL, "y": stuff.LIVING_WALL, "Y": stuff.FEATURE_WALL}
+    _room(model, plan.LIVING, (0.1, plan.CEILING - 0.06), walls, holes)
+    floor(model, low, high, 0.0, stuff.FLOOR_BOARDS)
+    ceiling(model, low, high, plan.CEILING, stuff.CEILING)
+    doors = {"y": (plan.TERRACE_DOOR,), "X": (plan.ARCH,), "Y": (plan.LIVING_DOOR,)}
+    room_edges(model, low, high, (stuff.PAINT, TRIM, 0.0), doors)
+    _cornice(model, low, high)
+
+
+def _cornice(model: SceneModel, low: tuple[float, float], high: tuple[float, float]) -> None:
+    """Add a moulding where the walls meet the ceiling."""
+    (x0, y0), (x1, y1), z = low, high, plan.CEILING
+    for size, drop in ((0.07, 0.03), (0.035, 0.07)):
+        for a, b in (
+            ((x0, y0), (x1, y0 + size)), ((x0, y1 - size), (x1, y1)),
+            ((x0, y0 + size), (x0 + size, y1 - size)), ((x1 - size, y0 + size), (x1, y1 - size)),
+        ):  # fmt: skip
+            model.box((*a, z - drop), (*b, z), stuff.PAINT, skip="Z", tint=TRIM)
+
+
+def _kitchen(model: SceneModel) -> None:
+    low, high = plan.KITCHEN
+    holes = {
+        "y": (silled(plan.SINK_WINDOW),),
+        "X": (silled(plan.EAST_WINDOW),),
+        "x": (cased(plan.ARCH),),
+        "Y": (cased(plan.KITCHEN_DOOR),),
+    }
+    _room(model, plan.KITCHEN, (0.1, plan.CEILING - 0.06), dict.fromkeys("xXyY", stuff.KITCHEN_WALL), holes)
+    floor(model, low, high, 0.0, stuff.KITCHEN_FLOOR)
+    ceiling(model, low, high, plan.CEILING, stuff.CEILING)
+    room_edges(model, low, high, (stuff.PAINT, TRIM, 0.0), {"x": (plan.ARCH,), "Y": (plan.KITCHEN_DOOR,)})
+    _cornice(model, low, high)
+
+
+def _hall(model: SceneModel) -> None:
+    """Add the hall, open above the stairs to a landing with a window."""
+    low, high = plan.HALL
+    (a, b), (c, d) = plan.STAIRWELL
+    top = plan.CEILING + 0.18
+    holes = {
+        "x": (cased(plan.FRONT_DOOR), silled(plan.HALL_WINDOW)),
+        "y": (cased(plan.LIVING_DOOR), cased(plan.KITCHEN_DOOR)),
+    }
+    _room(model, plan.HALL, (0.1, plan.CEILING), dict.fromkeys("xXyY", stuff.HALL_WALL), holes)
+    for first, last in (((low[0], low[1]), (high[0], b)), ((low[0], b), (a, d)), ((c, b), (high[0], d))):
+        floor(model, first, last, 0.0, stuff.HALL_FLOOR)
+    for first, last in (
+        ((low[0], low[1]), (high[0], b)),
+        ((low[0], b), (a + 0.4, d)),
+        ((c, b), (high[0], d)),
+    ):
+        ceiling(model, first, last, plan.CEILING, stuff.CEILING)
+    lining(model, ((a + 0.4, d), (c, d)), (plan.CEILING, 5.2), stuff.HALL_WALL, (plan.LANDING_WINDOW,))
+    hollow(model, (a + 0.4, b, plan.CEILING), (c, d, 5.2), stuff.HALL_WALL, skip="zYZ")
+    ceiling(model, (a + 0.4, b), (c, d), 5.2, stuff.CEILING)
+    model.quad(rectangle(c - 0.01, (d - 0.1, b + 0.1), (top, top + 2)), stuff.DOOR, uvs=WHOLE)
+    doors = {"x": (plan.FRONT_DOOR,), "y": (plan.LIVING_DOOR, plan.KITCHEN_DOOR)}
+    room_edges(model, low, high, (stuff.WALNUT, (1, 1, 1), 0.0), doors)
+
+
+def _basement(model: SceneModel) -> None:
+    """Add the cellar: painted brick, raw brick piers with a beam, concrete above and below."""
+    low, high = plan.BASEMENT
+    (a, b), (c, _) = plan.STAIRWELL
+    walls = {
+        "x": stuff.BASEMENT_BRICK,
+        "X": stuff.RAW_BRICK,
+        "y": stuff.BASEMENT_BRICK,
+        "Y": stuff.BASEMENT_BRICK,
+    }
+    _room(model, plan.BASEMENT, (plan.CELLAR, plan.CELLAR_CEILING), walls, {"x": (plan.CELLAR_WINDOW,)})
+    floor(model, low, high, plan.CELLAR, stuff.BASEMENT_FLOOR)
+    for first, last in ((low, (high[0], b)), ((low[0], b), (a, high[1])), ((c, b), high)):
+        ceiling(model, first, last, plan.CELLAR_CEILING, stuff.BASEMENT_CEILING)
+    top = plan.CELLAR_CEILING
+    for y in (1.3, 5.2):
+        model.box((4.2, y - 0.22, plan.CELLAR), (4.64, y + 0.22, top - 0.2), stuff.RAW_BRICK, skip="zZ")
+    model.box((4.24, low[1], top - 0.2), (4.6, b, top), stuff.OLD_WOOD, skip="Z")
+    for x in (1.2, 2.1, 3.0, 5.5, 6.4, 7.3):
+        model.box((x, low[1], top - 0.14), (x + 0.08, b, top), stuff.OLD_WOOD, skip="Z")
+
+
+def _stairs(model: SceneModel) -> None:
+    """Add both flights, the wall below the upper one, the door frame of the cellar, and railings."""
+    (a, b), (c, d) = plan.STAIRWELL
+    top = plan.CEILING + 0.18
+    flight(model, (a, b), (c, d), (0.0, top), 15, (stuff.OAK, stuff.PAINT))
+    flight(model, (a, b), (c - 0.1, d), (plan.CELLAR, 0.0), 14, (stuff.OLD_WOOD, stuff.OLD_WOOD))
+    # Between the flights: the slope above one's head, and the hall's panelling, seen from both sides.
+    low, high = 0.0, top - 0.22
+    model.quad([(a, d, low - 0.22), (c, d, high), (c, b, high), (a, b, low - 0.22)], stuff.PAINT)
+    hall_side = [(a, b, 0.0), (c, b, 0.0), (c, b, top - 0.02), (a, b, 0.17)]
+    model.mesh(hall_side, [(0, 1, 2), (0, 2, 3)], stuff.FENCE_BOARDS)
+    stair_side = [(a, b, plan.CELLAR_CEILING), (c, b, plan.CELLAR_CEILING), (c, b, high), (a, b, -0.22)]
+    model.mesh(stair_side, [(2, 1, 0), (3, 2, 0)], stuff.BASEMENT_BRICK)
+    lining(model, ((a, d), (c, d)), (plan.CELLAR_CEILING, 0.0), stuff.BASEMENT_BRICK)
+    model.quad(rectangle(a, (d, b), (-0.28, 0.0))[::-1], stuff.PAINT)
+    ends = ((c + 0.08, b), (c + 0.08, d))
+    lining(model, ends, (0.0, plan.CEILING), stuff.HALL_WALL, (cased(plan.CELLAR_DOOR),))
+    lining(model, ((c, d), (c, b)), (0.0, plan.CEILING), stuff.PAINT, (plan.CELLAR_DOOR,))
+    reveal(model, plan.CELLAR_DOOR, (c, c + 0.08), "y", stuff.PAINT)
+    casing(model, plan.CELLAR_DOOR, "y", (c + 0.08, c + 0.095), (stuff.PAINT, TRIM))
+    floor(model, (c - 0.1, b), (c + 0.08, d), 0.0, stuff.OAK)
+    _railings(model)
+
+
+def _railings(model: SceneModel) -> None:
+    """Add balusters and handrails along the open sides of both flights."""
+    (a, b), (c, _) = plan.STAIRWELL
+    for start, stop, z0, z1, count in (
+        (a, c - 0.9, 0.1, 2.26, 20),
+        (a + 0.1, c - 0.8, plan.CELLAR + 0.1, -0.85, 12),
+    ):
+        for post in range(count):
+            share = (post + 0.5) / count
+            x, z = start + (stop - start) * share, z0 + (z1 - z0) * share
+            model.box(
+                (x - 0.014, b + 0.02, z), (x + 0.014, b + 0.048, z + 0.85), stuff.PAINT, skip="zZ", tint=TRIM
+            )
+        model.cylinder(
+            (start, b + 0.034, z0 + 0.88), (stop, b + 0.034, z1 + 0.88), 0.028, stuff.WALNUT, segments=10
+        )
+    model.box((a - 0.1, b - 0.02, 0.0), (a, b + 0.08, 1.12), stuff.WALNUT)
+    model.sphere((a - 0.05, b + 0.03, 1.17), 0.065, stuff.WALNUT, segments=14)

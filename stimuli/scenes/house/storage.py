@@ -9,6 +9,7 @@ import numpy as np
 
 from evenlight.stimuli.scenes.house.furniture import WHITE, Tint
 from evenlight.stimuli.scenes.model import Material, SceneModel
+from evenlight.stimuli.scenes.shapes import WHOLE, rectangle
 from evenlight.stimuli.scenes.textures.printed import SHELVES, SPINES, spine_cell
 from evenlight.stimuli.scenes.textures.tileable import linear
 
@@ -36,22 +37,14 @@ def book(
     thick, deep, tall = size
     spines, pages = kinds
     u0, v0, u1, v1 = spine_cell(number)
-    model.quad([(0, 0, 0), (thick, 0, 0), (thick, 0, tall), (0, 0, tall)], spines,
+    model.quad(rectangle((0, thick), 0, (0, tall)), spines,
                uvs=[(u0, v0), (u1, v0), (u1, v1), (u0, v1)])  # fmt: skip
     # The covers are the middle of the spine's colour, stretched.
     cover = [(u0 + 0.2 * (u1 - u0), v) for v in (v0, v0, v0 + 0.05, v0 + 0.05)]
-    model.quad([(0, deep, 0), (0, 0, 0), (0, 0, tall), (0, deep, tall)], spines, uvs=cover)
-    model.quad([(thick, 0, 0), (thick, deep, 0), (thick, deep, tall), (thick, 0, tall)], spines, uvs=cover)
+    model.quad(rectangle(0, (deep, 0), (0, tall)), spines, uvs=cover)
+    model.quad(rectangle(thick, (0, deep), (0, tall)), spines, uvs=cover)
     inset = 0.004
-    model.quad(
-        [
-            (0, inset, tall - inset),
-            (thick, inset, tall - inset),
-            (thick, deep, tall - inset),
-            (0, deep, tall - inset),
-        ],
-        pages,
-    )
+    model.quad(rectangle((0, thick), (inset, deep), tall - inset), pages)
 
 
 def row_of_books(
@@ -85,8 +78,8 @@ def lying_books(
             a, b = long / 2, long * 0.36
             model.box((-a, -b + 0.006, 0.002), (a - 0.004, b - 0.004, thick - 0.002), kinds[1])
             cover = [(u0 + 0.2 * (u1 - u0), v) for v in (v0, v0, v0 + 0.05, v0 + 0.05)]
-            model.quad([(-a, -b, thick), (a, -b, thick), (a, b, thick), (-a, b, thick)], kinds[0], uvs=cover)
-            model.quad([(-a, -b, 0), (a, -b, 0), (a, -b, thick), (-a, -b, thick)], kinds[0],
+            model.quad(rectangle((-a, a), (-b, b), thick), kinds[0], uvs=cover)
+            model.quad(rectangle((-a, a), -b, (0, thick)), kinds[0],
                        uvs=[(u1, v0), (u1, v1), (u0, v1), (u0, v0)])  # fmt: skip
         z += thick + 0.001
 
@@ -141,7 +134,7 @@ def vase(model: SceneModel, tall: float, stuff: Material, tint: Tint = WHITE) ->
     """Add a vase with a belly and a neck."""
     profile = ((0.0, 0.24), (0.25, 0.36), (0.5, 0.34), (0.78, 0.16), (1.0, 0.22))
     for (low, first), (high, second) in pairwise(profile):
-        model.cylinder((0, 0, tall * low), (0, 0, tall * high), tall * first, stuff, top_radius=tall * second,
+        model.cylinder((0, 0, tall * low), (0, 0, tall * high), (tall * first, tall * second), stuff,
                        segments=16, caps=False, tint=tint)  # fmt: skip
 
 
@@ -155,25 +148,19 @@ def cabinet(
     """Add a cabinet: a body on a plinth, doors or drawers (columns, rows) with gaps between and knobs."""
     wide, deep, tall = size
     plinth = 0.08
-    model.box(
-        (-wide / 2 + 0.02, -deep / 2 + 0.05, 0),
-        (wide / 2 - 0.02, deep / 2, plinth),
-        stuff,
-        tint=[0.25 * t for t in tint],
-    )
+    foot, dark = (-wide / 2 + 0.02, -deep / 2 + 0.05, 0), [0.25 * t for t in tint]
+    model.box(foot, (wide / 2 - 0.02, deep / 2, plinth), stuff, tint=dark)
     model.box((-wide / 2, -deep / 2, plinth), (wide / 2, deep / 2, tall), stuff, skip="", tint=tint)
     columns, rows = doors
     each, high = wide / columns, (tall - plinth - 0.01) / rows
     for column in range(columns):
         for row in range(rows):
             x, z = -wide / 2 + each * column, plinth + high * row
-            model.box(
+            low, top = (
                 (x + 0.006, -deep / 2 - 0.02, z + 0.006),
                 (x + each - 0.006, -deep / 2, z + high - 0.006),
-                stuff,
-                skip="Y",
-                tint=tint,
             )
+            model.box(low, top, stuff, skip="Y", tint=tint)
             knob = (
                 x + each * (0.5 if rows > 1 else 0.88 if column % 2 == 0 else 0.12),
                 z + high * (0.5 if rows > 1 else 0.7),
@@ -192,12 +179,7 @@ def panelled_front(model: SceneModel, size: tuple[float, float], stuff: Material
         ((rail, 0), (wide - rail, rail)), ((rail, tall - rail), (wide - rail, tall)),
     ):  # fmt: skip
         model.box((low[0], -0.022, low[1]), (high[0], 0.0, high[1]), stuff, skip="Y", tint=tint)
-    corners = [
-        (rail, -0.012, rail),
-        (wide - rail, -0.012, rail),
-        (wide - rail, -0.012, tall - rail),
-        (rail, -0.012, tall - rail),
-    ]
+    corners = rectangle((rail, wide - rail), -0.012, (rail, tall - rail))
     model.quad(corners, stuff, tint=tint)
 
 
@@ -205,24 +187,19 @@ def jar(model: SceneModel, tall: float, glass: Material, lid: Material, tint: Ti
     """Add a preserving jar with something in it."""
     radius = 0.32 * tall
     model.cylinder(
-        (0, 0, 0),
-        (0, 0, 0.88 * tall),
-        radius,
-        glass,
-        top_radius=0.92 * radius,
-        segments=9,
-        caps=False,
-        tint=tint,
+        (0, 0, 0), (0, 0, 0.88 * tall), (radius, 0.92 * radius), glass, segments=9, caps=False, tint=tint
     )
-    model.cylinder(
-        (0, 0, 0.88 * tall),
-        (0, 0, tall),
-        0.96 * radius,
-        lid,
-        top_radius=0.9 * radius,
-        segments=9,
-        tint=(0.75, 0.6, 0.3),
-    )
+    radii = (0.96 * radius, 0.9 * radius)
+    model.cylinder((0, 0, 0.88 * tall), (0, 0, tall), radii, lid, segments=9, tint=(0.75, 0.6, 0.3))
+
+
+def bottle(model: SceneModel, tall: float, stuff: Material, tint: Tint) -> None:
+    """Add a bottle."""
+    radius = 0.13 * tall
+    model.cylinder((0, 0, 0), (0, 0, 0.6 * tall), radius, stuff, segments=12, caps=False, tint=tint)
+    low, high, radii = (0, 0, 0.6 * tall), (0, 0, 0.75 * tall), (radius, 0.35 * radius)
+    model.cylinder(low, high, radii, stuff, segments=12, caps=False, tint=tint)
+    model.cylinder((0, 0, 0.75 * tall), (0, 0, tall), 0.35 * radius, stuff, segments=10, tint=tint)
 
 
 def open_shelf(
@@ -235,12 +212,8 @@ def open_shelf(
             model.box((x, y, 0), (x + 0.04, y + 0.04, tall), stuff, tint=tint)
     heights = [0.12 + (tall - 0.16) * level / (levels - 1) for level in range(levels)]
     for z in heights:
-        model.box(
-            (-wide / 2 + 0.01, -deep / 2 + 0.005, z - 0.025),
-            (wide / 2 - 0.01, deep / 2 - 0.005, z),
-            stuff,
-            tint=tint,
-        )
+        x, y = wide / 2 - 0.01, deep / 2 - 0.005
+        model.box((-x, -y, z - 0.025), (x, y, z), stuff, tint=tint)
     return heights
 
 
@@ -252,13 +225,7 @@ def carton(
     low, high = np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide / 2, deep / 2, tall])
     model.box(low, high, kinds[1], skip="xXyY", tint=tint)
     (x0, y0, z0), (x1, y1, z1) = low, high
-    whole = [(0, 0), (1, 0), (1, 1), (0, 1)]
     for a, b in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0))):
-        model.quad([(*a, z0), (*b, z0), (*b, z1), (*a, z1)], kinds[0], uvs=whole, tint=tint)
-    model.box(
-        (x0 - 0.001, -0.025, 0.7 * tall),
-        (x1 + 0.001, 0.025, tall + 0.001),
-        kinds[1],
-        skip="zyY",
-        tint=(0.9, 0.75, 0.5),
-    )
+        model.quad([(*a, z0), (*b, z0), (*b, z1), (*a, z1)], kinds[0], uvs=WHOLE, tint=tint)
+    under, over = (x0 - 0.001, -0.025, 0.7 * tall), (x1 + 0.001, 0.025, tall + 0.001)
+    model.box(under, over, kinds[1], skip="zyY", tint=(0.9, 0.75, 0.5))

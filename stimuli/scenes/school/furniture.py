@@ -1,4 +1,7 @@
-"""Furniture of the library and the corridors; at the origin of the placement, its front towards -y."""
+"""Furniture of the library and the corridors; at the origin of the placement, its front towards -y.
+
+Shelves are full of books: cases for the hall, stacks for the store, the trolley between them.
+"""
 
 from __future__ import annotations
 
@@ -7,56 +10,35 @@ import itertools
 import numpy as np
 
 from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.school.materials import (
-    BEECH,
-    BRASS,
-    CATALOGUE,
-    CLOCK,
-    CORK,
-    DARK_OAK,
-    ENAMEL,
-    GLOBE,
-    KEYBOARD,
-    LOCKERS,
-    OAK,
-    PAINT,
-    PAPERS,
-    SCREEN,
-    STEEL,
-    VINYL,
-)
-from evenlight.stimuli.scenes.school.walls import picture
-from evenlight.stimuli.scenes.shapes import sphere
-from evenlight.stimuli.scenes.textures.school import LOCKER_DOORS
+from evenlight.stimuli.scenes.school import building as stuff
+from evenlight.stimuli.scenes.school.building import picture
+from evenlight.stimuli.scenes.shapes import WHOLE, rectangle, sphere
+from evenlight.stimuli.scenes.textures.school import LOCKER_DOORS, SPINE_ROWS
 from evenlight.stimuli.scenes.textures.school_pictures import PAPERS as PAPER_FIELDS
 
 Tint = tuple[float, float, float]
 BLACK: Tint = (0.03, 0.03, 0.035)
 GREEN_GLASS: Tint = (0.05, 0.3, 0.14)
-UPRIGHT = ((0, 0), (1, 0), (1, 1), (0, 1))
+BOOK_ROW = 0.25  # [m] of height that one row of the texture shows
+CASE_WIDTH = 0.925
 
 
 def whole(
     model: SceneModel, low: tuple[float, float, float], high: tuple[float, float, float], front: Material
 ) -> None:
     """Add the front (towards -y) of a box, one tile of a material over all of it."""
-    corners = [
-        (low[0], low[1], low[2]),
-        (high[0], low[1], low[2]),
-        (high[0], low[1], high[2]),
-        (low[0], low[1], high[2]),
-    ]
-    model.quad(corners, front, uvs=UPRIGHT)
+    corners = rectangle((low[0], high[0]), low[1], (low[2], high[2]))
+    model.quad(corners, front, uvs=WHOLE)
 
 
 def reading_table(model: SceneModel, length: float = 2.4, depth: float = 1.05) -> None:
     """Add a heavy table with two lamps on it."""
     a, b = length / 2, depth / 2
-    model.box((-a, -b, 0.71), (a, b, 0.755), OAK)
-    model.box((-a + 0.1, -b + 0.1, 0.62), (a - 0.1, b - 0.1, 0.71), DARK_OAK, skip="Z")
+    model.box((-a, -b, 0.71), (a, b, 0.755), stuff.OAK)
+    model.box((-a + 0.1, -b + 0.1, 0.62), (a - 0.1, b - 0.1, 0.71), stuff.DARK_OAK, skip="Z")
     for x in (-a + 0.08, a - 0.18):
         for y in (-b + 0.08, b - 0.18):
-            model.box((x, y, 0), (x + 0.1, y + 0.1, 0.71), DARK_OAK, skip="zZ")
+            model.box((x, y, 0), (x + 0.1, y + 0.1, 0.71), stuff.DARK_OAK, skip="zZ")
     for x in (-0.28 * length, 0.28 * length):
         with model.at((x, 0.0, 0.755)):
             reading_lamp(model)
@@ -64,38 +46,32 @@ def reading_table(model: SceneModel, length: float = 2.4, depth: float = 1.05) -
 
 def reading_lamp(model: SceneModel) -> None:
     """Add a brass lamp with a long green shade."""
-    model.cylinder((0, 0, 0), (0, 0, 0.02), 0.08, BRASS, segments=14)
-    model.cylinder((0, 0, 0.02), (0, 0, 0.36), 0.012, BRASS, segments=8, caps=False)
+    model.cylinder((0, 0, 0), (0, 0, 0.02), 0.08, stuff.BRASS, segments=14)
+    model.cylinder((0, 0, 0.02), (0, 0, 0.36), 0.012, stuff.BRASS, segments=8, caps=False)
     shade = [(-0.16, -0.09), (0.16, -0.09), (0.16, 0.09), (-0.16, 0.09)]
     top = [(-0.11, -0.03), (0.11, -0.03), (0.11, 0.03), (-0.11, 0.03)]
     for k in range(4):
         after = (k + 1) % 4
-        model.quad(
-            [(*shade[k], 0.31), (*shade[after], 0.31), (*top[after], 0.39), (*top[k], 0.39)],
-            ENAMEL,
-            tint=GREEN_GLASS,
-        )
-    model.quad([(*corner, 0.39) for corner in top], ENAMEL, tint=GREEN_GLASS)
-    model.lamp(
-        [(-0.15, -0.08, 0.315), (-0.15, 0.08, 0.315), (0.15, 0.08, 0.315), (0.15, -0.08, 0.315)],
-        450.0,
-        (1, 0.8, 0.5),
-    )
+        corners = [(*shade[k], 0.31), (*shade[after], 0.31), (*top[after], 0.39), (*top[k], 0.39)]
+        model.quad(corners, stuff.ENAMEL, tint=GREEN_GLASS)
+    model.quad([(*corner, 0.39) for corner in top], stuff.ENAMEL, tint=GREEN_GLASS)
+    light = [(-0.15, -0.08, 0.315), (-0.15, 0.08, 0.315), (0.15, 0.08, 0.315), (0.15, -0.08, 0.315)]
+    model.lamp(light, 450.0, (1, 0.8, 0.5))
 
 
-def chair(model: SceneModel, seat: Material = OAK, tint: Tint = (1, 1, 1)) -> None:
+def chair(model: SceneModel, seat: Material = stuff.OAK, tint: Tint = (1, 1, 1)) -> None:
     """Add a chair whose back is at +y."""
     model.box((-0.21, -0.2, 0.43), (0.21, 0.21, 0.46), seat, tint=tint)
     for x in (-0.2, 0.165):
-        model.box((x, -0.19, 0), (x + 0.035, -0.155, 0.43), DARK_OAK, skip="zZ")
-        model.box((x, 0.17, 0), (x + 0.035, 0.205, 0.88), DARK_OAK, skip="z")
+        model.box((x, -0.19, 0), (x + 0.035, -0.155, 0.43), stuff.DARK_OAK, skip="zZ")
+        model.box((x, 0.17, 0), (x + 0.035, 0.205, 0.88), stuff.DARK_OAK, skip="z")
     for z in (0.6, 0.78):
         model.box((-0.165, 0.18, z), (0.165, 0.2, z + 0.09), seat, skip="xX", tint=tint)
 
 
 def open_book(model: SceneModel, tint: Tint) -> None:
     """Add an open book that lies on a table."""
-    model.box((-0.19, -0.13, 0), (0.19, 0.13, 0.012), PAINT, skip="z", tint=tint)
+    model.box((-0.19, -0.13, 0), (0.19, 0.13, 0.012), stuff.PAINT, skip="z", tint=tint)
     for side in (-1, 1):
         field = 0.25 * (side + 1)
         corners = [
@@ -106,7 +82,7 @@ def open_book(model: SceneModel, tint: Tint) -> None:
         ]
         uvs = [(field, 0), (field + 0.25, 0), (field + 0.25, 0.25), (field, 0.25)]
         order = slice(None, None, side)
-        model.quad(corners[order], PAPERS, uvs=uvs[order])
+        model.quad(corners[order], stuff.PAPERS, uvs=uvs[order])
 
 
 def closed_books(model: SceneModel, rng: np.random.Generator, number: int) -> None:
@@ -116,45 +92,44 @@ def closed_books(model: SceneModel, rng: np.random.Generator, number: int) -> No
         wide, deep, thick = rng.uniform(0.2, 0.28), rng.uniform(0.14, 0.2), rng.uniform(0.018, 0.045)
         colour = rng.uniform(0.06, 0.55, 3)
         with model.at((0, 0, z), rng.uniform(-14, 14)):
-            model.box(
-                (-wide / 2, -deep / 2, 0), (wide / 2, deep / 2, thick), VINYL, skip="z", tint=colour.tolist()
-            )
+            low, high = (-wide / 2, -deep / 2, 0), (wide / 2, deep / 2, thick)
+            model.box(low, high, stuff.VINYL, skip="z", tint=colour.tolist())
         z += thick
 
 
 def globe(model: SceneModel) -> None:
     """Add a globe on a wooden stand, 1.1 m high."""
-    model.cylinder((0, 0, 0), (0, 0, 0.05), 0.24, DARK_OAK, segments=20)
-    model.cylinder((0, 0, 0.05), (0, 0, 0.55), 0.04, DARK_OAK, segments=12, caps=False)
-    model.cylinder((0, 0, 0.5), (0, 0, 0.56), 0.12, BRASS, segments=16)
+    model.cylinder((0, 0, 0), (0, 0, 0.05), 0.24, stuff.DARK_OAK, segments=20)
+    model.cylinder((0, 0, 0.05), (0, 0, 0.55), 0.04, stuff.DARK_OAK, segments=12, caps=False)
+    model.cylinder((0, 0, 0.5), (0, 0, 0.56), 0.12, stuff.BRASS, segments=16)
     points, triangles, uvs = sphere(28)
     with model.at((0, 0, 0.83), 30.0, tilt=23.4):
-        model.mesh(0.28 * points, triangles, GLOBE, uvs=uvs, normals=points)
+        model.mesh(0.28 * points, triangles, stuff.GLOBE, uvs=uvs, normals=points)
     angle = np.linspace(-0.6 * np.pi, 0.6 * np.pi, 22)
     for r, s in itertools.pairwise(angle):
         ends = [(0.31 * np.cos(t), 0.0, 0.83 + 0.31 * np.sin(t)) for t in (r, s)]
-        model.cylinder(ends[0], ends[1], 0.012, BRASS, segments=6, caps=False)
+        model.cylinder(ends[0], ends[1], 0.012, stuff.BRASS, segments=6, caps=False)
 
 
 def card_catalogue(model: SceneModel) -> None:
     """Add a card catalogue, 1.6 m wide."""
-    model.box((-0.82, -0.25, 0.05), (0.82, 0.25, 1.25), DARK_OAK, skip="y")
-    model.box((-0.86, -0.28, 1.25), (0.86, 0.28, 1.29), DARK_OAK)
-    model.box((-0.78, -0.2, 0), (0.78, 0.2, 0.05), DARK_OAK, skip="zZ")
+    model.box((-0.82, -0.25, 0.05), (0.82, 0.25, 1.25), stuff.DARK_OAK, skip="y")
+    model.box((-0.86, -0.28, 1.25), (0.86, 0.28, 1.29), stuff.DARK_OAK)
+    model.box((-0.78, -0.2, 0), (0.78, 0.2, 0.05), stuff.DARK_OAK, skip="zZ")
     for k in range(2):
-        whole(model, (-0.82 + 0.82 * k, -0.25, 0.4), (0.82 * k, -0.25, 1.25), CATALOGUE)
-        whole(model, (-0.82 + 0.82 * k, -0.25, 0.05), (0.82 * k, -0.25, 0.4), CATALOGUE)
+        whole(model, (-0.82 + 0.82 * k, -0.25, 0.4), (0.82 * k, -0.25, 1.25), stuff.CATALOGUE)
+        whole(model, (-0.82 + 0.82 * k, -0.25, 0.05), (0.82 * k, -0.25, 0.4), stuff.CATALOGUE)
 
 
 def service_desk(model: SceneModel, rng: np.random.Generator) -> None:
     """Add the librarian's desk: counter, monitor with the catalogue on it, keyboard, books, lamp, pens."""
-    model.box((-1.2, -0.4, 0), (1.2, -0.32, 1.08), OAK, skip="z")
-    model.box((-1.25, -0.48, 1.08), (1.25, -0.18, 1.12), DARK_OAK)
-    model.box((-1.2, -0.32, 0.7), (1.2, 0.45, 0.74), OAK)
+    model.box((-1.2, -0.4, 0), (1.2, -0.32, 1.08), stuff.OAK, skip="z")
+    model.box((-1.25, -0.48, 1.08), (1.25, -0.18, 1.12), stuff.DARK_OAK)
+    model.box((-1.2, -0.32, 0.7), (1.2, 0.45, 0.74), stuff.OAK)
     for x in (-1.2, 1.16):
-        model.box((x, -0.32, 0), (x + 0.04, 0.45, 0.7), OAK, skip="zZ")
+        model.box((x, -0.32, 0), (x + 0.04, 0.45, 0.7), stuff.OAK, skip="zZ")
     for k in range(5):
-        model.box((-1.1 + 0.45 * k, -0.415, 0.15), (-0.72 + 0.45 * k, -0.4, 0.98), DARK_OAK, skip="Y")
+        model.box((-1.1 + 0.45 * k, -0.415, 0.15), (-0.72 + 0.45 * k, -0.4, 0.98), stuff.DARK_OAK, skip="Y")
     with model.at((0.35, 0.0, 0.74), 180.0):
         monitor(model)
     with model.at((-0.75, -0.33, 1.12), 8.0):
@@ -163,33 +138,31 @@ def service_desk(model: SceneModel, rng: np.random.Generator) -> None:
         open_book(model, (0.3, 0.05, 0.05))
     with model.at((1.0, -0.33, 1.12)):
         reading_lamp(model)
-    model.cylinder((0.5, -0.34, 1.12), (0.5, -0.34, 1.22), 0.04, ENAMEL, segments=12, tint=(0.7, 0.2, 0.15))
+    model.cylinder(
+        (0.5, -0.34, 1.12), (0.5, -0.34, 1.22), 0.04, stuff.ENAMEL, segments=12, tint=(0.7, 0.2, 0.15)
+    )
     for lean in (-0.03, 0.0, 0.03):
         model.cylinder(
-            (0.5 + lean / 3, -0.34, 1.15), (0.5 + lean, -0.34 + lean, 1.29), 0.005, ENAMEL, segments=5
+            (0.5 + lean / 3, -0.34, 1.15), (0.5 + lean, -0.34 + lean, 1.29), 0.005, stuff.ENAMEL, segments=5
         )
 
 
 def monitor(model: SceneModel) -> None:
     """Add a monitor and a keyboard."""
-    model.box((-0.28, 0.0, 0.12), (0.28, 0.04, 0.48), ENAMEL, tint=BLACK)
-    whole(model, (-0.265, -0.004, 0.135), (0.265, -0.004, 0.465), SCREEN)
-    model.box((-0.03, 0.02, 0.0), (0.03, 0.05, 0.2), ENAMEL, tint=BLACK)
-    model.box((-0.13, -0.05, 0.0), (0.13, 0.13, 0.012), ENAMEL, tint=BLACK)
-    model.box((-0.22, -0.32, 0.0), (0.22, -0.17, 0.02), ENAMEL, skip="Z", tint=BLACK)
-    model.quad(
-        [(-0.22, -0.32, 0.021), (0.22, -0.32, 0.021), (0.22, -0.17, 0.021), (-0.22, -0.17, 0.021)],
-        KEYBOARD,
-        uvs=UPRIGHT,
-    )
+    model.box((-0.28, 0.0, 0.12), (0.28, 0.04, 0.48), stuff.ENAMEL, tint=BLACK)
+    whole(model, (-0.265, -0.004, 0.135), (0.265, -0.004, 0.465), stuff.SCREEN)
+    model.box((-0.03, 0.02, 0.0), (0.03, 0.05, 0.2), stuff.ENAMEL, tint=BLACK)
+    model.box((-0.13, -0.05, 0.0), (0.13, 0.13, 0.012), stuff.ENAMEL, tint=BLACK)
+    model.box((-0.22, -0.32, 0.0), (0.22, -0.17, 0.02), stuff.ENAMEL, skip="Z", tint=BLACK)
+    model.quad(rectangle((-0.22, 0.22), (-0.32, -0.17), 0.021), stuff.KEYBOARD, uvs=WHOLE)
 
 
-def lockers(model: SceneModel, columns: int, front: Material = LOCKERS) -> None:
+def lockers(model: SceneModel, columns: int, front: Material = stuff.LOCKERS) -> None:
     """Add a row of lockers in two tiers, 0.3 m wide each, on a plinth; the row begins at the origin."""
     width, tier = 0.3, 0.92
     end = columns * width
-    model.box((0, -0.45, 0), (end, 0, 0.1), PAINT, skip="zZY", tint=BLACK)
-    model.box((0, -0.44, 0.1), (end, 0, 0.1 + 2 * tier), ENAMEL, skip="zyY", tint=(0.12, 0.2, 0.26))
+    model.box((0, -0.45, 0), (end, 0, 0.1), stuff.PAINT, skip="zZY", tint=BLACK)
+    model.box((0, -0.44, 0.1), (end, 0, 0.1 + 2 * tier), stuff.ENAMEL, skip="zyY", tint=(0.12, 0.2, 0.26))
     for column in range(columns):
         for row in range(2):
             low, high = (
@@ -201,25 +174,21 @@ def lockers(model: SceneModel, columns: int, front: Material = LOCKERS) -> None:
             u, v = door + edge, door + 1 / LOCKER_DOORS - edge
             corners = [low, (high[0], low[1], low[2]), (high[0], low[1], high[2]), (low[0], low[1], high[2])]
             model.quad(corners, front, uvs=[(u, 0), (v, 0), (v, 1), (u, 1)])
-            model.box(
-                (high[0] - 0.045, -0.475, low[2] + 0.4),
-                (high[0] - 0.02, -0.455, low[2] + 0.53),
-                STEEL,
-                skip="Y",
-            )
+            x, z = high[0], low[2]
+            model.box((x - 0.045, -0.475, z + 0.4), (x - 0.02, -0.455, z + 0.53), stuff.STEEL, skip="Y")
 
 
 def notice_board(model: SceneModel, rng: np.random.Generator, size: tuple[float, float]) -> None:
     """Add a cork board with papers pinned on it, its middle at the origin."""
     a, b = size[0] / 2, size[1] / 2
-    model.quad([(-a, -0.02, -b), (a, -0.02, -b), (a, -0.02, b), (-a, -0.02, b)], CORK)
+    model.quad(rectangle((-a, a), -0.02, (-b, b)), stuff.CORK)
     for low, high in (
         ((-a - 0.04, -0.035, -b - 0.04), (a + 0.04, 0, -b)),
         ((-a - 0.04, -0.035, b), (a + 0.04, 0, b + 0.04)),
         ((-a - 0.04, -0.035, -b), (-a, 0, b)),
         ((a, -0.035, -b), (a + 0.04, 0, b)),
     ):
-        model.box(low, high, BEECH, skip="Y")
+        model.box(low, high, stuff.BEECH, skip="Y")
     layer = 0.021
     columns, rows = int(size[0] / 0.27), int(size[1] / 0.34)
     for column in range(columns):
@@ -240,58 +209,182 @@ def _pinned(model: SceneModel, rng: np.random.Generator, layer: float) -> None:
     u, v = rng.integers(PAPER_FIELDS, size=2) / PAPER_FIELDS
     side = 1 / PAPER_FIELDS
     uvs = [(u, v), (u + side, v), (u + side, v + side), (u, v + side)]
-    model.quad([(x, -layer, z) for x, z in corners], PAPERS, uvs=uvs)
+    model.quad([(x, -layer, z) for x, z in corners], stuff.PAPERS, uvs=uvs)
     pin = rng.choice([0.1, 0.7], size=3).tolist()
     model.box(
-        (-0.008, -layer - 0.012, tall - 0.03), (0.008, -layer, tall - 0.014), ENAMEL, skip="Y", tint=pin
+        (-0.008, -layer - 0.012, tall - 0.03), (0.008, -layer, tall - 0.014), stuff.ENAMEL, skip="Y", tint=pin
     )
 
 
 def wall_clock(model: SceneModel) -> None:
     """Add a round clock, its middle at the origin."""
-    model.cylinder((0, 0, 0), (0, -0.06, 0), 0.19, ENAMEL, segments=24, tint=BLACK)
+    model.cylinder((0, 0, 0), (0, -0.06, 0), 0.19, stuff.ENAMEL, segments=24, tint=BLACK)
     with model.at((0, -0.052, 0)):
-        picture(model, CLOCK, (0.26, 0.26))
+        picture(model, stuff.CLOCK, (0.26, 0.26))
 
 
 def extinguisher(model: SceneModel) -> None:
     """Add a fire extinguisher on its hook, its foot at the origin."""
     red = (0.6, 0.03, 0.02)
-    model.cylinder((0, -0.1, 0.0), (0, -0.1, 0.42), 0.08, ENAMEL, segments=14, tint=red)
+    model.cylinder((0, -0.1, 0.0), (0, -0.1, 0.42), 0.08, stuff.ENAMEL, segments=14, tint=red)
     model.cylinder(
-        (0, -0.1, 0.42), (0, -0.1, 0.5), 0.08, ENAMEL, top_radius=0.03, segments=14, caps=False, tint=red
+        (0, -0.1, 0.42), (0, -0.1, 0.5), (0.08, 0.03), stuff.ENAMEL, segments=14, caps=False, tint=red
     )
-    model.cylinder((0, -0.1, 0.5), (0, -0.1, 0.56), 0.025, ENAMEL, segments=8, tint=BLACK)
-    model.box((-0.02, -0.2, 0.55), (0.02, -0.05, 0.57), ENAMEL, tint=BLACK)
-    model.cylinder((0.03, -0.14, 0.52), (0.1, -0.15, 0.1), 0.012, VINYL, segments=6, caps=False, tint=BLACK)
-    model.box((-0.06, -0.185, 0.15), (0.06, -0.175, 0.3), PAINT, tint=(0.8, 0.78, 0.7))
-    model.box((-0.12, -0.01, 0.72), (0.12, 0, 0.96), ENAMEL, skip="Y", tint=red)
-    model.box((-0.05, -0.014, 0.76), (0.05, -0.01, 0.9), ENAMEL, skip="Y")
+    model.cylinder((0, -0.1, 0.5), (0, -0.1, 0.56), 0.025, stuff.ENAMEL, segments=8, tint=BLACK)
+    model.box((-0.02, -0.2, 0.55), (0.02, -0.05, 0.57), stuff.ENAMEL, tint=BLACK)
+    model.cylinder(
+        (0.03, -0.14, 0.52), (0.1, -0.15, 0.1), 0.012, stuff.VINYL, segments=6, caps=False, tint=BLACK
+    )
+    model.box((-0.06, -0.185, 0.15), (0.06, -0.175, 0.3), stuff.PAINT, tint=(0.8, 0.78, 0.7))
+    model.box((-0.12, -0.01, 0.72), (0.12, 0, 0.96), stuff.ENAMEL, skip="Y", tint=red)
+    model.box((-0.05, -0.014, 0.76), (0.05, -0.01, 0.9), stuff.ENAMEL, skip="Y")
 
 
 def bench(model: SceneModel, length: float, tint: Tint = (1, 1, 1)) -> None:
     """Add a bench of slats on steel legs, its middle at the origin."""
     a = length / 2
     for y in (-0.17, -0.05, 0.07):
-        model.box((-a, y, 0.42), (a, y + 0.1, 0.455), BEECH, tint=tint)
+        model.box((-a, y, 0.42), (a, y + 0.1, 0.455), stuff.BEECH, tint=tint)
     for x in (-a + 0.15, a - 0.2):
-        model.box((x, -0.16, 0), (x + 0.05, -0.11, 0.42), STEEL, skip="zZ")
-        model.box((x, 0.11, 0), (x + 0.05, 0.16, 0.42), STEEL, skip="zZ")
-        model.box((x, -0.16, 0.38), (x + 0.05, 0.16, 0.42), STEEL, skip="Z")
+        model.box((x, -0.16, 0), (x + 0.05, -0.11, 0.42), stuff.STEEL, skip="zZ")
+        model.box((x, 0.11, 0), (x + 0.05, 0.16, 0.42), stuff.STEEL, skip="zZ")
+        model.box((x, -0.16, 0.38), (x + 0.05, 0.16, 0.42), stuff.STEEL, skip="Z")
 
 
 def school_bag(model: SceneModel, tint: Tint) -> None:
     """Add a rucksack that leans at a wall, 0.42 m high."""
     darker = tuple(0.5 * part for part in tint)
     with model.at((0, -0.05, 0.0)):
-        model.box((-0.15, -0.16, 0), (0.15, 0.0, 0.38), VINYL, skip="z", tint=tint)
-        model.cylinder((-0.15, -0.08, 0.36), (0.15, -0.08, 0.36), 0.08, VINYL, segments=14, tint=tint)
-        model.box((-0.11, -0.21, 0.03), (0.11, -0.16, 0.2), VINYL, tint=darker)
+        model.box((-0.15, -0.16, 0), (0.15, 0.0, 0.38), stuff.VINYL, skip="z", tint=tint)
+        model.cylinder((-0.15, -0.08, 0.36), (0.15, -0.08, 0.36), 0.08, stuff.VINYL, segments=14, tint=tint)
+        model.box((-0.11, -0.21, 0.03), (0.11, -0.16, 0.2), stuff.VINYL, tint=darker)
         for x in (-0.09, 0.06):
-            model.box((x, -0.168, 0.2), (x + 0.03, -0.16, 0.4), VINYL, tint=darker)
+            model.box((x, -0.168, 0.2), (x + 0.03, -0.16, 0.4), stuff.VINYL, tint=darker)
 
 
 def waste_bin(model: SceneModel, tint: Tint = (0.15, 0.17, 0.18)) -> None:
     """Add a round bin."""
-    model.cylinder((0, 0, 0), (0, 0, 0.5), 0.15, ENAMEL, top_radius=0.19, segments=16, caps=False, tint=tint)
-    model.cylinder((0, 0, 0.4), (0, 0, 0.41), 0.17, VINYL, segments=16, tint=(0.02, 0.02, 0.02))
+    model.cylinder((0, 0, 0), (0, 0, 0.5), (0.15, 0.19), stuff.ENAMEL, segments=16, caps=False, tint=tint)
+    model.cylinder((0, 0, 0.4), (0, 0, 0.41), 0.17, stuff.VINYL, segments=16, tint=(0.02, 0.02, 0.02))
+
+
+def book_row(model: SceneModel, rng: np.random.Generator, width: float, height: float) -> None:
+    """Stand books on a shelf from the origin on, spines towards -y: runs of equal height, gaps, piles."""
+    x = rng.uniform(0.0, 0.02)
+    while x < width - 0.05:
+        run = min(rng.uniform(0.06, 0.24), width - x)
+        kind = rng.random()
+        if kind < 0.05:
+            x += 0.6 * run
+            continue
+        tall = min(rng.uniform(0.18, BOOK_ROW - 0.005), height - 0.02)
+        if kind < 0.12 and run > 0.15:
+            _pile(model, rng, (x, run), tall * rng.uniform(0.4, 0.8))
+        else:
+            _books(model, rng, (x, run), tall)
+        x += run + (0.004 if rng.random() < 0.5 else 0.0)
+
+
+def _books(model: SceneModel, rng: np.random.Generator, place: tuple[float, float], tall: float) -> None:
+    """Add books side by side as one block with many spines."""
+    (left, run), y, back = place, rng.uniform(0.0, 0.035), 0.2
+    right = left + run
+    u, row = rng.random(), rng.integers(SPINE_ROWS)
+    v = 1 - (row + 1) / SPINE_ROWS
+    top = v + tall / BOOK_ROW / SPINE_ROWS
+    spines = rectangle((left, right), y, (0, tall))
+    model.quad(spines, stuff.SPINES, uvs=[(u, v), (u + run, v), (u + run, top), (u, top)])
+    model.quad(rectangle((left, right), (y, back), tall), stuff.PAPER)
+    colours = rng.uniform(0.05, 0.4, (2, 3)).tolist()
+    model.quad(rectangle(left, (back, y), (0, tall)), stuff.VINYL, tint=colours[0])
+    model.quad(rectangle(right, (y, back), (0, tall)), stuff.VINYL, tint=colours[1])
+
+
+def _pile(model: SceneModel, rng: np.random.Generator, place: tuple[float, float], tall: float) -> None:
+    """Add books that lie on each other: the same spines, turned by a right angle."""
+    (left, run), y, back = place, rng.uniform(0.0, 0.03), 0.2
+    right = left + run
+    u, row = rng.random(), rng.integers(SPINE_ROWS)
+    v = 1 - (row + 1) / SPINE_ROWS
+    top = v + min(run / BOOK_ROW, 1) / SPINE_ROWS
+    spines = rectangle((left, right), y, (0, tall))
+    model.quad(spines, stuff.SPINES, uvs=[(u, v), (u, top), (u + tall, top), (u + tall, v)])
+    cover = rng.uniform(0.05, 0.5, 3).tolist()
+    model.quad(rectangle((left, right), (y, back), tall), stuff.VINYL, tint=cover)
+    model.quad(rectangle(right, (y, back), (0, tall)), stuff.PAPER)
+    model.quad(rectangle(left, (back, y), (0, tall)), stuff.PAPER)
+
+
+def bookcase(
+    model: SceneModel, rng: np.random.Generator, cases: int, shelves: int, wood: Material = stuff.DARK_OAK
+) -> None:
+    """Add a run of wooden cases against a wall behind it, each `CASE_WIDTH` wide; it begins at the origin."""
+    depth, pitch = 0.3, 0.32
+    end, top = cases * CASE_WIDTH, 0.1 + shelves * pitch
+    model.box((0, -depth, 0), (end, -0.02, 0.1), wood, skip="zY")
+    model.box((-0.03, -depth - 0.03, top), (end + 0.03, 0, top + 0.07), wood)
+    model.quad(rectangle((0, end), -0.02, (0.1, top)), wood, tint=(0.5, 0.5, 0.5))
+    for post in range(cases + 1):
+        x = post * CASE_WIDTH
+        model.box((x - 0.025, -depth - 0.012, 0.1), (x + 0.025, -0.02, top), wood, skip="zZY")
+    for case in range(cases):
+        for shelf in range(shelves):
+            left, z = case * CASE_WIDTH + 0.025, 0.1 + shelf * pitch
+            right = left + CASE_WIDTH - 0.05
+            if shelf:
+                model.box((left, -depth, z - 0.025), (right, -0.02, z), wood, skip="xXY")
+            with model.at((left, -depth + 0.03, z)):
+                book_row(model, rng, CASE_WIDTH - 0.05, pitch - 0.03)
+
+
+def stack_row(model: SceneModel, rng: np.random.Generator, cases: int) -> None:
+    """Add a free-standing steel rack with books on both sides, along x from the origin, 0.6 m deep."""
+    end, top, pitch = cases * CASE_WIDTH, 2.15, 0.335
+    grey = (0.32, 0.36, 0.33)
+    model.box((0, -0.29, 0), (end, 0.29, 0.08), stuff.ENAMEL, skip="zZ", tint=grey)
+    model.box((0, -0.3, top), (end, 0.3, top + 0.03), stuff.ENAMEL, tint=grey)
+    for x in (-0.03, end):
+        model.box((x, -0.3, 0), (x + 0.03, 0.3, top + 0.03), stuff.ENAMEL, skip="z", tint=grey)
+    for side in (0, 1):
+        with model.at((end * side, 0, 0), 180.0 * side):
+            _rack_side(model, rng, cases, (top, pitch))
+
+
+def _rack_side(model: SceneModel, rng: np.random.Generator, cases: int, sizes: tuple[float, float]) -> None:
+    """Fill the side of a rack that faces -y."""
+    top, pitch = sizes
+    back, end = -0.01, cases * CASE_WIDTH
+    grey, dark = (0.32, 0.36, 0.33), (0.12, 0.13, 0.12)
+    model.quad(rectangle((0, end), back, (0.08, top)), stuff.ENAMEL, tint=dark)
+    for case in range(cases):
+        left = case * CASE_WIDTH
+        if case:
+            model.box(
+                (left - 0.015, -0.28, 0.08), (left + 0.015, back, top), stuff.ENAMEL, skip="zZY", tint=grey
+            )
+        for shelf in range(6):
+            z = 0.1 + shelf * pitch
+            model.box(
+                (left, -0.29, z - 0.02), (left + CASE_WIDTH, back, z), stuff.ENAMEL, skip="xXY", tint=grey
+            )
+            with model.at((left + 0.02, -0.27, z)):
+                book_row(model, rng, CASE_WIDTH - 0.04, pitch - 0.04)
+    for case in range(cases):
+        x = case * CASE_WIDTH + 0.35
+        model.box((x, -0.302, 0.085), (x + 0.22, -0.29, 0.098), stuff.STEEL, skip="Y", tint=(0.9, 0.85, 0.6))
+
+
+def book_trolley(model: SceneModel, rng: np.random.Generator) -> None:
+    """Add a trolley with two sloping rows of books, along x about the origin."""
+    blue = (0.1, 0.22, 0.4)
+    for x in (-0.42, 0.39):
+        model.box((x, -0.2, 0.1), (x + 0.03, 0.2, 1.02), stuff.ENAMEL, tint=blue)
+    for z in (0.2, 0.62):
+        model.box((-0.4, -0.2, z), (0.4, 0.2, z + 0.03), stuff.ENAMEL, skip="xX", tint=blue)
+        for side in (0, 1):
+            with model.at((-0.38 + 0.76 * side, -0.2 + 0.4 * side, z + 0.03), 180.0 * side):
+                book_row(model, rng, 0.74, 0.3)
+    for x in (-0.37, 0.37):
+        for y in (-0.15, 0.15):
+            near, far = (x, y - 0.02, 0.05), (x, y + 0.02, 0.05)
+            model.cylinder(near, far, 0.05, stuff.VINYL, segments=10, tint=(0.03, 0.03, 0.03))

@@ -10,6 +10,8 @@ import itertools
 import numpy as np
 
 from evenlight.stimuli.scenes.model import SceneModel
+from evenlight.stimuli.scenes.school import building as stuff
+from evenlight.stimuli.scenes.school.building import Faces, WallOpening, ceiling, floor, picture, wall
 from evenlight.stimuli.scenes.school.equipment import (
     ball,
     ball_rack,
@@ -21,21 +23,6 @@ from evenlight.stimuli.scenes.school.equipment import (
     wall_bars,
 )
 from evenlight.stimuli.scenes.school.furniture import bench, school_bag
-from evenlight.stimuli.scenes.school.materials import (
-    BRICK,
-    ENAMEL,
-    EXIT_SIGN,
-    GYM_FLOOR,
-    GYM_PANELS,
-    GYM_WALL,
-    OAK,
-    PAINT,
-    SCOREBOARD,
-    STEEL,
-    VINYL,
-    WALL_POSTERS,
-)
-from evenlight.stimuli.scenes.school.walls import Faces, WallOpening, ceiling, floor, picture, wall
 
 LOW, HIGH, TOP = (33.3, -12.3), (55.3, 2.7), 7.4  # [m]
 PANELS = 3.0  # [m], up to where the walls are of wood
@@ -64,11 +51,14 @@ def add_gym(model: SceneModel) -> None:
 
 def _shell(model: SceneModel) -> None:
     """Put up the walls in two storeys: wood below, plaster and windows above."""
-    floor(model, LOW, HIGH, GYM_FLOOR)
-    ceiling(model, LOW, HIGH, TOP, PAINT)
+    floor(model, LOW, HIGH, stuff.GYM_FLOOR)
+    ceiling(model, LOW, HIGH, TOP, stuff.PAINT)
     (left, south), (right, north) = LOW, HIGH
     out = 0.15
-    below, above = Faces(GYM_PANELS, BRICK), Faces(GYM_WALL, BRICK, frame=(0.2, 0.23, 0.24))
+    below, above = (
+        Faces(stuff.GYM_PANELS, stuff.BRICK),
+        Faces(stuff.GYM_WALL, stuff.BRICK, frame=(0.2, 0.23, 0.24)),
+    )
     ends = ((left, south - out), (right, south - out))
     wall(model, ends, (0.0, PANELS), below)
     wall(model, ends, (PANELS, TOP + 0.4), above, HIGH_WINDOWS)
@@ -83,12 +73,8 @@ def _shell(model: SceneModel) -> None:
     for hole in HIGH_WINDOWS:
         a, b, y = left + hole.left, left + hole.right, south - out
         model.window([(a, y, hole.bottom), (a, y, hole.top), (b, y, hole.top), (b, y, hole.bottom)])
-    model.box(
-        (left - 0.4, south - 0.4, TOP + 0.4),
-        (right + 0.4, north + 0.4, TOP + 0.6),
-        ENAMEL,
-        tint=(0.3, 0.32, 0.33),
-    )
+    low, high = (left - 0.4, south - 0.4, TOP + 0.4), (right + 0.4, north + 0.4, TOP + 0.6)
+    model.box(low, high, stuff.ENAMEL, tint=(0.3, 0.32, 0.33))
 
 
 def _strip(
@@ -102,7 +88,7 @@ def _strip(
     side = np.array([-along[1], along[0]]) / np.hypot(*along) * 0.025
     z = 0.004
     corners = [np.array(start) - side, np.array(end) - side, np.array(end) + side, np.array(start) + side]
-    model.quad([(x, y, z) for x, y in corners], PAINT, tint=colour)
+    model.quad([(x, y, z) for x, y in corners], stuff.PAINT, tint=colour)
 
 
 def _arc(
@@ -121,7 +107,7 @@ def _arc(
     triangles = np.concatenate(
         [np.stack([k, k + steps + 1, k + steps + 2], 1), np.stack([k, k + steps + 2, k + 1], 1)]
     )
-    model.mesh(np.column_stack([points, np.full(len(points), 0.0045)]), triangles, PAINT, tint=colour)
+    model.mesh(np.column_stack([points, np.full(len(points), 0.0045)]), triangles, stuff.PAINT, tint=colour)
 
 
 def _rectangle(
@@ -143,7 +129,7 @@ def _court(model: SceneModel) -> None:
     for end, inward in ((left, 1), (right, -1)):
         line = end + 5.8 * inward
         zone = [(end, y - 1.8), (line, y - 1.8), (line, y + 1.8), (end, y + 1.8)][::inward]
-        model.quad([(a, b, 0.003) for a, b in zone], PAINT, tint=(0.36, 0.09, 0.05))
+        model.quad([(a, b, 0.003) for a, b in zone], stuff.PAINT, tint=(0.36, 0.09, 0.05))
         for side in (-1.8, 1.8):
             _strip(model, (end, y + side), (line, y + side), WHITE)
         _strip(model, (line, y - 1.8), (line, y + 1.8), WHITE)
@@ -177,8 +163,8 @@ def _apparatus(model: SceneModel) -> None:
         with model.at((53.6, 1.3, 0.07 * k), 90.0 + rng.normal(0, 1.5)):
             crash_mat(model, (2.0, 1.2, 0.065), (BLUE, GREEN)[k % 2])
     with model.at((51.3, 2.65, 0.0)):
-        model.box((-0.9, -0.3, 0.0), (0.9, 0.0, 1.9), VINYL, skip="z", tint=(0.05, 0.2, 0.45))
-        model.box((-0.9, -0.31, 0.92), (0.9, -0.3, 0.98), VINYL, skip="Y", tint=WHITE)
+        model.box((-0.9, -0.3, 0.0), (0.9, 0.0, 1.9), stuff.VINYL, skip="z", tint=(0.05, 0.2, 0.45))
+        model.box((-0.9, -0.31, 0.92), (0.9, -0.3, 0.98), stuff.VINYL, skip="Y", tint=WHITE)
     with model.at((54.6, -2.3, 0.0), 90.0):
         ball_rack(model, rng)
     for x, y, kind in ((46.3, -6.4, 0), (40.7, -2.2, 0), (47.8, -4.0, 1), (38.2, -8.8, 2)):
@@ -197,40 +183,39 @@ def _apparatus(model: SceneModel) -> None:
 def _team_goal(model: SceneModel) -> None:
     """Add a hurdle course: cones in four colours and two hoops on the floor."""
     for x, y, colour in ((50.0, -9.3, RED), (48.6, -9.6, YELLOW), (47.2, -9.3, BLUE), (51.2, -9.7, GREEN)):
-        model.cylinder((x, y, 0.02), (x, y, 0.32), 0.1, VINYL, top_radius=0.02, segments=14, tint=colour)
-        model.box((x - 0.13, y - 0.13, 0), (x + 0.13, y + 0.13, 0.025), VINYL, skip="z", tint=colour)
+        model.cylinder((x, y, 0.02), (x, y, 0.32), (0.1, 0.02), stuff.VINYL, segments=14, tint=colour)
+        model.box((x - 0.13, y - 0.13, 0), (x + 0.13, y + 0.13, 0.025), stuff.VINYL, skip="z", tint=colour)
     for x, y, colour in ((49.3, -8.0, YELLOW), (51.0, -7.6, RED)):
         angle = np.linspace(0, 2 * np.pi, 29)
         for a, b in itertools.pairwise(angle):
             ends = [(x + 0.4 * np.cos(t), y + 0.4 * np.sin(t), 0.015) for t in (a, b)]
-            model.cylinder(ends[0], ends[1], 0.013, VINYL, segments=5, caps=False, tint=colour)
+            model.cylinder(ends[0], ends[1], 0.013, stuff.VINYL, segments=5, caps=False, tint=colour)
 
 
 def _signs(model: SceneModel) -> None:
     """Hang scoreboard, banners and exit signs."""
     with model.at((HIGH[0], MIDDLE[1], 5.7), -90.0):
-        model.box((-1.7, -0.15, -0.85), (1.7, 0, 0.85), ENAMEL, skip="Y", tint=(0.05, 0.05, 0.06))
+        model.box((-1.7, -0.15, -0.85), (1.7, 0, 0.85), stuff.ENAMEL, skip="Y", tint=(0.05, 0.05, 0.06))
         with model.at((0.0, -0.15, 0.0)):
-            picture(model, SCOREBOARD, (3.2, 1.6))
+            picture(model, stuff.SCOREBOARD, (3.2, 1.6))
     for x, colour in ((36.0, RED), (38.0, BLUE), (40.0, GREEN), (48.5, YELLOW), (50.5, RED), (52.5, BLUE)):
-        model.box((x - 0.45, HIGH[1] - 0.02, 4.0), (x + 0.45, HIGH[1], 5.9), VINYL, skip="Y", tint=colour)
         model.box(
-            (x - 0.25, HIGH[1] - 0.026, 4.8), (x + 0.25, HIGH[1] - 0.02, 5.3), VINYL, skip="Y", tint=WHITE
+            (x - 0.45, HIGH[1] - 0.02, 4.0), (x + 0.45, HIGH[1], 5.9), stuff.VINYL, skip="Y", tint=colour
         )
-        model.box(
-            (x - 0.45, HIGH[1] - 0.026, 4.1), (x + 0.45, HIGH[1] - 0.02, 4.22), VINYL, skip="Y", tint=WHITE
-        )
+        y = HIGH[1]
+        model.box((x - 0.25, y - 0.026, 4.8), (x + 0.25, y - 0.02, 5.3), stuff.VINYL, skip="Y", tint=WHITE)
+        model.box((x - 0.45, y - 0.026, 4.1), (x + 0.45, y - 0.02, 4.22), stuff.VINYL, skip="Y", tint=WHITE)
     with model.at((44.2, HIGH[1], 4.9)):
-        picture(model, WALL_POSTERS["sports"], (2.4, 2.4), 0.08)
+        picture(model, stuff.WALL_POSTERS["sports"], (2.4, 2.4), 0.08)
     with model.at((LOW[0], -3.75, 2.62), 90.0):
-        picture(model, EXIT_SIGN, (0.6, 0.25))
+        picture(model, stuff.EXIT_SIGN, (0.6, 0.25))
     with model.at((HIGH[0], -0.6, 0.0), -90.0):
-        model.box((-0.95, -0.04, 0.0), (0.95, 0, 2.3), OAK, skip="zY")
-        model.box((-0.01, -0.045, 0.0), (0.01, -0.04, 2.3), ENAMEL, skip="zY", tint=(0.1, 0.08, 0.05))
+        model.box((-0.95, -0.04, 0.0), (0.95, 0, 2.3), stuff.OAK, skip="zY")
+        model.box((-0.01, -0.045, 0.0), (0.01, -0.04, 2.3), stuff.ENAMEL, skip="zY", tint=(0.1, 0.08, 0.05))
         for x in (-0.75, 0.1):
-            model.box((x, -0.08, 1.0), (x + 0.65, -0.06, 1.04), STEEL)
+            model.box((x, -0.08, 1.0), (x + 0.65, -0.06, 1.04), stuff.STEEL)
     with model.at((HIGH[0], -0.6, 2.55), -90.0):
-        picture(model, EXIT_SIGN, (0.6, 0.25))
+        picture(model, stuff.EXIT_SIGN, (0.6, 0.25))
 
 
 def _ceiling(model: SceneModel) -> None:
@@ -238,20 +223,15 @@ def _ceiling(model: SceneModel) -> None:
     grey = (0.42, 0.45, 0.47)
     for x in np.arange(LOW[0] + 2.0, HIGH[0] - 1.0, 3.6).tolist():
         for z in (6.5, 7.25):
-            model.box((x - 0.07, LOW[1], z), (x + 0.07, HIGH[1], z + 0.14), ENAMEL, skip="yY", tint=grey)
+            model.box(
+                (x - 0.07, LOW[1], z), (x + 0.07, HIGH[1], z + 0.14), stuff.ENAMEL, skip="yY", tint=grey
+            )
         for k, y in enumerate(np.arange(LOW[1], HIGH[1] - 0.5, 1.5)):
             ends = (6.6, 7.3) if k % 2 else (7.3, 6.6)
-            model.cylinder(
-                (x, float(y), ends[0]),
-                (x, float(y) + 1.5, ends[1]),
-                0.04,
-                ENAMEL,
-                segments=6,
-                caps=False,
-                tint=grey,
-            )
+            low, high = (x, float(y), ends[0]), (x, float(y) + 1.5, ends[1])
+            model.cylinder(low, high, 0.04, stuff.ENAMEL, segments=6, caps=False, tint=grey)
         for y in (-9.6, -4.8, 0.0):
-            model.box((x + 1.5, y - 0.6, 6.75), (x + 2.1, y + 0.6, 6.85), ENAMEL, tint=(0.8, 0.8, 0.8))
+            model.box((x + 1.5, y - 0.6, 6.75), (x + 2.1, y + 0.6, 6.85), stuff.ENAMEL, tint=(0.8, 0.8, 0.8))
             model.lamp(
                 [
                     (x + 1.55, y - 0.55, 6.745),

@@ -1,14 +1,33 @@
-"""The school: library, corridor, changing room, gym and yard, on a sunny afternoon."""
+"""The school: library, corridor, changing room, gym and yard, on a sunny afternoon.
+
+The changing room, which is small, is built here: tiles, benches, hooks with clothes on them, one tired lamp.
+It lies at x 25 to 33 and y -6.3 to -0.3, between corridor and gym.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+
 from evenlight.stimuli.scenes.model import SceneModel
 from evenlight.stimuli.scenes.scene import Scene
-from evenlight.stimuli.scenes.school.changing_room import add_changing_room
+from evenlight.stimuli.scenes.school import building as stuff
+from evenlight.stimuli.scenes.school.building import (
+    Faces,
+    WallOpening,
+    ceiling,
+    floor,
+    panel_lamp,
+    picture,
+    wall,
+)
 from evenlight.stimuli.scenes.school.corridor import add_corridor
+from evenlight.stimuli.scenes.school.furniture import bench, lockers, school_bag, waste_bin
 from evenlight.stimuli.scenes.school.gym import add_gym
 from evenlight.stimuli.scenes.school.library import add_library
 from evenlight.stimuli.scenes.school.yard import add_yard
+from evenlight.stimuli.scenes.shapes import rectangle
+
+LOW, HIGH, TOP = (25.0, -6.3), (33.0, -0.3), 2.7  # [m]
 
 
 def school(seed: int) -> Scene:
@@ -25,3 +44,141 @@ def school(seed: int) -> Scene:
     for add in (add_library, add_corridor, add_changing_room, add_gym, add_yard):
         add(model)
     return model.build()
+
+
+def add_changing_room(model: SceneModel) -> None:
+    """Build and furnish the changing room."""
+    rng = model.rng_for("changing room")
+    _shell(model)
+    _fittings(model, rng)
+    panel_lamp(model, (27.7, -2.0), TOP - 0.07, (1.2, 0.3), 320.0)
+    panel_lamp(model, (31.2, -4.6), TOP - 0.07, (0.6, 0.3), 250.0)
+    model.place("changing room", (*LOW, 0.0), (*HIGH, TOP))
+    model.walkable((27.4, -2.2), (28.1, 1.0))
+    model.walkable((26.0, -2.2), (32.4, -1.6))
+    model.walkable((31.7, -4.2), (32.4, -1.6))
+    model.walkable((31.7, -4.2), (34.2, -3.4))
+
+
+def _shell(model: SceneModel) -> None:
+    """Put up walls, tiled to above a man's height, floor and ceiling."""
+    floor(model, LOW, HIGH, stuff.FLOOR_TILES)
+    floor(model, (27.0, -0.3), (28.5, 0.0), stuff.FLOOR_TILES)
+    floor(model, (33.0, -4.55), (33.3, -2.95), stuff.FLOOR_TILES)
+    ceiling(model, LOW, HIGH, TOP, stuff.PAINT)
+    inside = Faces(stuff.WALL_TILES, stuff.CORRIDOR_WALL, frame=(0.3, 0.32, 0.33))
+    wall(model, ((33.0, -0.15), (24.85, -0.15)), (0.0, 3.5), inside, [WallOpening(4.5, 6.0, 0.0, 2.2)])
+    outer, windows = Faces(stuff.WALL_TILES, stuff.BRICK), [WallOpening(2.0, 3.4, 2.05, 2.5, 2, 1)]
+    wall(model, ((24.7, -6.45), (33.0, -6.45)), (0.0, 3.5), outer, windows)
+    wall(model, ((24.85, -4.3), (24.85, -6.6)), (0.0, 3.5), Faces(stuff.WALL_TILES, stuff.BRICK))
+    gym_door = [WallOpening(1.75, 3.35, 0.0, 2.3)]  # from y = -6.3: between -4.55 and -2.95
+    faces = Faces(stuff.WALL_TILES, stuff.GYM_PANELS, frame=(0.3, 0.32, 0.33))
+    wall(model, ((33.15, -6.3), (33.15, 0.0)), (0.0, 3.0), faces, gym_door)
+    # A frosted pane, nearly all painted over.
+    model.quad(rectangle((26.7, 28.1), -6.42, (2.05, 2.5))[::-1], stuff.PAINT, tint=(0.5, 0.55, 0.52))
+    model.box((24.7, -6.6, 2.95), (33.1, -0.1, 3.4), stuff.ENAMEL, tint=(0.3, 0.32, 0.33))
+    for low, high in (
+        ((25.0, -0.32, 0.9), (27.0, -0.3, 1.02)),
+        ((28.5, -0.32, 0.9), (33.0, -0.3, 1.02)),
+        ((25.0, -6.3, 0.9), (33.0, -6.28, 1.02)),
+        ((25.0, -6.3, 0.9), (25.02, -0.3, 1.02)),
+    ):
+        model.box(low, high, stuff.DADO, tint=(0.6, 0.9, 1.0))
+
+
+def _fittings(model: SceneModel, rng: np.random.Generator) -> None:
+    """Add benches with hooks and clothes, basins with mirrors, a bin, lost things on the floor."""
+    for place, turn, length in (
+        ((28.2, -6.3, 0.0), 180.0, 5.0),
+        ((25.0, -3.4, 0.0), 90.0, 4.6),
+        ((30.6, -0.3, 0.0), 0.0, 3.6),
+    ):
+        with model.at(place, turn):
+            _hook_wall(model, rng, length)
+    with model.at((28.7, -3.9, 0.0)):
+        _island(model, rng, 3.6)
+    with model.at((33.0, -5.4, 0.0), -90.0):
+        _basins(model)
+    with model.at((32.3, -6.3, 0.0), 180.0):
+        lockers(model, 5, stuff.RED_LOCKERS)
+    with model.at((32.7, -0.7, 0.0)):
+        waste_bin(model)
+    with model.at((25.02, -1.0, 1.85), 90.0):
+        picture(model, stuff.WALL_POSTERS["sports"], (0.7, 0.7))
+
+
+def _hook_wall(model: SceneModel, rng: np.random.Generator, length: float) -> None:
+    """Add a bench along a wall behind it, a rail of hooks over it, and what hangs there."""
+    with model.at((0.0, -0.25, 0.0)):
+        bench(model, length)
+    a = length / 2
+    model.box((-a, -0.03, 1.62), (a, 0.0, 1.74), stuff.BEECH, skip="Y")
+    for x in np.arange(-a + 0.2, a - 0.1, 0.32):
+        model.cylinder((x, -0.03, 1.66), (x, -0.11, 1.69), 0.008, stuff.STEEL, segments=6)
+        if rng.random() < 0.6:
+            with model.at((float(x), -0.09, 1.67)):
+                _hanging(model, rng)
+        if rng.random() < 0.35:
+            with model.at((float(x), -0.12, 0.46), rng.normal(0, 20)):
+                school_bag(model, rng.uniform(0.04, 0.45, 3).tolist())
+        elif rng.random() < 0.6:
+            _shoes(model, rng, (float(x), -0.3 + rng.normal(0, 0.04)))
+
+
+def _hanging(model: SceneModel, rng: np.random.Generator) -> None:
+    """Hang a coat, a shirt or a towel from a hook at the origin: a folded sheet, wider below."""
+    long, wide = rng.uniform(0.5, 0.95), rng.uniform(0.13, 0.2)
+    share = np.linspace(0, 1, 6)[:, None]
+    turn = np.linspace(-1, 1, 13)[None]
+    across = turn * (0.05 + (wide - 0.05) * share**0.45)
+    folds = 0.025 * np.sin(turn * rng.uniform(6, 9) + rng.uniform(0, 6)) * (0.3 + share)
+    y = folds - 0.05 * (1 - turn**2) * (0.4 + share)
+    z = -long * share + 0.03 * turn**2 * rng.uniform(-1, 0.3)
+    points = np.stack([np.broadcast_to(v, (6, 13)) for v in (across, y, z)], axis=-1).reshape(-1, 3)
+    row, column = np.meshgrid(np.arange(5), np.arange(12), indexing="ij")
+    k = (row * 13 + column).ravel()
+    triangles = np.concatenate([np.stack([k + 13, k + 14, k + 1], 1), np.stack([k + 13, k + 1, k], 1)])
+    colour = rng.uniform(0.04, 0.6, 3)
+    model.mesh(points, triangles, stuff.CLOTH, tint=colour.tolist())
+    model.mesh(
+        points + np.array([0, 0.004, 0]), triangles[:, ::-1], stuff.CLOTH, tint=(0.6 * colour).tolist()
+    )
+
+
+def _shoes(model: SceneModel, rng: np.random.Generator, place: tuple[float, float]) -> None:
+    """Leave a pair of shoes on the floor."""
+    colour = rng.choice(
+        [[0.6, 0.6, 0.62], [0.05, 0.05, 0.06], [0.5, 0.06, 0.05], [0.06, 0.15, 0.45]]
+    ).tolist()
+    for side in (-0.06, 0.06):
+        with model.at((place[0] + side, place[1], 0.0), rng.normal(0, 12)):
+            model.sphere((0, -0.05, 0.045), (0.045, 0.11, 0.045), stuff.VINYL, segments=8, tint=colour)
+            model.sphere((0, 0.05, 0.06), (0.04, 0.06, 0.06), stuff.VINYL, segments=8, tint=colour)
+            model.box((-0.046, -0.15, 0), (0.046, 0.11, 0.02), stuff.VINYL, skip="z", tint=(0.7, 0.7, 0.68))
+
+
+def _island(model: SceneModel, rng: np.random.Generator, length: float) -> None:
+    """Add two benches back to back, with a rack of hooks between them."""
+    a = length / 2
+    for side in (0, 1):
+        with model.at((0.0, 0.0, 0.0), 180.0 * side):
+            _hook_wall(model, rng, length)
+    for x in (-a, a - 0.05):
+        model.box((x, -0.025, 0), (x + 0.05, 0.025, 1.8), stuff.STEEL, skip="z")
+    model.box((-a, -0.2, 1.8), (a, 0.2, 1.83), stuff.OAK)
+    for _ in range(3):
+        x = rng.uniform(-a + 0.2, a - 0.2)
+        model.sphere((x, 0.0, 1.94), 0.11, stuff.VINYL, segments=14, tint=rng.uniform(0.1, 0.7, 3).tolist())
+
+
+def _basins(model: SceneModel) -> None:
+    """Add two basins with taps under a mirror."""
+    model.box((-0.85, -0.02, 1.15), (0.85, 0, 1.85), stuff.STEEL, skip="Y", tint=(0.9, 0.95, 1.0))
+    for x in (-0.45, 0.45):
+        model.cylinder((x, -0.25, 0.72), (x, -0.25, 0.88), (0.15, 0.25), stuff.ENAMEL, segments=18)
+        model.cylinder(
+            (x, -0.25, 0.875), (x, -0.25, 0.885), 0.21, stuff.ENAMEL, segments=18, tint=(0.6, 0.62, 0.62)
+        )
+        model.cylinder((x, -0.06, 0.9), (x, -0.06, 1.05), 0.016, stuff.STEEL, segments=8)
+        model.cylinder((x, -0.06, 1.05), (x, -0.2, 1.02), 0.013, stuff.STEEL, segments=8)
+        model.cylinder((x, -0.1, 0.2), (x, -0.1, 0.72), 0.025, stuff.STEEL, segments=8, caps=False)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.stimuli.fractal_noise import ridged, smoothstep
 from evenlight.stimuli.scenes.textures.tileable import (
     Colour,
-    Texture,
+    Image,
     albedo,
     blended,
     cells,
@@ -16,33 +15,29 @@ from evenlight.stimuli.scenes.textures.tileable import (
     rgb,
     shaded,
     stamp,
+    texture,
     tileable_noise,
 )
 
 
-def grass(light: Colour, dark: Colour) -> Texture:
+@texture
+def grass(rng: np.random.Generator, size: int, light: Colour, dark: Colour) -> Image:
     """Return a mown lawn: blades one over the other, clover and dry spots (about 1.5 m a tile)."""
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        broad = tileable_noise(rng, size, (4, 4), 5)
-        picture = blended(dark, rgb(dark) * 0.6, tileable_noise(rng, size, (24, 24), 3))
-        for _ in range(size * 5):
-            down, across, tone, turn = rng.random(4)
-            cover = ellipse(1.6, size / 26 * (0.5 + tone), np.pi * (0.5 + 0.7 * (turn - 0.5)))
-            colour = blended(dark, light, rgb(0.3 + 0.7 * tone))
-            stamp(picture, (down, across), colour, 0.8 * cover)
-        dry = smoothstep(broad, 0.6, 0.95)
-        return albedo(
-            shaded(
-                blended(picture, rgb(light) * rgb([1.5, 1.2, 1.0]), 0.4 * dry),
-                0.7 + 0.5 * broad,
-            )
-        )
-
-    return texture
+    broad = tileable_noise(rng, size, (4, 4), 5)
+    picture = blended(dark, rgb(dark) * 0.6, tileable_noise(rng, size, (24, 24), 3))
+    for _ in range(size * 5):
+        down, across, tone, turn = rng.random(4)
+        cover = ellipse(1.6, size / 26 * (0.5 + tone), np.pi * (0.5 + 0.7 * (turn - 0.5)))
+        colour = blended(dark, light, rgb(0.3 + 0.7 * tone))
+        stamp(picture, (down, across), colour, 0.8 * cover)
+    dry = smoothstep(broad, 0.6, 0.95)
+    return albedo(shaded(blended(picture, rgb(light) * rgb([1.5, 1.2, 1.0]), 0.4 * dry), 0.7 + 0.5 * broad))
 
 
-def leaves(light: Colour, dark: Colour, number: int = 170, length: float = 0.13) -> Texture:
+@texture
+def leaves(
+    rng: np.random.Generator, size: int, light: Colour, dark: Colour, number: int = 170, length: float = 0.13
+) -> Image:
     """Return foliage with holes, (size, size, 4): lit leaves over shaded ones (about 0.6 m a tile).
 
     Parameters
@@ -54,61 +49,53 @@ def leaves(light: Colour, dark: Colour, number: int = 170, length: float = 0.13)
     length : float
         Length of a leaf as a share of the tile.
     """
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        # Holes carry the colour of shaded leaves, so that mipmaps have no pale rims.
-        picture = np.zeros((size, size, 4), dtype=np.float32)
-        picture[..., :3] = rgb(dark) * rgb(0.8)
-        for order in np.linspace(0, 1, number):
-            down, across, turn, tone = rng.random(4)
-            long = size * length * (0.6 + 0.6 * tone)
-            cover = ellipse(long * 0.42, long, 2 * np.pi * turn)
-            colour = blended(dark, light, rgb(0.15 + 0.85 * order * (0.5 + 0.5 * tone)))
-            stamp(picture, (down, across), [*colour.tolist(), 1.0], cover)
-            vein = ellipse(max(1.0, size / 300), long * 0.85, 2 * np.pi * turn)
-            stamp(picture, (down, across), [*(1.35 * colour).tolist(), 1.0], 0.5 * vein)
-        picture[..., :3] = albedo(picture[..., :3])
-        return np.clip(picture, 0, 1)
-
-    return texture
+    # Holes carry the colour of shaded leaves, so that mipmaps have no pale rims.
+    picture = np.zeros((size, size, 4), dtype=np.float32)
+    picture[..., :3] = rgb(dark) * rgb(0.8)
+    for order in np.linspace(0, 1, number):
+        down, across, turn, tone = rng.random(4)
+        long = size * length * (0.6 + 0.6 * tone)
+        cover = ellipse(long * 0.42, long, 2 * np.pi * turn)
+        colour = blended(dark, light, rgb(0.15 + 0.85 * order * (0.5 + 0.5 * tone)))
+        stamp(picture, (down, across), [*colour.tolist(), 1.0], cover)
+        vein = ellipse(max(1.0, size / 300), long * 0.85, 2 * np.pi * turn)
+        stamp(picture, (down, across), [*(1.35 * colour).tolist(), 1.0], 0.5 * vein)
+    picture[..., :3] = albedo(picture[..., :3])
+    return np.clip(picture, 0, 1)
 
 
-def thicket(light: Colour, dark: Colour) -> Texture:
+@texture
+def thicket(rng: np.random.Generator, size: int, light: Colour, dark: Colour) -> Image:
     """Return leaves so dense that nothing is seen through them, (size, size, 3) (about 0.8 m a tile)."""
     behind = leaves(dark, _darker(dark, 0.3), 200, 0.10)
     front = leaves(light, dark, 190, 0.085)
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        low, high = behind(rng, size), front(rng, size)
-        return albedo(low[..., :3] * (1 - high[..., 3:]) + high[..., :3] * high[..., 3:])
-
-    return texture
+    low, high = behind(rng, size), front(rng, size)
+    return albedo(low[..., :3] * (1 - high[..., 3:]) + high[..., :3] * high[..., 3:])
 
 
-def blossoms(petals: tuple[Colour, ...], green: Colour, number: int = 40) -> Texture:
+@texture
+def blossoms(
+    rng: np.random.Generator, size: int, petals: tuple[Colour, ...], green: Colour, number: int = 40
+) -> Image:
     """Return flowers among leaves, with holes, (size, size, 4) (about 0.5 m a tile)."""
     behind = leaves(green, _darker(green, 0.35), 140, 0.10)
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        picture = behind(rng, size)
-        for _ in range(number):
-            down, across, turn, tone = rng.random(4)
-            colour = rgb(petals[rng.integers(len(petals))]) * rgb(0.7 + 0.4 * tone)
-            radius = size * 0.026
-            for petal in range(5):
-                angle = 2 * np.pi * (turn + petal / 5)
-                place = down + radius / size * np.sin(angle), across + radius / size * np.cos(angle)
-                stamp(
-                    picture,
-                    (place[0] % 1, place[1] % 1),
-                    [*colour.tolist(), 1.0],
-                    ellipse(radius, 1.6 * radius, angle),
-                )
-            stamp(picture, (down, across), [0.6, 0.42, 0.04, 1.0], ellipse(radius * 0.9, radius * 0.9, 0.0))
-        picture[..., :3] = albedo(picture[..., :3])
-        return np.clip(picture, 0, 1)
-
-    return texture
+    picture = behind(rng, size)
+    for _ in range(number):
+        down, across, turn, tone = rng.random(4)
+        colour = rgb(petals[rng.integers(len(petals))]) * rgb(0.7 + 0.4 * tone)
+        radius = size * 0.026
+        for petal in range(5):
+            angle = 2 * np.pi * (turn + petal / 5)
+            place = down + radius / size * np.sin(angle), across + radius / size * np.cos(angle)
+            stamp(
+                picture,
+                (place[0] % 1, place[1] % 1),
+                [*colour.tolist(), 1.0],
+                ellipse(radius, 1.6 * radius, angle),
+            )
+        stamp(picture, (down, across), [0.6, 0.42, 0.04, 1.0], ellipse(radius * 0.9, radius * 0.9, 0.0))
+    picture[..., :3] = albedo(picture[..., :3])
+    return np.clip(picture, 0, 1)
 
 
 def _darker(colour: Colour, factor: float) -> Colour:
@@ -117,40 +104,29 @@ def _darker(colour: Colour, factor: float) -> Colour:
     return factor * red, factor * green, factor * blue
 
 
-def bark(colour: Colour) -> Texture:
+@texture
+def bark(rng: np.random.Generator, size: int, colour: Colour) -> Image:
     """Return furrowed bark; the furrows run along v (about 0.6 m a tile)."""
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        furrow = ridged(tileable_noise(rng, size, (3, 10), 5, 0.6))
-        lichen = smoothstep(tileable_noise(rng, size, (6, 6), 4), 0.62, 0.85)
-        picture = shaded(np.broadcast_to(rgb(colour), (size, size, 3)), 1.25 - 0.95 * furrow)
-        return albedo(blended(picture, (0.22, 0.25, 0.16), 0.5 * lichen))
-
-    return texture
+    furrow = ridged(tileable_noise(rng, size, (3, 10), 5, 0.6))
+    lichen = smoothstep(tileable_noise(rng, size, (6, 6), 4), 0.62, 0.85)
+    picture = shaded(np.broadcast_to(rgb(colour), (size, size, 3)), 1.25 - 0.95 * furrow)
+    return albedo(blended(picture, (0.22, 0.25, 0.16), 0.5 * lichen))
 
 
-def gravel(colours: tuple[Colour, ...], stones: int = 1600) -> Texture:
+@texture
+def gravel(rng: np.random.Generator, size: int, colours: tuple[Colour, ...], stones: int = 1600) -> Image:
     """Return pebbles, each of its own grey, with shade between them (about 1 m a tile)."""
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        index, edge = cells(rng, size, stones)
-        palette = rgb(colours)[rng.integers(0, len(colours), stones)]
-        palette *= (0.65 + 0.7 * rng.random((stones, 1))).astype(np.float32)
-        grain = tileable_noise(rng, size, (size // 4, size // 4), 1)
-        return albedo(
-            shaded(palette[index], (0.25 + 0.75 * smoothstep(edge, 0.0, 0.5)) * (0.85 + 0.3 * grain))
-        )
-
-    return texture
+    index, edge = cells(rng, size, stones)
+    palette = rgb(colours)[rng.integers(0, len(colours), stones)]
+    palette *= (0.65 + 0.7 * rng.random((stones, 1))).astype(np.float32)
+    grain = tileable_noise(rng, size, (size // 4, size // 4), 1)
+    return albedo(shaded(palette[index], (0.25 + 0.75 * smoothstep(edge, 0.0, 0.5)) * (0.85 + 0.3 * grain)))
 
 
-def soil(colour: Colour) -> Texture:
+@texture
+def soil(rng: np.random.Generator, size: int, colour: Colour) -> Image:
     """Return crumbly soil (about 1 m a tile)."""
-
-    def texture(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-        crumbs = ridged(tileable_noise(rng, size, (16, 16), 5, 0.75))
-        broad = tileable_noise(rng, size, (3, 3), 3)
-        factor = (0.5 + 0.8 * (1 - crumbs)) * (0.7 + 0.6 * broad)
-        return albedo(shaded(np.broadcast_to(rgb(colour), (size, size, 3)), factor))
-
-    return texture
+    crumbs = ridged(tileable_noise(rng, size, (16, 16), 5, 0.75))
+    broad = tileable_noise(rng, size, (3, 3), 3)
+    factor = (0.5 + 0.8 * (1 - crumbs)) * (0.7 + 0.6 * broad)
+    return albedo(shaded(np.broadcast_to(rgb(colour), (size, size, 3)), factor))

@@ -15,16 +15,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.stimuli.scenes.textures.tileable import Texture, albedo, linear, tileable_noise
+from evenlight.stimuli.scenes.scene import Texture
+from evenlight.stimuli.scenes.textures.tileable import Image, albedo, linear, texture, tileable_noise
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
-Image = NDArray[np.float32]
 Box = tuple[float, float, float, float]
 
 
-def plain(colour: str, mottling: float = 0.12, cells: int = 8) -> Texture:
+@texture
+def plain(rng: np.random.Generator, size: int, colour: str, mottling: float = 0.12, cells: int = 8) -> Image:
     """Return a surface of one colour with the unevenness of paint, vinyl or leather.
 
     Parameters
@@ -36,12 +37,8 @@ def plain(colour: str, mottling: float = 0.12, cells: int = 8) -> Texture:
     cells : int
         Lattice cells of the largest spots over the tile.
     """
-
-    def texture(rng: np.random.Generator, size: int) -> Image:
-        shade = 1 + mottling * (2 * tileable_noise(rng, size, (cells, cells), 5) - 1)
-        return albedo(np.array(linear(colour)) * shade[..., np.newaxis])
-
-    return texture
+    shade = 1 + mottling * (2 * tileable_noise(rng, size, (cells, cells), 5) - 1)
+    return albedo(np.array(linear(colour)) * shade[..., np.newaxis])
 
 
 def _apart(values: NDArray[np.float64], place: float) -> NDArray[np.float64]:
@@ -108,7 +105,6 @@ def basketball_net(rng: np.random.Generator, size: int) -> Image:
 
 def spokes(rng: np.random.Generator, size: int) -> Image:
     """Return the spokes of a bicycle wheel, alpha-tested: 18 of them, and a hub."""
-    del rng
     rows, columns = (np.mgrid[0:size, 0:size] + 0.5) / size - 0.5
     radius, angle = np.hypot(rows, columns), np.arctan2(rows, columns)
     away = np.abs(np.sin(9 * angle)) / 9 * radius
@@ -194,7 +190,14 @@ def _font(size: int) -> FreeTypeFont:
     return ImageFont.truetype(str(file), size, layout_engine=ImageFont.Layout.BASIC)
 
 
-def drawn(ground: str, paint: Callable[[Sheet, np.random.Generator], None], wear: float = 0.06) -> Texture:
+@texture
+def drawn(
+    rng: np.random.Generator,
+    size: int,
+    ground: str,
+    paint: Callable[[Sheet, np.random.Generator], None],
+    wear: float = 0.06,
+) -> Image:
     """Return the texture that a painter makes on a sheet.
 
     Parameters
@@ -206,14 +209,10 @@ def drawn(ground: str, paint: Callable[[Sheet, np.random.Generator], None], wear
     wear : float
         How far noise takes the albedo up and down, as a share.
     """
-
-    def texture(rng: np.random.Generator, size: int) -> Image:
-        sheet = Sheet(size, ground)
-        paint(sheet, rng)
-        shade = 1 + wear * (2 * tileable_noise(rng, size, (8, 8), 5) - 1)
-        return albedo(sheet.picture()[..., :3] * shade[..., np.newaxis])
-
-    return texture
+    sheet = Sheet(size, ground)
+    paint(sheet, rng)
+    shade = 1 + wear * (2 * tileable_noise(rng, size, (8, 8), 5) - 1)
+    return albedo(sheet.picture()[..., :3] * shade[..., np.newaxis])
 
 
 CLOTH_COLOURS = (
@@ -345,7 +344,6 @@ def clock_face(rng: np.random.Generator, size: int) -> Image:
     """Return a station clock at ten to eleven, on a ground of its rim's colour."""
 
     def paint(sheet: Sheet, rng: np.random.Generator) -> None:
-        del rng
         sheet.disc((0.03, 0.03, 0.97, 0.97), "#f4f2ea")
         for minute in range(60):
             long = minute % 5 == 0

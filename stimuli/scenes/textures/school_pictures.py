@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evenlight.stimuli.scenes.textures.school import Image, Sheet, drawn, shaded
-from evenlight.stimuli.scenes.textures.tileable import Texture, albedo, linear, tileable_noise
+from evenlight.stimuli.scenes.textures.school import Sheet, drawn, shaded
+from evenlight.stimuli.scenes.textures.tileable import Image, albedo, linear, texture, tileable_noise
 
 BRIGHT = ("#d2473b", "#3b7fd2", "#e2b93b", "#4fa35b", "#8d5bb3", "#e07b34", "#34a3a8", "#d25b8f")
 
@@ -27,7 +27,6 @@ def reading_poster(sheet: Sheet, rng: np.random.Generator) -> None:
             sheet.line([(0.5 + side * 0.04, y + 0.018), (0.5 + side * 0.3, y - 0.028)], "#8a8478", 0.008)
     sheet.polygon([(0.14, 0.77), (0.5, 0.83), (0.86, 0.77), (0.86, 0.8), (0.5, 0.87), (0.14, 0.8)], "#a5322a")
     sheet.words("READ", (0.5, 0.2), 0.24, "#a5322a")
-    del rng
 
 
 def world_map(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -116,7 +115,6 @@ def elements_poster(sheet: Sheet, rng: np.random.Generator) -> None:
             sheet.box((x + 0.01, y + 0.02, x + 0.03, y + 0.05), "#f5f2e8")
     for column in range(15):
         sheet.box((0.16 + column * 0.049, 0.87, 0.204 + column * 0.049, 0.94), BRIGHT[2 + column % 2])
-    del rng
 
 
 def sports_poster(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -128,7 +126,6 @@ def sports_poster(sheet: Sheet, rng: np.random.Generator) -> None:
     sheet.line([(0.52, 0.29), (0.52, 0.75)], "#2a1a10", 0.014)
     sheet.words("FINALS", (0.5, 0.15), 0.15, "#f6f3ea")
     sheet.words("FRI 16:00", (0.62, 0.88), 0.1, "#f6f3ea")
-    del rng
 
 
 def paintings(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -225,7 +222,6 @@ def shelf_marks(sheet: Sheet, rng: np.random.Generator) -> None:
         sheet.box((0, y, 0.14, y + 0.2), tint)
         sheet.box((0, y, 1, y + 0.008), "#3a3a3a")
         sheet.words(text, (0.57, y + 0.105), 0.155, "#20242a")
-    del rng
 
 
 def keyboard(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -235,7 +231,6 @@ def keyboard(sheet: Sheet, rng: np.random.Generator) -> None:
             sheet.box(
                 (0.02 + 0.064 * key, 0.06 + 0.18 * row, 0.074 + 0.064 * key, 0.2 + 0.18 * row), "#2c2e31"
             )
-    del rng
 
 
 def scoreboard(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -250,13 +245,11 @@ def scoreboard(sheet: Sheet, rng: np.random.Generator) -> None:
     ):
         sheet.words(digits, (centre, 0.55 if height > 0.2 else 0.4), height, tint)
     sheet.words("3", (0.5, 0.72), 0.16, "#5aff6a")
-    del rng
 
 
 def name_board(sheet: Sheet, rng: np.random.Generator) -> None:
     """Draw the school's name; the board is four times as wide as it is high."""
     sheet.words("SCHOOL", (0.5, 0.52), 0.24, "#f4f0e0")
-    del rng
 
 
 def exit_sign(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -266,7 +259,6 @@ def exit_sign(sheet: Sheet, rng: np.random.Generator) -> None:
         [(0.08, 0.42), (0.34, 0.42), (0.34, 0.25), (0.56, 0.5), (0.34, 0.75), (0.34, 0.58), (0.08, 0.58)],
         "#f2fff4",
     )
-    del rng
 
 
 def dim_classroom(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -277,7 +269,6 @@ def dim_classroom(sheet: Sheet, rng: np.random.Generator) -> None:
     for row in range(4):
         y = 0.6 + 0.1 * row
         sheet.box((0.05 + 0.02 * row, y, 0.95, y + 0.03), "#4e4638")
-    del rng
 
 
 def basketball(rng: np.random.Generator, size: int) -> Image:
@@ -302,7 +293,6 @@ def hopscotch(sheet: Sheet, rng: np.random.Generator) -> None:
             _outline(sheet, (left, bottom - 0.135, left + 0.18, bottom), "#f0ead8")
             sheet.words(str(number), (left + 0.09, bottom - 0.0675), 0.09, BRIGHT[number % len(BRIGHT)])
             number += 1
-    del rng
 
 
 def _outline(sheet: Sheet, box: tuple[float, float, float, float], colour: str) -> None:
@@ -321,7 +311,6 @@ def number_snail(sheet: Sheet, rng: np.random.Generator) -> None:
         t, r = turns[place], reach[place] - 0.07
         sheet.words(str(number), (0.5 + r * np.cos(t), 0.5 + r * np.sin(t)), 0.05, "#f0ead8")
     sheet.disc((0.03, 0.42, 0.17, 0.56), "#4fa35b")
-    del rng
 
 
 def four_square(sheet: Sheet, rng: np.random.Generator) -> None:
@@ -331,19 +320,17 @@ def four_square(sheet: Sheet, rng: np.random.Generator) -> None:
         sheet.box((x + 0.02, y + 0.02, x + 0.46, y + 0.46), tint)
         _outline(sheet, (x, y, x + 0.48, y + 0.48), "#f0ead8")
         sheet.words("ABCD"[field], (x + 0.24, y + 0.24), 0.2, "#f0ead8")
-    del rng
 
 
-def on_the_ground(paint: Callable[[Sheet, np.random.Generator], None]) -> Texture:
+@texture
+def on_the_ground(
+    rng: np.random.Generator, size: int, paint: Callable[[Sheet, np.random.Generator], None]
+) -> Image:
     """Return a painter's work as worn paint, alpha-tested: the ground shows through where feet went."""
-
-    def texture(rng: np.random.Generator, size: int) -> Image:
-        sheet = Sheet(size, "#00000000")
-        paint(sheet, rng)
-        image = sheet.picture()
-        image[..., :3] *= (0.7 + 0.3 * tileable_noise(rng, size, (4, 4), 5))[..., np.newaxis]
-        worn = tileable_noise(rng, size, (24, 24), 5, gain=0.8) < 0.24
-        image[..., 3][worn] = 0
-        return image
-
-    return texture
+    sheet = Sheet(size, "#00000000")
+    paint(sheet, rng)
+    image = sheet.picture()
+    image[..., :3] *= (0.7 + 0.3 * tileable_noise(rng, size, (4, 4), 5))[..., np.newaxis]
+    worn = tileable_noise(rng, size, (24, 24), 5, gain=0.8) < 0.24
+    image[..., 3][worn] = 0
+    return image

@@ -1,5 +1,7 @@
 """Colours, and patterns whose edges meet: noise, grids of bricks and tiles, scattered stamps, cells.
 
+And the textures of a scene's materials, made of them once per scene.
+
 A colour is the linear light that a surface reflects, written as one picks it on a screen. A texture is called
 with a generator and a size and gives linear albedo, (size, size, 3) in [0, 1], whose opposite edges meet;
 those with holes give a fourth channel, the share of the pixel that is covered. Row 0 is the top of what
@@ -8,22 +10,47 @@ stands upright (v = 1 if v is counted from below).
 
 from __future__ import annotations
 
+import functools
+import hashlib
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from evenlight.stimuli.fractal_noise import smoothstep
+from evenlight.stimuli.scenes.array_cache import cached_array, scenes_sha256, store_array
+from evenlight.stimuli.scenes.scene import Floats, Material, Scene, Texture, stream
 
 Colour = tuple[float, float, float]
-Texture = Callable[[np.random.Generator, int], NDArray[np.float32]]
+Image = NDArray[np.float32]
+Choices = ParamSpec("Choices")
+SIZE = 512  # [texels] of each texture
+LEVELS = 255  # of the 8-bit textures
+SCENES_PACKAGE = "evenlight.stimuli.scenes."
+
+
+def texture(
+    paint: Callable[Concatenate[np.random.Generator, int, Choices], Image],
+) -> Callable[Choices, Texture]:
+    """Turn a function of (rng, size, choices) into one that takes the choices and returns the texture."""
+
+    @functools.wraps(paint)
+    def choose(*choices: Choices.args, **named: Choices.kwargs) -> Texture:
+        def chosen(rng: np.random.Generator, size: int) -> Image:
+            return paint(rng, size, *choices, **named)
+
+        chosen.__module__ = paint.__module__  # tells whether the scenes' own sources define it
+        return chosen
+
+    return choose
 
 
 def tileable_noise(
     rng: np.random.Generator, size: int, cells: tuple[int, int], octaves: int = 4, gain: float = 0.5
-) -> NDArray[np.float32]:
+) -> Image:
     """Return fractal value noise, (size, size), about in [0, 1], that joins itself at all four edges.
 
     Parameters
@@ -52,7 +79,7 @@ def tileable_noise(
     return total / np.float32(1.3 * power**0.5) + np.float32(0.5)
 
 
-def _spread(size: int, cells: int) -> NDArray[np.float32]:
+def _spread(size: int, cells: int) -> Image:
     """Return the matrix that interpolates periodic lattice values at the centres of the pixels."""
     position = (np.arange(size) + 0.5) * cells / size
     below = np.floor(position).astype(np.intp) % cells
@@ -63,7 +90,7 @@ def _spread(size: int, cells: int) -> NDArray[np.float32]:
     return matrix
 
 
-def places(size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def places(size: int) -> tuple[Image, Image]:
     """Return how far down and how far right each pixel's centre lies, as columns and rows of [0, 1)."""
     centres = ((np.arange(size) + 0.5) / size).astype(np.float32)
     return centres[:, np.newaxis], centres[np.newaxis, :]
@@ -71,7 +98,7 @@ def places(size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 def cells(
     rng: np.random.Generator, size: int, number: int, stretch: float = 1.0
-) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+) -> tuple[NDArray[np.intp], Image]:
     """Return, for a scatter of points, which is nearest to each pixel, and how far the border of its cell is.
 
     Parameters
@@ -103,7 +130,7 @@ def cells(
 
 def courses(
     size: int, rows: int, per_row: int, shift: float, joint: tuple[float, float]
-) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+) -> tuple[NDArray[np.intp], Image]:
     """Return the number of the brick or tile at each pixel, and how much of it is not joint, 0 to 1.
 
     Parameters
@@ -129,9 +156,7 @@ def courses(
     return row * per_row + column, body.astype(np.float32)
 
 
-def stamp(
-    picture: NDArray[np.float32], centre: tuple[float, float], colour: Any, cover: NDArray[np.floating[Any]]
-) -> None:
+def stamp(picture: Image, centre: tuple[float, float], colour: Any, cover: NDArray[np.floating[Any]]) -> None:
     """Paint a colour into the picture, in place, where `cover` says how much; it wraps at the edges.
 
     Parameters
@@ -151,7 +176,7 @@ def stamp(
     picture[where] = picture[where] * (1 - share) + np.asarray(colour, dtype=np.float32) * share
 
 
-def ellipse(height: float, width: float, turn: float) -> NDArray[np.float32]:
+def ellipse(height: float, width: float, turn: float) -> Image:
     """Return the cover of an ellipse, in pixels, turned by an angle [radians], with soft edges."""
     reach = int(np.ceil(max(height, width) / 2)) + 1
     grid = np.arange(-reach, reach + 1, dtype=np.float32)
@@ -161,9 +186,6 @@ def ellipse(height: float, width: float, turn: float) -> NDArray[np.float32]:
     radius = np.hypot(along / max(width / 2, 0.5), aside / max(height / 2, 0.5))
     softness = 1.5 / max(min(height, width), 1.5)
     return (1 - smoothstep(radius, 1 - softness, 1 + softness / 2)).astype(np.float32)
-
-
-"""(rng, size) -> (size, size, 3) linear albedo in [0, 1], or (size, size, 4) with alpha; it can be tiled."""
 
 
 def linear(code: str) -> Colour:
@@ -178,26 +200,113 @@ def linear(code: str) -> Colour:
     return red, green, blue
 
 
-def rgb(colour: Any) -> NDArray[np.float32]:
+def rgb(colour: Any) -> Image:
     """Return one colour or several as an array in single precision, as pictures are."""
     return np.asarray(colour, dtype=np.float32)
 
 
-def blended(low: Any, high: Any, share: NDArray[Any]) -> NDArray[np.float32]:
+def blended(low: Any, high: Any, share: NDArray[Any]) -> Image:
     """Return the picture, (..., 3), that goes from colour `low` to `high` as `share` goes from 0 to 1."""
     amount = np.clip(share, 0, 1)[..., np.newaxis].astype(np.float32)
     first, second = rgb(low), rgb(high)
-    mixed: NDArray[np.float32] = first + amount * (second - first)
+    mixed: Image = first + amount * (second - first)
     return mixed
 
 
-def albedo(picture: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+def albedo(picture: NDArray[np.floating[Any]]) -> Image:
     """Return a picture kept within what real surfaces reflect: nothing is black, nothing a mirror."""
-    kept: NDArray[np.float32] = np.clip(picture, 0.004, 0.92).astype(np.float32)
+    kept: Image = np.clip(picture, 0.004, 0.92).astype(np.float32)
     return kept
 
 
-def shaded(picture: NDArray[np.float32], factor: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+def shaded(picture: Image, factor: NDArray[np.floating[Any]]) -> Image:
     """Return the picture, (..., 3), times a factor for each pixel."""
-    product: NDArray[np.float32] = picture * factor[..., np.newaxis].astype(np.float32)
+    product: Image = picture * factor[..., np.newaxis].astype(np.float32)
     return product
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialTextures:
+    """Textures of 8 bits whose full scale is the highest albedo of each material.
+
+    Attributes
+    ----------
+    codes : array of uint8, (m, size, size, 4)
+        Share of the scale, and coverage; row 0 at the bottom.
+    scale : array, (m, 3)
+        Albedo of code 255.
+    albedo : array, (m, 3)
+        Mean albedo of what is there.
+    coverage : array, (m,)
+        Mean coverage, 1 without holes.
+    """
+
+    codes: NDArray[np.uint8]
+    scale: Floats
+    albedo: Floats
+    coverage: Floats
+
+
+def material_textures(scene: Scene, size: int = SIZE) -> MaterialTextures:
+    """Return the textures of all materials, (size, size) texels each.
+
+    Those of a scene whose materials are all defined within `stimuli.scenes` go into the user's cache.
+    """
+    name = _name(scene, size)
+    made = cached_array(name) if name else None
+    if made is None or made.shape != (len(scene.materials), _bytes(size)) or made.dtype != np.uint8:
+        made = np.stack([_packed(*_texture(scene, material, size)) for material in scene.materials])
+        if name:
+            store_array(name, made, instead_of=f"textures-{scene.name}-{size}-*")
+    n = len(made)
+    codes = made[:, : 4 * size * size].reshape(n, size, size, 4)
+    figures = np.ascontiguousarray(made[:, 4 * size * size :]).view(np.float64)
+    return MaterialTextures(codes, figures[:, :3], figures[:, 3:6], figures[:, 6])
+
+
+def _bytes(size: int) -> int:
+    """Return the bytes that a texture takes: its codes and 7 numbers."""
+    return 4 * size * size + 7 * 8
+
+
+def _packed(codes: NDArray[np.uint8], *figures: Floats) -> NDArray[np.uint8]:
+    """Return a texture's codes and numbers in one row."""
+    numbers = np.concatenate([np.ravel(figure) for figure in figures])
+    return np.concatenate([codes.ravel(), numbers.view(np.uint8)])
+
+
+def _name(scene: Scene, size: int) -> str:
+    """Return a name that changes with all that textures are made from; empty if they are made elsewhere."""
+    if not all(material.texture.__module__.startswith(SCENES_PACKAGE) for material in scene.materials):
+        return ""
+    digest = hashlib.sha256(repr((size, scene.seed, np.__version__, scenes_sha256())).encode())
+    for material in scene.materials:
+        digest.update(material.name.encode() + b"\0")
+    return f"textures-{scene.name}-{size}-{digest.hexdigest()}"
+
+
+def _texture(
+    scene: Scene, material: Material, size: int
+) -> tuple[NDArray[np.uint8], Floats, Floats, NDArray[np.float64]]:
+    """Return codes, scale, mean albedo and coverage of one material."""
+    picture = np.asarray(material.texture(stream(scene.seed, material.name), size), dtype=np.float32)
+    depth = 4 if material.cutout else 3
+    if picture.shape != (size, size, depth):
+        raise ValueError(
+            f"texture of {material.name}: need shape ({size}, {size}, {depth}), got {picture.shape}"
+        )
+    if not (np.isfinite(picture).all() and picture.min() >= 0 and picture.max() <= 1):
+        raise ValueError(f"texture of {material.name}: need albedo in [0, 1]")
+    there = picture[..., 3] if material.cutout else np.ones((size, size), dtype=np.float32)
+    colour = picture[..., :3]
+    weight = there / max(there.sum(), 1e-9)
+    mean = (colour * weight[..., None]).sum(axis=(0, 1), dtype=np.float64)
+    if material.cutout:  # blurred into the holes, where small copies of the texture would show it
+        colour = np.where(there[..., None] > 0.5, colour, mean.astype(np.float32))
+    scale = np.maximum(colour.max(axis=(0, 1)), 1e-3).astype(np.float64)
+    # Rounded at random, so that dark textures keep their mean in the smaller copies too.
+    rounding = stream(scene.seed, f"rounding of {material.name}").random((size, size, 1), dtype=np.float32)
+    codes = np.empty((size, size, 4), dtype=np.uint8)
+    codes[..., :3] = np.minimum(colour / scale.astype(np.float32) * LEVELS + rounding, LEVELS)
+    codes[..., 3] = np.rint(there * LEVELS)
+    return codes[::-1], scale, mean, np.asarray(there.mean(dtype=np.float64))

@@ -1,1 +1,0 @@
-"""Scenes on the graphics processor, and their pictures."""
