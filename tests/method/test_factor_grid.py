@@ -81,3 +81,14 @@ def test_where_the_limit_allows_a_few_cells_per_step_ours_is_no_worse_than_slsqp
     problem = odd_problems(np.random.default_rng(12), (SHORTEST + 1, SHORTEST + 5), 1)[0]
     ours = problem.objective(optimize(problem, SplittingSolver()).factors)
     assert ours <= best_of(problem, 3, 1) + SAME * problem.objective(problem.baseline())
+
+
+def test_the_grid_is_about_four_times_finer_than_a_step_that_the_rate_limit_allows() -> None:
+    """Else nothing could move on it. A step reaches ΔL Δt / Ī; the count of cells is rounded to a 16th."""
+    n, light, rate = 300, 40.0, 2.0  # frames, [cd/m^2], [Hz]
+    loss = np.tile(np.linspace(0.5, 0.0, len(KNOTS)), (n, 1))
+    problem = mean_factor_problem(curves_of(loss, np.full(n, light), KNOTS, rate), 0.5)
+    step = problem.rate_limit(KNOTS * light).max() / rate / light
+    cells = FactorGrid.of(problem).cells.factors[0]
+    assert 129 < len(cells) < 1025  # the bounds of the grid do not decide
+    assert np.diff(cells).max() == pytest.approx(step / 4, rel=0.1)
