@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from evenlight.data_schema.power_model import PowerModel
     from evenlight.data_schema.rate_limit import RateLimit
     from evenlight.data_schema.tracks.loss_curves import LossCurves
+    from evenlight.loss import frame_loss, loss_curves
     from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
     from evenlight.online import OnlineController
     from evenlight.stimuli.sequences import open_video
     from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
-    from evenlight.track import Track, frame_loss, load, loss_curves, optimize
+    from evenlight.track import Track, load, optimize
     from evenlight.viewing_task import ViewingTaskDeclaration, register_task
 
 # In the order of docs/api.md: what goes in, a track, online, data.
@@ -36,8 +37,8 @@ _PLACES = {
     "load_display": "evenlight.method.preset_files",
     "load_power_model": "evenlight.method.preset_files",
     "load_rate_limit": "evenlight.method.preset_files",
-    "frame_loss": "evenlight.track",
-    "loss_curves": "evenlight.track",
+    "frame_loss": "evenlight.loss",
+    "loss_curves": "evenlight.loss",
     "LossCurves": "evenlight.data_schema.tracks.loss_curves",
     "optimize": "evenlight.track",
     "Track": "evenlight.track",
@@ -72,4 +73,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """Return the public names, imported or not."""
-    return sorted({*globals(), *_PLACES})
+    return sorted(__all__)

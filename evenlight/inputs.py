@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import enum
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from numbers import Integral, Real
 from os import PathLike, fspath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.method.preset_files import (
     load_contrast_model,
     load_display,
@@ -29,29 +33,88 @@ from evenlight.stimuli.video.video_source import VideoSource
 Named = str | PathLike[str]
 Frames = Iterable[Frame] | Iterable[NDArray[Any]]
 FRAMES_PER_SECOND = 25.0
+LOWEST_FACTORS = 0.001, 0.99  # a display can hardly be dimmed further; beyond, nothing is left to choose
+Record = TypeVar("Record")
+Choice = TypeVar("Choice", bound=enum.Enum)
 
 
 def display_of(given: Named | Display) -> Display:
     """Return the display of a preset, of a file, or the record itself."""
-    return given if isinstance(given, Display) else load_display(fspath(given))
+    return _record_of("display", given, Display, load_display)
 
 
 def power_model_of(given: Named | PowerModel) -> PowerModel:
     """Return the power model of a preset, of a file, or the record itself."""
-    return given if isinstance(given, PowerModel) else load_power_model(fspath(given))
+    return _record_of("power_model", given, PowerModel, load_power_model)
 
 
 def contrast_model_of(given: Named | ContrastModel) -> ContrastModel:
     """Return the contrast model of a preset, of a file, or the record itself."""
-    return given if isinstance(given, ContrastModel) else load_contrast_model(fspath(given))
+    return _record_of("contrast_model", given, ContrastModel, load_contrast_model)
 
 
 def rate_limit_of(given: Named | RateLimit, display: Display, other_display_ok: bool = False) -> RateLimit:
     """Return the rate limit of a preset, of a file, or the record itself, if it holds for a display."""
-    limit = given if isinstance(given, RateLimit) else load_rate_limit(fspath(given))
+    limit = _record_of("rate_limit", given, RateLimit, load_rate_limit)
     if not other_display_ok:
         require_same_display(limit, display)
     return limit
+
+
+def _record_of(name: str, given: Any, cls: type[Record], load: Callable[[str], Record]) -> Record:
+    """Return a record, or the one that a name or path stands for."""
+    if isinstance(given, cls):
+        return given
+    if not isinstance(given, str | PathLike):
+        kind = type(given).__name__
+        raise InputError(f"{name} must be a preset's name, a path or a {cls.__name__}, got a {kind}")
+    return load(fspath(given))
+
+
+def choice(name: str, value: Any, of: type[Choice]) -> Choice:
+    """Return the member of an enum that an argument names."""
+    try:
+        return of(value)
+    except ValueError:
+        known = ", ".join(str(member.value) for member in of)
+        raise InputError(f"{name} must be one of {known}, got {value!r}") from None
+
+
+def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
+    """Return the number that an argument holds, if it lies within its limits."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not low <= float(value) <= high:
+        within = "" if low == -math.inf and high == math.inf else f" in {low:g} to {high:g}"
+        raise InputError(f"{name} must be a number{within}, got {value!r}")
+    return float(value)
+
+
+def positive(name: str, value: Any) -> float:
+    """Return the number that an argument holds, if it is finite and above 0."""
+    if not 0 < number(name, value) < math.inf:
+        raise InputError(f"{name} must be above 0, got {value!r}")
+    return float(value)
+
+
+def whole(name: str, value: Any) -> int:
+    """Return the whole number that an argument holds, if it is not below 0."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
+        raise InputError(f"{name} must be a whole number from 0 on, got {value!r}")
+    return int(value)
+
+
+def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
+    """Return the frame of an array, large enough for two frequency bands."""
+    if isinstance(pixel_values, Frame):
+        frame = pixel_values
+    else:
+        try:
+            frame = Frame(0.0, duration, np.asarray(pixel_values))
+        except ValueError as error:
+            raise InputError(str(error).replace("the frame at 0 s needs", "a frame needs")) from None
+    shape = frame.pixel_values.shape
+    if min(shape[:2]) < SMALLEST_SIDE:
+        raise InputError(f"a frame needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {shape}")
+    return frame
 
 
 def video_of(given: Named | VideoSource | Frames, frames_per_second: float | None = None) -> VideoSource:
@@ -60,6 +123,11 @@ def video_of(given: Named | VideoSource | Frames, frames_per_second: float | Non
         return open_video(fspath(given), frames_per_second)
     if isinstance(given, VideoSource):
         return given
+    if isinstance(given, np.ndarray) and given.ndim == 3:
+        raise InputError(f"video is one frame of shape {given.shape}; give a list of frames")
+    if not isinstance(given, Iterable):
+        kind = type(given).__name__
+        raise InputError(f"video must be a path, a built-in sequence's name or frames, got a {kind}")
     return FramesInMemory(given, FRAMES_PER_SECOND if frames_per_second is None else frames_per_second)
 
 
@@ -78,25 +146,24 @@ class FramesInMemory:
     name = "frames"
 
     def __init__(self, frames: Frames, frames_per_second: float) -> None:
-        if not frames_per_second > 0:
-            raise InputError(f"frames_per_second must be above 0 Hz, got {frames_per_second:g}")
-        self._frames, self._rate = frames, frames_per_second
+        self._frames, self._rate = frames, positive("frames_per_second", frames_per_second)
         self.n_frames = len(frames) if isinstance(frames, Sequence | np.ndarray) else None
         self._begun = False
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames; of an iterator only once."""
         if self.n_frames is None and self._begun:
-            raise InputError("the frames of an iterator can be read once; give a list, or an iterator anew")
+            raise InputError("the frames of an iterator can be read once; give a list or a new iterator")
         self._begun = True
         for number, frame in enumerate(self._frames):
             if isinstance(frame, Frame):
                 yield frame
                 continue
             try:
-                yield Frame(number / self._rate, 1 / self._rate, np.asarray(frame))
-            except ValueError as error:
-                raise InputError(f"frame {number}: {error}") from error
+                pixels = frame_of(frame).pixel_values
+            except InputError as error:
+                raise InputError(f"frame {number}: {error}") from None
+            yield Frame(number / self._rate, 1 / self._rate, pixels)
 
     def sha256(self) -> str:
         """Return the SHA-256 of times and pixel values; "unknown" of an iterator, which is read once."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,18 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.inputs import contrast_model_of, display_of, power_model_of, rate_limit_of
+from evenlight.inputs import (
+    LOWEST_FACTORS,
+    Named,
+    choice,
+    contrast_model_of,
+    display_of,
+    frame_of,
+    number,
+    positive,
+    power_model_of,
+    rate_limit_of,
+)
 from evenlight.method.choices import LimitCurve
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameLight
@@ -31,6 +41,7 @@ from evenlight.method.online.controller import (
 )
 from evenlight.method.online.governor import (
     HORIZON,
+    HORIZONS,
     ContentCosts,
     FrameCost,
     GovernorSettings,
@@ -38,10 +49,9 @@ from evenlight.method.online.governor import (
     first_factor,
     governor_of,
 )
+from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import scalar_rate_limit
-
-Named = str | PathLike[str]
 
 
 class OnlineController:
@@ -124,29 +134,34 @@ class OnlineController:
     ) -> None:
         if target_loss is None and budget is None:
             raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
-        if not frames_per_second > 0:
-            raise InputError(f"frames_per_second must be above 0 Hz, got {frames_per_second:g}")
         self._display = display_of(display)
         self._model = contrast_model_of(contrast_model)
         self._power = power_model_of(power_model)
         limit = rate_limit_of(rate_limit, self._display)
-        try:
-            settings = ControllerSettings(
-                target_loss=target_loss or 0.0, proportional=proportional, integral=integral,
-                derivative=derivative, gain_rate=gain_rate, lowest_factor=lowest_factor,
-            )  # fmt: skip
-            unit = BudgetUnit(budget_unit)
-            self._budget = None if budget is None else GovernorSettings(budget, unit, horizon)
-            curve = LimitCurve(limit_curve)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        if start_factor is not None and not lowest_factor <= start_factor <= 1:
-            raise InputError(f"start_factor must lie in {lowest_factor:g} to 1, got {start_factor:g}")
+        lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
+        unit, curve = (
+            choice("budget_unit", budget_unit, BudgetUnit),
+            choice("limit_curve", limit_curve, LimitCurve),
+        )
+        self._budget: GovernorSettings | None = None
+        if budget is not None:
+            require_possible(Request(number("budget", budget), unit, self._power, limit), lowest)
+            self._budget = GovernorSettings(budget, unit, number("horizon", horizon, *HORIZONS))
+        settings = ControllerSettings(
+            target_loss=0.0 if target_loss is None else number("target_loss", target_loss, 0.0, 1.0),
+            proportional=number("proportional", proportional, 0.0, 1e6),
+            integral=number("integral", integral, 0.0, 1e6),
+            derivative=number("derivative", derivative, 0.0, 1e6),
+            gain_rate=positive("gain_rate", gain_rate),
+            lowest_factor=lowest,
+        )
+        if start_factor is not None:
+            number("start_factor", start_factor, lowest, 1.0)
         self._controller = Controller(
             settings, scalar_rate_limit(limit, self._display.reflected_luminance, curve)
         )
         self._target_is_given = target_loss is not None
-        self._start, self._duration = start_factor, 1 / frames_per_second
+        self._start, self._duration = start_factor, 1 / positive("frames_per_second", frames_per_second)
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
         self._light = FrameLight(self._display, self._model.pixel_to_luminance)
@@ -176,9 +191,9 @@ class OnlineController:
         float
             b, in [`lowest_factor`, 1]. Dim in linear light: D = b · I.
         """
-        if not isinstance(frame, Frame):
-            frame = Frame(0.0, duration or self._duration, np.asarray(frame))
-        seconds = frame.duration if duration is None else duration
+        seconds = frame.duration if isinstance(frame, Frame) else self._duration
+        seconds = seconds if duration is None else positive("duration", duration)
+        frame = frame_of(frame)
         if self._state is None or self._measure is None:
             self._state = self._begun(frame, seconds)
         else:

@@ -1,10 +1,11 @@
-"""Statistics of somebody else's trials: from a plain table to thresholds, a rate limit, findings."""
+"""Statistics of trials in a plain table: thresholds, a rate limit, findings."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +24,11 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.quantities import file_key
-from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.recordings.ramp import RampTrial
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.whole_files import results_folder
-from evenlight.inputs import Named, display_of
+from evenlight.inputs import Named, choice, display_of, whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,10 +43,12 @@ NOT_READ: dict[str, dict[str, Any]] = {
         "time_limit_s": 30.0, "ring_orientation_deg": 0, "reported_orientation_deg": None,
     },
 }  # fmt: skip
+LUMINANCE_TOLERANCE = 0.01  # of a measured luminance
+IDENTIFIERS = ("participant_id", "session_id", "sequence", "keypoint")  # text, also where it is a number
 ANSWERS = {True: "yes", False: "no", "1": "yes", "0": "no"}  # True is 1
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class RampFit:
     """What ramps and their answers say: thresholds of each participant, and the rate limit of all.
 
@@ -84,7 +87,7 @@ class RampFit:
             write_calibration(self.calibration, made, provenance_now())
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Analysis:
     """What the statistics of one task found.
 
@@ -125,7 +128,9 @@ def fit_ramps(
     *,
     display: Named | Display = "varjo-xr3",
     simulated: bool = False,
-    options: RateLimitOptions | None = None,
+    form: str = "ln_rate",
+    degree: int = 4,
+    procedure: str | None = None,
 ) -> RampFit:
     """Fit psychometric functions and the rate limit to a table of luminance ramps (Section 3.4).
 
@@ -141,8 +146,12 @@ def fit_ramps(
         What the ramps were shown on: the rate limit holds for it alone.
     simulated : bool
         Whether simulated participants answered; thresholds, rate limit and tracks say so.
-    options : RateLimitOptions, optional
-        Form and degree of the rate limit.
+    form : {"ln_rate", "rate", "log_log"}
+        What the polynomial describes: ln(rate) over luminance, the rate, ln(rate) over ln(luminance).
+    degree : int
+        Of the polynomial; 4 in the paper.
+    procedure : {"yes_no", "two_interval"}, optional
+        The task whose answers are fitted, where the table holds both.
 
     Returns
     -------
@@ -154,9 +163,15 @@ def fit_ramps(
         If a column is missing, a row cannot be (which names the row), or there are too few levels.
     """
     panel = display_of(display)
+    options = RateLimitOptions(
+        form=choice("form", form, RateLimitForm),
+        degree=whole("degree", degree),
+        procedure=None if procedure is None else choice("procedure", procedure, Procedure),
+    )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
     trials = [
-        _record(RampTrial, _ramp_row(row, panel), number, {}, simulated) for number, row in enumerate(rows)
+        _record(RampTrial, _ramp_row(row, panel, number), number, {}, simulated)
+        for number, row in enumerate(rows)
     ]
     kept = tuple(trial for trial in trials if trial.usable)
     if not kept:
@@ -205,11 +220,11 @@ def analyze(
     InputError
         If a column is missing, a row cannot be (which names the row), or the rows cannot be analysed.
     """
-    rows = _rows_of(table, ("participant_id", "sequence"))
-    task = task or _task_of(rows[0])
     viewing = {name: records.trial for name, records in TASKS.items() if name != "ramp"}
-    if task not in viewing:
+    if task is not None and task not in viewing:
         raise InputError(f"task must be one of {', '.join(viewing)}, got {task!r}")
+    rows = _rows_of(table, ("participant_id", "sequence"))
+    task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)
     if task == "search" and not any("reported_orientation_deg" in row for row in rows):
@@ -222,7 +237,12 @@ def analyze(
 
 def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
     """Return the rows of a table as mappings of plain values, without empty cells."""
-    frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
+    if isinstance(table, str | PathLike):
+        raise InputError(f"table must be a table, got the path {table}; read it with pandas.read_csv")
+    try:
+        frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"table must be a DataFrame or what pandas makes one of: {error}") from None
     missing = [name for name in needed if name not in frame]
     if missing:
         has = ", ".join(map(str, frame.columns)) or "none"
@@ -233,6 +253,9 @@ def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
     for row in frame.to_dict("records"):
         plain = {str(key): getattr(value, "item", lambda v=value: v)() for key, value in row.items()}
         rows.append({key: value for key, value in plain.items() if not pd.isna(value)})
+        empty = [name for name in needed if name not in rows[-1]]
+        if empty:
+            raise InputError(f"row {len(rows) - 1} of the table: no {', '.join(empty)}")
     return rows
 
 
@@ -248,7 +271,8 @@ def _record(
     filled = {"session_id": "01", "trial_index": number, "response_time_s": None, **defaults}
     values = {key: value for key, value in filled.items() if key in required}
     values |= {key: value for key, value in row.items() if key in known}
-    values |= {"simulated": simulated, "participant_id": _identifier(row.get("participant_id"))}
+    values |= {"simulated": simulated}
+    values |= {key: _identifier(values[key]) for key in IDENTIFIERS if key in values}
     missing = sorted(required - set(values))
     if missing:
         raise InputError(f"row {number} of the table: no {', '.join(missing)}")
@@ -260,11 +284,23 @@ def _identifier(value: Any) -> str:
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
-def _ramp_row(row: dict[str, Any], display: Display) -> dict[str, Any]:
+def _ramp_row(row: dict[str, Any], display: Display, number: int) -> dict[str, Any]:
     """Return the columns of a ramp's record, with what follows from the others."""
-    luminance, rate = float(row.get("luminance_cd_m2", 0.0)), float(row.get("rate_cd_m2_s", 0.0))
-    duration, direction = float(row.get("duration_s", 5.0)), row.get("direction", "down")
-    answer = row.get("response")
+    where = f"row {number} of the table"
+    try:
+        luminance, rate = float(row["luminance_cd_m2"]), float(row["rate_cd_m2_s"])
+        duration = float(row.get("duration_s", 5.0))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: {error}") from None
+    highest = display.peak_luminance + display.reflected_luminance
+    if luminance > highest * (1 + LUMINANCE_TOLERANCE):
+        raise InputError(
+            f"{where}: luminance_cd_m2 is {luminance:g}, above the {highest:g} of the display "
+            f"{display.name!r}; give the display that the ramps were shown on"
+        )
+    answer, direction = row["response"], row.get("direction", "down")
+    if answer in ("first", "second") and "ramp_interval" not in row:
+        raise InputError(f"{where}: response is {answer!r} but there is no ramp_interval, 1 or 2")
     way = 1.0 if direction == "up" else -1.0
     derived = {
         "screen": "white",
@@ -278,10 +314,10 @@ def _ramp_row(row: dict[str, Any], display: Display) -> dict[str, Any]:
     return derived | row | {"response": ANSWERS.get(answer, answer), "rate_cd_m2_s": rate}
 
 
-def _task_of(row: Mapping[str, Any]) -> str:
-    """Return the task that the columns of a row tell."""
+def _task_of(columns: set[str]) -> str:
+    """Return the task that the columns tell."""
     told = {"rating": "rating", "ours_interval": "comparison", "search_time_s": "search"}
-    found = [task for column, task in told.items() if column in row]
+    found = [task for column, task in told.items() if column in columns]
     if len(found) != 1:
         raise InputError(f"the columns do not tell the task: expected one of {', '.join(told)}, or give task")
     return found[0]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from os import fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +25,6 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
@@ -40,18 +38,20 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.inputs import (
+    LOWEST_FACTORS,
     Frames,
     Named,
+    choice,
     contrast_model_of,
     display_of,
+    number,
     power_model_of,
     rate_limit_of,
     video_of,
+    whole,
 )
 from evenlight.method.choices import AnalysisEffort, LimitCurve, ModulatedLuminance, SolverName
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
-from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -59,11 +59,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-LOWEST_FACTORS = 0.001, 0.99
 TRACK, SUMMARY, CURVES, FIGURE = "track.csv", "summary.json", "loss_curves.npz", "track.png"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Track:
     """A brightness track: what `optimize` returns and `load` reads.
 
@@ -121,7 +120,7 @@ class Track:
     @property
     def gap(self) -> float:
         """Share of the objective that a better track could gain at most, in [0, 1]; 1 if not certified."""
-        return 1 - self.summary.lower_bound / self.objective if self.objective > 0 else 0.0
+        return float(1 - self.summary.lower_bound / self.objective) if self.objective > 0 else 0.0
 
     def loss(self, factors: ArrayLike | None = None) -> Array:
         """Return the contrast loss 𝓛_c of each frame, (N,).
@@ -266,113 +265,51 @@ def optimize(
     InputError
         If something cannot be used: the message names it and says what would be right.
     """
-    shown = video.display if isinstance(video, LossCurves) else display_of(display)
-    with _named_errors():
-        request = Request(
-            budget, BudgetUnit(budget_unit), power_model_of(power_model),
-            rate_limit_of(rate_limit, shown, other_display_ok), LimitCurve(limit_curve),
-            ModulatedLuminance(modulated),
-        )  # fmt: skip
-        require_possible(request, lowest_factor)
-        job = OptimizationJob(
-            source=_AnalysedVideo(video)
-            if isinstance(video, LossCurves)
-            else video_of(video, frames_per_second),
-            display=shown,
-            request=request,
-            model=contrast_model_of(contrast_model),
-            model_name=_name_of(contrast_model),
-            solver=SolverName(solver),
-            seed=seed,
-            min_factor=_checked("lowest_factor", lowest_factor, *LOWEST_FACTORS),
-            calm=_checked("calm", calm, 0.0, 1.0),
-            field_of_view=field_of_view,
-            effort=AnalysisEffort(_checked("tolerance", tolerance, 0.0, 1.0), jobs),
-            quiet=True,
-        )
-    made = (
-        optimize_curves(job, [video], [FrameSamples()])
-        if isinstance(video, LossCurves)
-        else optimize_video(job)
+    known = video if isinstance(video, LossCurves) else None
+    if known is not None:
+        _require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
+        lowest_factor = float(known.factors[0])
+    shown = known.display if known is not None else display_of(display)
+    request = Request(
+        number("budget", budget), choice("budget_unit", budget_unit, BudgetUnit), power_model_of(power_model),
+        rate_limit_of(rate_limit, shown, other_display_ok), choice("limit_curve", limit_curve, LimitCurve),
+        choice("modulated", modulated, ModulatedLuminance),
+    )  # fmt: skip
+    require_possible(request, number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
+    job = OptimizationJob(
+        source=video_of(video, frames_per_second) if known is None else _AnalysedVideo(known),  # type: ignore[arg-type] # not curves
+        display=shown,
+        request=request,
+        model=contrast_model_of(contrast_model),
+        model_name="given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model),
+        solver=choice("solver", solver, SolverName),
+        seed=whole("seed", seed),
+        min_factor=lowest_factor,
+        calm=number("calm", calm, 0.0, 1.0),
+        field_of_view=None if field_of_view is None else number("field_of_view", field_of_view, 0.1, 175.0),
+        effort=AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs)),
+        quiet=True,
     )
+    made = optimize_video(job) if known is None else optimize_curves(job, [known], [FrameSamples()])
     return Track(made.clips[0].track, made.summary, made.clips[0].problem.curves)
 
 
-def loss_curves(
-    video: Named | VideoSource | Frames,
-    *,
-    display: Named | Display = "varjo-xr3",
-    contrast_model: Named | ContrastModel = "default",
-    frames_per_second: float | None = None,
-    lowest_factor: float = 0.2,
-    tolerance: float = 0.001,
-    jobs: int = 1,
-) -> LossCurves:
-    """Return the contrast loss of every frame of a video at every brightness factor, for several budgets.
-
-    Parameters
-    ----------
-    video, display, contrast_model, frames_per_second, lowest_factor, tolerance, jobs
-        As in `optimize`. The video is taken pixel for pixel.
-
-    Returns
-    -------
-    LossCurves
-        Of N frames; `loss` is (N, K) at its K `factors`.
-    """
-    source, panel = video_of(video, frames_per_second), display_of(display)
-    model = contrast_model_of(contrast_model)
-    inputs = {
-        "video": source.sha256(),
-        "display": sha256_of_record(panel),
-        "contrast_model": sha256_of_record(model),
+def _require_own(
+    curves: LossCurves, display: Any, contrast_model: Any, rate: Any, field_of_view: Any, lowest_factor: Any
+) -> None:
+    """Refuse arguments that loss curves were made with already."""
+    given = {
+        "display": display not in ("varjo-xr3", curves.display),
+        "frames_per_second": rate is not None,
+        "field_of_view": field_of_view is not None,
+        "lowest_factor": lowest_factor not in (0.2, float(curves.factors[0])),
     }
-    knots = brightness_factors(_checked("lowest_factor", lowest_factor, *LOWEST_FACTORS))
-    return analyze_frames(
-        source.frames(), source.name, panel, model, knots,
-        provenance_now(inputs=inputs), AnalysisEffort(_checked("tolerance", tolerance, 0.0, 1.0), jobs),
-    )  # fmt: skip
-
-
-def frame_loss(
-    pixel_values: ArrayLike,
-    factors: ArrayLike,
-    *,
-    display: Named | Display = "varjo-xr3",
-    contrast_model: Named | ContrastModel = "default",
-) -> Array:
-    """Return the contrast loss 𝓛_c of one frame at brightness factors (Eqs. 1 to 5).
-
-    Parameters
-    ----------
-    pixel_values : array_like, (height, width, 3), uint8, uint16 or float in [0, 1]
-        Gamma-encoded R, G, B; integers over their full range.
-    factors : array_like, any shape
-        b, in (0, 1].
-    display, contrast_model : str, path or record
-        As in `optimize`.
-
-    Returns
-    -------
-    array, the shape of `factors`
-        Share of the visible contrast that is lost, in [0, 1].
-
-    Examples
-    --------
-    >>> checks = np.indices((64, 64)).sum(axis=0)[:, :, None] // 8 % 2 * np.full(3, 0.2) + 0.4
-    >>> float(frame_loss(checks, 1.0))
-    0.0
-    """
-    frame, wanted = _frame_of(pixel_values), np.asarray(factors, dtype=np.float64)
-    if not (wanted.size and wanted.min() > 0 and wanted.max() <= 1):
-        raise InputError("factors must hold at least one number, and all must lie above 0 and not above 1")
-    height, width, _ = frame.pixel_values.shape
-    measure = OneFactorLoss(
-        (height, width), display_of(display), contrast_model_of(contrast_model), float(wanted.min())
-    )
-    return np.array([measure.of(frame.pixel_values, float(b)).loss for b in wanted.flat]).reshape(
-        wanted.shape
-    )
+    if any(given.values()):
+        names = ", ".join(name for name, is_given in given.items() if is_given)
+        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
+    made_with = curves.provenance.inputs.get("contrast_model")
+    if made_with not in (None, sha256_of_record(contrast_model_of(contrast_model))):
+        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
 
 
 class _AnalysedVideo:
@@ -391,18 +328,6 @@ class _AnalysedVideo:
         return self._sha256
 
 
-def _name_of(given: Named | ContrastModel) -> str:
-    """Return what a summary calls a contrast model."""
-    return "given" if isinstance(given, ContrastModel) else fspath(given)
-
-
-def _checked(name: str, value: float, low: float, high: float) -> float:
-    """Return the value of an argument, if it lies within its limits."""
-    if not low <= value <= high:
-        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {value:g}")
-    return value
-
-
 def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:
     """Return the factor of each frame, (N,), if the curves reach them."""
     try:
@@ -415,18 +340,3 @@ def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:
     if not (given.min() >= lowest * (1 - 1e-9) and given.max() <= 1):
         raise InputError(f"factors must lie in {lowest:g} to 1, got {given.min():g} to {given.max():g}")
     return given
-
-
-def _frame_of(pixel_values: ArrayLike) -> Frame:
-    """Return the frame of an array."""
-    with _named_errors():
-        return Frame(0.0, 1.0, np.asarray(pixel_values))
-
-
-@contextmanager
-def _named_errors() -> Iterator[None]:
-    """Turn what an enum or a record refuses into the one error of this interface."""
-    try:
-        yield
-    except ValueError as error:
-        raise InputError(str(error)) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import os
 import sys
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from evenlight.experiments.viewing.simulated_viewers import OpenViewing
 
 GROUP, VARIABLE = "evenlight.tasks", "EVENLIGHT_TASKS"  # of entry points; of the environment
+DESIGN_FIELDS = {"sequences", "adaptation_duration", "max_dropped_share", "repeat_flagged"} | {
+    "trials_between_breaks"
+}
 PAGES = ("consent", "instructions", "practice_end", "question")
 
 
@@ -65,6 +69,15 @@ class ViewingTaskDeclaration:
                 "the name of a task must be of small letters, digits and underscores, and none of "
                 f"{', '.join(BUILT_IN_TASKS)}, got {self.name!r}"
             )
+        for name, record in (("design", self.design), ("trial", self.trial)):
+            if not (isinstance(record, type) and dataclasses.is_dataclass(record)):
+                raise InputError(f"{name} of the task {self.name!r} must be a dataclass, got {record!r}")
+        missing = DESIGN_FIELDS - {field.name for field in dataclasses.fields(self.design)}
+        if missing:
+            raise InputError(f"the design of the task {self.name!r} lacks {', '.join(sorted(missing))}")
+        for name in ("task", "observer", "findings"):
+            if not callable(getattr(self, name)):
+                raise InputError(f"{name} of the task {self.name!r} must be callable")
         for language in {"en", *self.pages}:
             pages = set(self.pages.get(language, {}))
             if not {"instructions", "question"} <= pages <= set(PAGES):
@@ -82,6 +95,8 @@ def register_task(task: ViewingTaskDeclaration) -> None:
     task : ViewingTaskDeclaration
         The task.
     """
+    if not isinstance(task, ViewingTaskDeclaration):
+        raise InputError(f"expected a ViewingTaskDeclaration, got a {type(task).__name__}")
     from evenlight.analysis.dataset_findings import ANALYSES, TaskAnalysis
     from evenlight.experiments.experiment_kinds import EXPERIMENTS, Experiment
 
@@ -105,7 +120,10 @@ def load_tasks() -> None:
         If one cannot be loaded.
     """
     for entry in metadata.entry_points(group=GROUP):
-        entry.load()
+        try:
+            entry.load()
+        except Exception as error:
+            raise InputError(f"the task {entry.name!r} of an installed package: {error}") from error
     for name in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         path = Path(name)
         module = f"evenlight_task_{path.stem}"

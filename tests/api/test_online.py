@@ -67,6 +67,18 @@ def test_a_budget_is_met_over_the_horizon(unit: str) -> None:
     assert factors[100:].mean() == pytest.approx(0.5, abs=0.02)
 
 
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan")])
+def test_a_frame_lasts_some_time_and_a_refused_one_leaves_the_controller_as_it_was(duration: float) -> None:
+    frame = np.full((16, 16, 3), 100, dtype=np.uint8)
+    online = evenlight.OnlineController(0.05)
+    with pytest.raises(evenlight.InputError, match="duration must be"):
+        online.step(frame, duration)
+    with pytest.raises(evenlight.InputError, match="a frame needs"):
+        online.step(np.zeros((16, 16, 3), dtype=np.int64))
+    assert online.factor is None
+    assert 0.2 <= online.step(frame) <= 1
+
+
 def test_frames_of_another_size_are_refused() -> None:
     online = evenlight.OnlineController(0.05)
     online.step(np.full((16, 16, 3), 100, dtype=np.uint8))
@@ -84,6 +96,9 @@ def test_frames_of_another_size_are_refused() -> None:
         ({"target_loss": 0.1, "lowest_factor": 0.0}, "lowest_factor"),
         ({"target_loss": 0.1, "start_factor": 0.1}, "start_factor"),
         ({"target_loss": 0.1, "frames_per_second": 0.0}, "frames_per_second"),
+        ({"budget": 0.1}, "budget"),
+        ({"budget": 50.0, "budget_unit": "watt"}, "budget"),
+        ({"target_loss": 0.1, "gain_rate": 0.0}, "gain_rate must be above 0"),
     ],
 )
 def test_what_cannot_be_used_is_named(given: dict[str, object], says: str) -> None:

@@ -142,6 +142,13 @@ def test_results_are_saved_as_the_command_saves_them(tmp_path: Path) -> None:
         (lambda t: t.assign(participant_id="a b"), "row 0 of the table: .*participant_id"),
         (lambda t: t.assign(luminance_cd_m2=-1.0), "row 0 of the table: "),
         (lambda t: t[:0], "no row"),
+        (lambda t: t.assign(rate_cd_m2_s=[float("nan"), *t["rate_cd_m2_s"][1:]]), "row 0 .*no rate_cd_m2_s"),
+        (
+            lambda t: t.assign(luminance_cd_m2=500.0),
+            r"row 0 .*500, above the 104\.4 of the display",
+        ),
+        (lambda t: t.assign(response="first"), "no ramp_interval"),
+        (lambda t: "trials.csv", r"read it with pandas\.read_csv"),
         (lambda t: t[t["luminance_cd_m2"] == 40.0], "lumin"),
     ],
 )

@@ -122,11 +122,19 @@ def test_the_figure_shows_the_factor_the_loss_and_the_rate(track: evenlight.Trac
         ({"budget_unit": "percent"}, "percent"),
         ({"rate_limit": "nowhere.json"}, "nowhere.json"),
         ({"lowest_factor": 0.0}, "lowest_factor"),
-        ({"calm": 2.0}, "calm must lie in 0 to 1"),
+        ({"calm": 2.0}, "calm must be a number in 0 to 1"),
         ({"solver": "magic"}, "magic"),
         ({"frames_per_second": -1.0}, "frames_per_second must be above 0"),
         ({"video": "nowhere.mp4"}, "nowhere.mp4"),
         ({"video": [np.zeros((8, 8))]}, "frame 0: .*pixel values of shape"),
+        ({"video": [np.zeros((4, 4, 3))]}, "frame 0: a frame needs at least 8 x 8"),
+        ({"video": np.zeros((8, 8, 3))}, "video is one frame"),
+        ({"video": None}, "video must be a path"),
+        ({"budget": "0.5"}, "budget must be a number"),
+        ({"display": 3}, "display must be a preset's name, a path or a Display, got a int"),
+        ({"jobs": -2}, "jobs must be a whole number"),
+        ({"seed": -1}, "seed must be a whole number"),
+        ({"field_of_view": 200}, "field_of_view must be a number"),
     ],
 )
 def test_errors_name_the_argument(given: dict[str, object], says: str) -> None:
@@ -136,6 +144,25 @@ def test_errors_name_the_argument(given: dict[str, object], says: str) -> None:
     with pytest.raises(evenlight.InputError, match=says) as refused:
         evenlight.optimize(**arguments)  # type: ignore[arg-type] # wrong on purpose
     assert "--" not in str(refused.value)
+
+
+def test_loss_curves_are_not_asked_for_again_with_other_arguments() -> None:
+    curves = evenlight.loss_curves(scene(), frames_per_second=2.0, lowest_factor=0.1)
+    assert evenlight.optimize(curves, 0.15).summary.lowest_factor == pytest.approx(0.1)
+    for given in (
+        {"display": "nosuch"},
+        {"lowest_factor": 0.4},
+        {"frames_per_second": 3.0},
+        {"field_of_view": 40},
+    ):
+        with pytest.raises(evenlight.InputError, match=f"{next(iter(given))}: loss curves were made"):
+            evenlight.optimize(curves, 0.5, **given)
+    with pytest.raises(evenlight.InputError, match="contrast_model is not the one"):
+        evenlight.optimize(curves, 0.5, contrast_model="as-printed")
+
+
+def test_tracks_can_be_kept_in_sets(track: evenlight.Track) -> None:
+    assert len({track, track}) == 1
 
 
 def test_factors_beyond_the_curves_are_refused(track: evenlight.Track) -> None:

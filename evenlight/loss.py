@@ -1,0 +1,109 @@
+"""How much visible contrast dimming costs: of one frame, and of every frame of a video."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import ContrastModel
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import sha256_of_record
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.inputs import (
+    LOWEST_FACTORS,
+    Frames,
+    Named,
+    contrast_model_of,
+    display_of,
+    frame_of,
+    number,
+    video_of,
+    whole,
+)
+from evenlight.method.choices import AnalysisEffort
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.one_factor import OneFactorLoss
+from evenlight.stimuli.video.video_source import VideoSource
+
+
+def loss_curves(
+    video: Named | VideoSource | Frames,
+    *,
+    display: Named | Display = "varjo-xr3",
+    contrast_model: Named | ContrastModel = "default",
+    frames_per_second: float | None = None,
+    lowest_factor: float = 0.2,
+    tolerance: float = 0.001,
+    jobs: int = 1,
+) -> LossCurves:
+    """Return the contrast loss of every frame of a video at every brightness factor, for several budgets.
+
+    Parameters
+    ----------
+    video, display, contrast_model, frames_per_second, lowest_factor, tolerance, jobs
+        As in `optimize`. The video is taken pixel for pixel.
+
+    Returns
+    -------
+    LossCurves
+        Of N frames; `loss` is (N, K) at its K `factors`.
+    """
+    source, panel = video_of(video, frames_per_second), display_of(display)
+    model = contrast_model_of(contrast_model)
+    inputs = {
+        "video": source.sha256(),
+        "display": sha256_of_record(panel),
+        "contrast_model": sha256_of_record(model),
+    }
+    knots = brightness_factors(number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
+    effort = AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs))
+    made = provenance_now(inputs=inputs)
+    return analyze_frames(source.frames(), source.name, panel, model, knots, made, effort)
+
+
+def frame_loss(
+    pixel_values: ArrayLike,
+    factors: ArrayLike,
+    *,
+    display: Named | Display = "varjo-xr3",
+    contrast_model: Named | ContrastModel = "default",
+) -> Array:
+    """Return the contrast loss 𝓛_c of one frame at brightness factors (Eqs. 1 to 5).
+
+    Parameters
+    ----------
+    pixel_values : array_like, (height, width, 3), uint8, uint16 or float in [0, 1]
+        Gamma-encoded R, G, B; integers over their full range.
+    factors : array_like, any shape
+        b, in (0, 1].
+    display, contrast_model : str, path or record
+        As in `optimize`.
+
+    Returns
+    -------
+    array, the shape of `factors`
+        Share of the visible contrast that is lost, in [0, 1].
+
+    Examples
+    --------
+    >>> checks = np.indices((64, 64)).sum(axis=0)[:, :, None] // 8 % 2 * np.full(3, 0.2) + 0.4
+    >>> float(frame_loss(checks, 1.0))
+    0.0
+    """
+    frame = frame_of(pixel_values)
+    try:
+        wanted = np.asarray(factors, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"factors must be numbers, got {factors!r}") from None
+    if not (wanted.size and wanted.min() > 0 and wanted.max() <= 1):
+        raise InputError("factors must hold at least one number, and all must lie above 0 and not above 1")
+    height, width, _ = frame.pixel_values.shape
+    measure = OneFactorLoss(
+        (height, width), display_of(display), contrast_model_of(contrast_model), float(wanted.min())
+    )
+    return np.array([measure.of(frame.pixel_values, float(b)).loss for b in wanted.flat]).reshape(
+        wanted.shape
+    )
