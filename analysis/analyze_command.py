@@ -49,7 +49,7 @@ def analyze(
     )
     before = earlier_files(out / SUMMARY)
     with results_folder(out) as folder:
-        found = _found(dataset, options, folder, quiet)
+        found = _analyze_dataset(dataset, options, folder, quiet)
         written = _write(found, options, folder)
     remove_stale(out, before, written)
     for warning in found.warnings:
@@ -62,7 +62,7 @@ def analyze(
         typer.echo(f"{out / REPORT} has all results")
 
 
-def _found(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -> DatasetFindings:
+def _analyze_dataset(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -> DatasetFindings:
     """Return what the data set shows, under a progress line."""
     from rich.console import Console
 

@@ -30,7 +30,7 @@ FAINT = "#D9DDE2"
 
 
 @dataclass(frozen=True, slots=True)
-class Medium:
+class FigureFormat:
     """Where a figure is shown.
 
     Attributes
@@ -54,12 +54,12 @@ class Medium:
         return self.font_size / 72
 
 
-PAGE = Medium(width=8.0, height=8.2, font_size=9.0, dots_per_inch=200.0)  # the report, a supplement
-SLIDE = Medium(width=13.333, height=7.5, font_size=12.0, dots_per_inch=144.0)  # a talk, 16:9
-COLUMN = Medium(width=3.4, height=4.4, font_size=6.5, dots_per_inch=400.0)  # one column of a paper
+PAGE = FigureFormat(width=8.0, height=8.2, font_size=9.0, dots_per_inch=200.0)  # the report, a supplement
+SLIDE = FigureFormat(width=13.333, height=7.5, font_size=12.0, dots_per_inch=144.0)  # a talk, 16:9
+COLUMN = FigureFormat(width=3.4, height=4.4, font_size=6.5, dots_per_inch=400.0)  # one column of a paper
 
 
-def look(medium: Medium) -> AbstractContextManager[None]:
+def look(medium: FigureFormat) -> AbstractContextManager[None]:
     """Return a context in which matplotlib draws for a medium: `with look(PAGE): ...`."""
     size = medium.font_size
     hair = size / 11
@@ -109,12 +109,12 @@ def look(medium: Medium) -> AbstractContextManager[None]:
     return rc_context(settings)
 
 
-def new_figure(medium: Medium, height: float | None = None) -> Figure:
+def new_figure(medium: FigureFormat, height: float | None = None) -> Figure:
     """Return an empty figure as wide as the medium, drawn by Agg and known to no window.
 
     Parameters
     ----------
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     height : float, optional
         Of the figure [inch]; otherwise the medium's.

@@ -65,6 +65,10 @@ class Findings:
     sections: tuple[Section, ...]
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        n, drawn, parts = len(self.statistics), len(self.drawings), len(self.sections)
+        return f"<Findings {self.name!r}: {n} numbers, {drawn} figures, {parts} sections>"
+
 
 def write_findings(folder: Path, findings: Findings) -> None:
     """Write the table of findings, and each of their drawings, into one folder."""

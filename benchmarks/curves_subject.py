@@ -15,7 +15,7 @@ from benchmarks.frame_points import (
     knot_points,
 )
 from benchmarks.gpu_points import curve_points
-from benchmarks.measured import Chart, Measured, RunSettings, claim, growth, not_measured
+from benchmarks.measured import Chart, RunSettings, SubjectResults, claim, growth, not_measured
 from benchmarks.memory_claims import memory_claims
 from benchmarks.video_definition import TARGET_ERROR, default_claims
 from benchmarks.video_points import EVERY_FRAME, TOLERANCE, USUAL, video_points
@@ -29,7 +29,7 @@ LARGE = frame_task(1920, 1080)
 Points = Sequence[BenchmarkPoint]
 
 
-def measure(settings: RunSettings) -> Measured:
+def measure(settings: RunSettings) -> SubjectResults:
     """Return the speed and the errors of loss curves."""
     display = load_display("varjo-xr3")
     frames = [*frame_points(settings, display), *curve_points(settings, frame_task, display)]
@@ -40,7 +40,7 @@ def measure(settings: RunSettings) -> Measured:
     except InputError as error:
         videos, errors, refused = [], [], {"curves of a rendered sequence": str(error)}
     tasks = tuple(dict.fromkeys(p.task for p in frames))
-    return Measured(
+    return SubjectResults(
         name="curves",
         title="Loss curves",
         lead=_lead(frames, videos),

@@ -15,7 +15,7 @@ from benchmarks.fit_peers import (
     psignifit_ln_threshold,
     regression_ln_threshold,
 )
-from benchmarks.measured import Approach, Chart, Measured, RunSettings, claim, growth, point
+from benchmarks.measured import Approach, Chart, RunSettings, SubjectResults, claim, growth, point
 from benchmarks.peak_memory import peak_memory
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
@@ -44,7 +44,7 @@ RMS_TO_TRUTH = "RMS distance of ln(threshold) from the simulated participant's o
 Fit = Callable[[RampCounts], float]
 
 
-def measure(settings: RunSettings) -> Measured:
+def measure(settings: RunSettings) -> SubjectResults:
     """Return the speed and the errors of psychometric fits, of simulated participants."""
     rng = np.random.default_rng(settings.seed)
     n = 2 if settings.quick else PEOPLE
@@ -59,7 +59,7 @@ def measure(settings: RunSettings) -> Measured:
     default = next(p for p in yes_no if p.role is Role.DEFAULT)
     memory = peak_memory("benchmarks.fit_subject:fit_once")
     yes_no = tuple(replace(p, peak_memory=memory) if p is default else p for p in yes_no)
-    return Measured(
+    return SubjectResults(
         name="fit",
         title="The psychometric fit",
         lead=_lead(default, yes_no + two_interval),

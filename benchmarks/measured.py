@@ -63,7 +63,7 @@ class Chart:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class SubjectResults:
     """What the measurement of one subject gives.
 
     Attributes
@@ -100,7 +100,7 @@ class Measured:
 class Subject(Protocol):
     """Something whose speed and error can be measured."""
 
-    def __call__(self, settings: RunSettings) -> Measured:
+    def __call__(self, settings: RunSettings) -> SubjectResults:
         """Return what was measured."""
 
 
@@ -183,7 +183,7 @@ def growth(points: tuple[BenchmarkPoint, ...], task: str = "") -> BenchmarkGrowt
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float | None]:
-    """Return a least-squares slope, and half of its 95 % interval where there are enough points for one."""
+    """Return a least-squares slope, and half of its 95 % confidence interval if there are enough points."""
     line = stats.linregress(x, y)
     n = len(x)
     if n < LEAST_SIZES:

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.chart import duration
 from benchmarks.gpu_points import online_points
-from benchmarks.measured import Chart, Measured, RunSettings, claim, growth
+from benchmarks.measured import Chart, RunSettings, SubjectResults, claim, growth
 from benchmarks.online_content import house_curves
 from benchmarks.online_frames import (
     LAYERED,
@@ -41,7 +41,7 @@ from evenlight.method.rate_limit import scalar_rate_limit
 ONE_FRAME = "loss of one frame at one factor, by size"
 
 
-def measure(settings: RunSettings) -> Measured:
+def measure(settings: RunSettings) -> SubjectResults:
     """Return what the online controller takes per frame, and how steady it keeps the loss."""
     rng = np.random.default_rng(settings.seed)
     display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
@@ -61,7 +61,7 @@ def measure(settings: RunSettings) -> Measured:
         claims += _walk_claims(walked, off)
     points = (*frames, *layered, *on_gpu, *latency, step, cited_point(), *walked)
     whole = tuple(p for p in frames if p.approach == WHOLE)
-    return Measured(
+    return SubjectResults(
         name="online",
         title="Online controller",
         lead=_lead([*frames, *layered], walked, step),

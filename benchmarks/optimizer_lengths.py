@@ -42,7 +42,7 @@ LOWEST = "objective above the lowest of these, as a share of constant dimming's"
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class TrackQuality:
     """What an answer keeps, and how sure one can be of it.
 
     Attributes
@@ -60,7 +60,7 @@ class Kept:
     off_budget: float
 
 
-def length_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], dict[int, Kept]]:
+def length_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], dict[int, TrackQuality]]:
     """Return times over the number of made frames, and by it what the answers keep."""
     points, kept = [], {}
     for frames in (1000, 3000, 10_000) if settings.quick else (1000, 3000, 10_000, 30_000, LONGEST):
@@ -84,7 +84,7 @@ def _sunrise() -> LossCurves:
     return rendered_curves("sunrise", 300.0, 65)
 
 
-def rendered_point(settings: RunSettings) -> tuple[BenchmarkPoint, Kept]:
+def rendered_point(settings: RunSettings) -> tuple[BenchmarkPoint, TrackQuality]:
     """Return the time for 3000 rendered frames with their bound, and what the answer keeps."""
     settings.say("rendering and optimizing 3000 frames of the sunrise")
     curves = _sunrise()
@@ -125,7 +125,7 @@ class _Certified:
     """The times of an answer without and with its bound, what it keeps, and how near the bound is."""
 
     times: dict[str, Times]
-    kept: Kept
+    kept: TrackQuality
     words: str
 
 
@@ -134,7 +134,7 @@ def _certified(curves: LossCurves, repeats: int, first: bool) -> _Certified:
     problem = mean_factor_problem(curves, 0.5)
     times, answer, bound = _timed(problem, repeats, first)
     objective = problem.objective(answer.factors)
-    kept = Kept(
+    kept = TrackQuality(
         float(1 - bound / objective),
         problem.rate_ratio(answer.factors),
         abs(problem.budget_error(answer.factors)),
@@ -203,7 +203,7 @@ def target_points(lengths: list[BenchmarkPoint], rendered: BenchmarkPoint) -> li
 
 
 def length_claims(
-    targets: list[BenchmarkPoint], kept: dict[int, Kept], rendered: Kept
+    targets: list[BenchmarkPoint], kept: dict[int, TrackQuality], rendered: TrackQuality
 ) -> list[BenchmarkClaim]:
     """Return the claims on 3000 frames, on the limits, and on the bound of the longest video."""
     # The optimizer's processor time is what one core needs, if a library should use more of them.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.measured import Chart, Measured, RunSettings
+from benchmarks.measured import Chart, RunSettings, SubjectResults
 from benchmarks.optimizer_lengths import (
     AUTHORS_TASK,
     LENGTH_TASK,
@@ -20,7 +20,7 @@ from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.optimizer.splitting import DENSE, SHORTEST
 
 
-def measure(settings: RunSettings) -> Measured:
+def measure(settings: RunSettings) -> SubjectResults:
     """Return time against error of the optimizer, its growth and its claims."""
     refused: dict[str, str] = {}
     lengths, kept = length_points(settings)
@@ -38,7 +38,7 @@ def measure(settings: RunSettings) -> Measured:
         Chart("optimizer-savings", f"Savings on {savings[0].task}", (savings[0].task,)),
         Chart("optimizer-length", "Time over the number of made frames", (LENGTH_TASK,), over_size=True),
     )
-    return Measured(
+    return SubjectResults(
         name="optimizer",
         title="Optimizer",
         lead=_lead(points, claims),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from benchmarks.chart import duration
-from benchmarks.measured import Measured
+from benchmarks.measured import SubjectResults
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint
 
 VERDICT = {True: "met", False: "**missed**", None: "not measured"}
@@ -19,14 +19,14 @@ PREFACE = (
 )
 
 
-def page(machine: Mapping[str, str], subjects: Sequence[Measured], quick: bool, pictures: str) -> str:
+def page(machine: Mapping[str, str], subjects: Sequence[SubjectResults], quick: bool, pictures: str) -> str:
     """Return the page as Markdown.
 
     Parameters
     ----------
     machine : mapping of str to str
         What it ran on.
-    subjects : sequence of Measured
+    subjects : sequence of SubjectResults
         What was measured.
     quick : bool
         Whether it was a short run.
@@ -44,7 +44,7 @@ def page(machine: Mapping[str, str], subjects: Sequence[Measured], quick: bool, 
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _subject(subject: Measured, pictures: str) -> list[str]:
+def _subject(subject: SubjectResults, pictures: str) -> list[str]:
     """Return the part of one subject."""
     lines = [f"## {subject.title}", "", subject.lead, ""]
     for chart in subject.charts:
@@ -102,7 +102,7 @@ def _growth(rows: Iterable[BenchmarkGrowth]) -> list[str]:
         )
         for g in rows
     )
-    return _table(("task", "approach", "sizes", "exponent", "95 % interval"), cells)
+    return _table(("task", "approach", "sizes", "exponent", "95 % confidence interval"), cells)
 
 
 def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.chart import chart_png
 from benchmarks.machine import machine
-from benchmarks.measured import Measured, RunSettings, Subject
+from benchmarks.measured import RunSettings, Subject, SubjectResults
 from benchmarks.page import page
 from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
 from evenlight.data_schema.provenance import provenance_now
@@ -16,7 +16,7 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
 
 
-def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: Path) -> list[Measured]:
+def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: Path) -> list[SubjectResults]:
     """Measure subjects one after the other, write the files of all, and return what was measured.
 
     Parameters
@@ -39,7 +39,7 @@ def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: 
     return measured
 
 
-def _write(folder: Path, measured: Measured) -> None:
+def _write(folder: Path, measured: SubjectResults) -> None:
     """Write the tables and figures of one subject."""
     write_rows(folder / f"{measured.name}_benchmark.csv", BenchmarkPoint, measured.points)
     if measured.claims:
@@ -50,7 +50,9 @@ def _write(folder: Path, measured: Measured) -> None:
         write_whole(folder / f"bench-{chart.name}.png", chart_png(chart, measured.points))
 
 
-def _summary(measured: Sequence[Measured], settings: RunSettings, where: dict[str, str]) -> BenchmarkSummary:
+def _summary(
+    measured: Sequence[SubjectResults], settings: RunSettings, where: dict[str, str]
+) -> BenchmarkSummary:
     """Return the record of a run."""
     return BenchmarkSummary(
         machine=where,

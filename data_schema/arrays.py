@@ -1,4 +1,4 @@
-"""One alias for arrays of numbers: signatures say `Array`, docstrings its shape and unit."""
+"""The aliases for arrays: signatures say `Array`, `Mask` or `Integers`, docstrings the shape and unit."""
 
 from __future__ import annotations
 
@@ -7,3 +7,4 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]

@@ -59,6 +59,10 @@ class Display:
                 f"got {self.black_level:g} and {self.peak_luminance:g} cd/m^2"
             )
 
+    def __repr__(self) -> str:
+        light = f"{self.black_level:g} to {self.peak_luminance:g} cd/m^2, gamma {self.gamma:g}"
+        return f"<Display {self.name!r}: {light}, {self.pixels_per_degree:.4g} pixels per degree>"
+
     @property
     def nyquist_frequency(self) -> float:
         """Highest spatial frequency that the display shows [cpd]."""

@@ -77,3 +77,9 @@ class PowerModel:
             )
         if self.kind is PanelKind.OLED and not self.red_power + self.green_power + self.blue_power > 0:
             raise ValueError("an oled power model needs a channel power above 0 W")
+
+    def __repr__(self) -> str:
+        slope = f"{self.power_per_luminance:.4g} W m^2/cd up to {self.peak_luminance:g} cd/m^2"
+        if self.kind is PanelKind.OLED:
+            slope = f"{self.red_power:.4g}, {self.green_power:.4g}, {self.blue_power:.4g} W for R, G, B"
+        return f"<PowerModel {self.name!r}: {self.kind.value}, {self.base_power:.4g} W and {slope}>"

@@ -144,4 +144,4 @@ def require_seed(seed: int) -> None:
     >>> require_seed(0)
     """
     if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
+        raise InputError(f"seed must be 0 or more, got {seed}")

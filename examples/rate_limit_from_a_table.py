@@ -1,4 +1,4 @@
-"""A rate limit from somebody else's trials: a table with one row for each luminance ramp and its answer."""
+"""A rate limit from someone else's trials: a table with one row for each luminance ramp and its answer."""
 
 import numpy as np
 import pandas as pd

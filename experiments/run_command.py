@@ -194,7 +194,7 @@ def run_command(analyse_sweep: AnalyseSweep) -> Callable[..., None]:
 def _bar(words: str, counted: str, *, off: bool) -> Iterator[Callable[[int, int, str], None]]:
     """Yield what shows on the terminal how many trials or readings are done and planned, and what goes on.
 
-    Whoever interrupts is told what is safe: elsewhere nothing is left then, here everything is.
+    An interrupt tells the operator what is safe: elsewhere nothing is left then, here everything is.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

@@ -21,7 +21,7 @@ from evenlight.analysis.audit.table_ratings import (
     participant_totals,
     table_ratings,
 )
-from evenlight.analysis.figure_style import PAGE, Medium
+from evenlight.analysis.figure_style import PAGE, FigureFormat
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.published import SURACE_2025
 from evenlight.analysis.report import Table
@@ -32,12 +32,12 @@ OPEN_POINTS = SURACE_2025.with_name("surace2025.open_points.csv")
 SEED = 1  # of the search for the most even totals, which meets its bound from any start
 
 
-def audit_findings(medium: Medium = PAGE) -> Findings:
+def audit_findings(medium: FigureFormat = PAGE) -> Findings:
     """Return what the paper's published numbers support: no data are read.
 
     Parameters
     ----------
-    medium : Medium
+    medium : FigureFormat
         Where the figures are shown.
     """
     ratings = table_ratings()

@@ -14,7 +14,7 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -88,7 +88,7 @@ def _count_table(rows: AuditRows) -> Table:
         )
     return Table(
         "Choices of ours, asked which version showed a change in brightness",
-        ("sequence", "printed", "count", "95 % interval", "p, one half", "margin shown",
+        ("sequence", "printed", "count", "95 % confidence interval", "p, one half", "margin shown",
          f"p, within ±{TOLD_MARGIN:g}", "Bayes factor"),
         tuple(lines),
     )  # fmt: skip
@@ -109,7 +109,7 @@ def _needed_table(rows: AuditRows) -> Table:
     )
 
 
-def choice_drawing(medium: Medium = PAGE) -> Drawing:
+def choice_drawing(medium: FigureFormat = PAGE) -> Drawing:
     """Draw the shares of choices with their intervals, and the power of so many answers."""
     counts = chosen_counts()
     shares: list[Share] = [(in_words(c.sequence), c.chosen, c.answers) for c in counts]
@@ -138,9 +138,10 @@ def choice_drawing(medium: Medium = PAGE) -> Drawing:
             axes.set_title(words, loc="left", pad=1.4 * text_size(), color=INK)
         png = png_bytes(figure)
     caption = (
-        "Left: share of choices of ours with its exact 95 % interval (thin) and 90 % interval (thick), "
-        "whose farther end is the smallest margin that an equivalence test shows; n as counted. Right: how "
-        "often the exact two-sided test at 5 % finds a true share; the dashed line is a share of 0.75."
+        "Left: share of choices of ours with its exact 95 % confidence interval (thin) and 90 % interval "
+        "(thick), whose farther end is the smallest margin that an equivalence test shows; n as counted. "
+        "Right: how often the exact two-sided test at 5 % finds a true share; the dashed line is a share of "
+        "0.75."
     )
     return Drawing("audit_choices", png, caption, tuple(_points(shares, numbers)))
 

@@ -13,7 +13,7 @@ from scipy import special
 from evenlight.analysis.audit.conventions import SCORES
 from evenlight.analysis.audit.pairings import ALPHA, MAIN_TEST, PairedTest, PValueRange
 from evenlight.analysis.audit.rows import ALL, AuditRows, audit_section, between, p_between, row
-from evenlight.analysis.audit.table_ratings import SequenceRatings, Totals, correlations
+from evenlight.analysis.audit.table_ratings import ParticipantTotals, SequenceRatings, correlations
 from evenlight.analysis.findings import Drawing
 from evenlight.analysis.published import SEQUENCES
 from evenlight.analysis.report import Cell, Section, Table
@@ -32,7 +32,9 @@ UNPAIRED = ("Welch's t test", "exact permutation test of the means")
 
 
 def pairing_statistics(
-    ratings: Sequence[SequenceRatings], adjusted: dict[PairedTest, list[PValueRange]], totals: Totals
+    ratings: Sequence[SequenceRatings],
+    adjusted: dict[PairedTest, list[PValueRange]],
+    totals: ParticipantTotals,
 ) -> tuple[Statistic, ...]:
     """Return every number of the section on pairings."""
     what = "mean difference of ratings"
@@ -96,7 +98,7 @@ def _detectable(r: SequenceRatings) -> list[Statistic]:
     return rows
 
 
-def _total_rows(totals: Totals) -> list[Statistic]:
+def _total_rows(totals: ParticipantTotals) -> list[Statistic]:
     """Return the bounds for the participants' mean difference over all sequences."""
     n = len(totals.most_even)
     rows = [row("paired", ALL, "mean difference of ratings", totals.mean, n=n, method="any pairing")]

@@ -26,7 +26,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -123,7 +123,7 @@ def other_section(rows: AuditRows) -> Section:
     return audit_section("adaptation_and_online", rows, (table,))
 
 
-def power_drawing(medium: Medium = PAGE) -> Drawing:
+def power_drawing(medium: FigureFormat = PAGE) -> Drawing:
     """Draw the implied brightness factors beside the nominal ones, and the powers over those."""
     powers = table_powers()
     with look(medium):

@@ -168,8 +168,8 @@ def power_statistics() -> tuple[Statistic, ...]:
         row("power_model", ALL, what, value, unit=unit, ci_low=ends[0], ci_high=ends[1], interval=0.95, n=n,
             method=how)
         for what, value, ends, unit in (
-            ("slope, fitted anew", fit.slope, fit.slope_interval, "W m^2/cd"),
-            ("base power, fitted anew", fit.base_power, fit.base_power_interval, "W"),
+            ("slope, refitted", fit.slope, fit.slope_interval, "W m^2/cd"),
+            ("base power, refitted", fit.base_power, fit.base_power_interval, "W"),
         )
     ]  # fmt: skip
     rows.append(

@@ -19,7 +19,7 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -43,7 +43,7 @@ VERDICT_WORDS = {
 SMALLEST_DRAWN = 1e-4  # p
 
 
-def distribution_drawing(ratings: Sequence[SequenceRatings], medium: Medium = PAGE) -> Drawing:
+def distribution_drawing(ratings: Sequence[SequenceRatings], medium: FigureFormat = PAGE) -> Drawing:
     """Draw every histogram of ratings that agrees with each cell of Table 1."""
     title = "The ratings behind Table 1: every distribution that agrees with a printed mean and SEM"
     n = ratings[0].n
@@ -113,7 +113,9 @@ def _histogram_points(ratings: Sequence[SequenceRatings]) -> list[PlottedPoint]:
 
 
 def pairing_drawing(
-    ratings: Sequence[SequenceRatings], adjusted: dict[PairedTest, list[PValueRange]], medium: Medium = PAGE
+    ratings: Sequence[SequenceRatings],
+    adjusted: dict[PairedTest, list[PValueRange]],
+    medium: FigureFormat = PAGE,
 ) -> Drawing:
     """Draw the range of p over all pairings, for each sequence and test."""
     title = "What paired tests of Table 1 can give, over all pairings that agree with it"

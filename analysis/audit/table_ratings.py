@@ -157,7 +157,7 @@ def correlations(ratings: SequenceRatings) -> Correlations:
 
 
 @dataclass(frozen=True, slots=True)
-class Totals:
+class ParticipantTotals:
     """The most and the least uneven totals of the participants.
 
     Attributes
@@ -190,7 +190,7 @@ class Totals:
         return PValueRange(float(low), float(high))
 
 
-def participant_totals(ratings: Sequence[SequenceRatings], rng: np.random.Generator) -> Totals:
+def participant_totals(ratings: Sequence[SequenceRatings], rng: np.random.Generator) -> ParticipantTotals:
     """Return the most and the least uneven totals of the participants that agree with a table.
 
     Totals are least even, for given histograms, where all ratings of ours rise and all of the baseline fall
@@ -213,7 +213,7 @@ def participant_totals(ratings: Sequence[SequenceRatings], rng: np.random.Genera
         most_even = min(most_even, found, key=lambda totals: int((totals**2).sum()))
         if np.ptp(most_even) <= 1:
             break
-    return Totals(most_even, least_even, len(ratings), bool(np.ptp(most_even) <= 1))
+    return ParticipantTotals(most_even, least_even, len(ratings), bool(np.ptp(most_even) <= 1))
 
 
 def _signed(histograms: Counts, sign: int) -> Counts:

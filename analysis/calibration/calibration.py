@@ -83,6 +83,10 @@ class Calibration:
     interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
     procedure: Procedure = Procedure.YES_NO
 
+    def __repr__(self) -> str:
+        who, n = len(self.data.participant_ids), len(self.thresholds)
+        return f"<Calibration of {who} participants: {n} thresholds, {self.procedure.value}>"
+
     @property
     def participants(self) -> dict[str, ParticipantSummary]:
         """How consistently each participant answered."""
@@ -179,7 +183,7 @@ def trials_of_one_task(
         if len(tasks) > 1:
             raise InputError(
                 f"the data set holds trials of {' and '.join(tasks)}, whose thresholds do not compare; "
-                f"give --procedure {tasks[0]} or --procedure {tasks[1]}"
+                f"choose the procedure {tasks[0]} or {tasks[1]}"
             )
         return tuple(trials), Procedure(tasks[0])
     if procedure.value not in tasks:

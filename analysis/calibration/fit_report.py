@@ -33,7 +33,7 @@ from evenlight.analysis.calibration.level_estimates import difference_in_words, 
 from evenlight.analysis.calibration.psychometric.psychometric_figure import psychometric_figure
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect, condition_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import rate_limit_figure
-from evenlight.analysis.figure_style import PAGE, Medium, short, write_png
+from evenlight.analysis.figure_style import PAGE, FigureFormat, short, write_png
 from evenlight.analysis.report import Report, Section, write_report
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.report_sections import files_section, provenance_section
@@ -247,7 +247,7 @@ def _effect(effect: ConditionEffect) -> dict[str, Any]:
 
 
 def write_figures(
-    calibration: Calibration, folder: Path, compared: RateLimit | None = None, medium: Medium = PAGE
+    calibration: Calibration, folder: Path, compared: RateLimit | None = None, medium: FigureFormat = PAGE
 ) -> tuple[str, ...]:
     """Write `psychometric.png` and `rate_limit.png`, and return their names.
 
@@ -255,7 +255,7 @@ def write_figures(
     ----------
     calibration, folder : Calibration, Path
         What was fitted, and where to.
-    compared, medium : RateLimit, optional, and Medium
+    compared, medium : RateLimit, optional, and FigureFormat
         Another rate limit, drawn beside it; and where they are shown.
     """
     figures = calibration_figures(calibration, compared, medium)
@@ -265,7 +265,7 @@ def write_figures(
 
 
 def calibration_figures(
-    calibration: Calibration, compared: RateLimit | None = None, medium: Medium = PAGE
+    calibration: Calibration, compared: RateLimit | None = None, medium: FigureFormat = PAGE
 ) -> dict[str, Figure]:
     """Return the two figures by the names of their files."""
     simulated = calibration.data.simulated

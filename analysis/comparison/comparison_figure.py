@@ -20,7 +20,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -54,14 +54,14 @@ def share_rows(found: ComparisonResults) -> tuple[ShareRow, ...]:
     return (*rows, ShareRow(ALL, found.pooled)) if len(rows) > 1 else rows
 
 
-def shares_figure(found: ComparisonResults, medium: Medium = PAGE) -> Figure:
+def shares_figure(found: ComparisonResults, medium: FigureFormat = PAGE) -> Figure:
     """Draw the share of each sequence with its interval, one half, and the margin about it.
 
     Parameters
     ----------
     found : ComparisonResults
         What the comparison shows.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     rows = share_rows(found)
@@ -143,7 +143,7 @@ def numbers_shown(answers: Sequence[int]) -> tuple[int, ...]:
     return (own, *[n for n in LARGER if n > 1.5 * own])
 
 
-def power_figure(answers: Sequence[int], margin: float, medium: Medium = PAGE) -> Figure:
+def power_figure(answers: Sequence[int], margin: float, medium: FigureFormat = PAGE) -> Figure:
     """Draw what so many answers can show: power over the true share, and the smallest margin over n.
 
     Parameters
@@ -152,7 +152,7 @@ def power_figure(answers: Sequence[int], margin: float, medium: Medium = PAGE) -
         How many there are of each sequence.
     margin : float
         Within which a share counts as equivalent to one half.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     numbers = numbers_shown(answers)

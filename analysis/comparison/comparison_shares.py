@@ -130,7 +130,7 @@ class ShareEstimate:
     method, flag : str
         How it was computed, and what is wrong with it.
     exact : BinomialInference or None
-        Of independent answers; None where somebody answered twice.
+        Of independent answers; None where a participant answered twice.
     """
 
     choices: Choices

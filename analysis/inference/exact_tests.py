@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 
 MOST_CELLS = 4_000_000  # of a table of probabilities held at once: 32 MB
-Integers = NDArray[np.int64]
 
 
-class Zeros(enum.Enum):
+class ZeroHandling(enum.Enum):
     """What becomes of pairs without a difference in the signed-rank test; they have no sign either way."""
 
     PRATT = "pratt"  # ranked with the others, then without a sign (Pratt 1959)
@@ -82,23 +81,26 @@ def sign_flip_test(differences: ArrayLike, mid_p: bool = False) -> ExactTest:
     return _found(scores, np.abs(scores), float(scores.sum()), mid_p)
 
 
-def signed_rank_test(differences: ArrayLike, zeros: Zeros = Zeros.PRATT, mid_p: bool = False) -> ExactTest:
+def signed_rank_test(
+    differences: ArrayLike, zeros: ZeroHandling = ZeroHandling.PRATT, mid_p: bool = False
+) -> ExactTest:
     """Test whether the differences lie about 0, by Wilcoxon's signed ranks; ties have their mean rank.
 
     Parameters
     ----------
     differences : array_like of int, (n,)
         Whole numbers.
-    zeros : Zeros
+    zeros : ZeroHandling
         What becomes of pairs without a difference.
     mid_p : bool
         As in `sign_flip_test`.
 
-    >>> signed_rank_test([0, 2, 2, 5]).statistic, signed_rank_test([0, 2, 2, 5], Zeros.DROPPED).statistic
+    >>> dropped = signed_rank_test([0, 2, 2, 5], ZeroHandling.DROPPED)
+    >>> signed_rank_test([0, 2, 2, 5]).statistic, dropped.statistic
     (9.0, 6.0)
     """
     scores = _whole(differences)
-    ranked = scores if zeros is Zeros.PRATT else scores[scores != 0]
+    ranked = scores if zeros is ZeroHandling.PRATT else scores[scores != 0]
     twice_ranks = np.rint(2 * stats.rankdata(np.abs(ranked))).astype(np.int64)  # midranks are halves
     twice_ranks = np.where(ranked != 0, twice_ranks, 0)
     statistic = float(np.sum(np.sign(ranked) * twice_ranks)) / 2

@@ -15,7 +15,7 @@ from evenlight.analysis.inference.likelihood_search import (
     Profile,
     ProfileEnd,
 )
-from evenlight.analysis.inference.mixed_designs import Reference
+from evenlight.analysis.inference.mixed_designs import NullDistribution
 
 FLAT = 100.0  # a standard error this large, over the range of its column, is that of an effect without bound
 TOO_FEW_PEOPLE = "too few participants for a test or an interval"
@@ -122,14 +122,14 @@ class EffectSpec:
     ----------
     name, held : str, HeldParameter
         Of the effect, and which parameter it is.
-    span, reference : float, Reference
+    span, reference : float, NullDistribution
         Range of its column: how far the linear predictor moves by it; what its test is compared with.
     """
 
     name: str
     held: HeldParameter
     span: float
-    reference: Reference
+    reference: NullDistribution
 
 
 def profiled_effect(model: FittedModel, wanted: EffectSpec, profiled: bool = True) -> FixedEffect:
@@ -178,7 +178,7 @@ def profiled_effect(model: FittedModel, wanted: EffectSpec, profiled: bool = Tru
 
 def _by_curvature(wanted: EffectSpec, estimate: float, error: float) -> FixedEffect:
     """Return an effect with interval and test by its standard error (Wald, with Student's t)."""
-    reference = Reference(wanted.reference.df)
+    reference = NullDistribution(wanted.reference.df)
     half = reference.quantile * error
     return FixedEffect(
         wanted.name,

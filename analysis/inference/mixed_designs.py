@@ -124,7 +124,7 @@ def start_of_loadings(n_effects: int, usual: tuple[float, float]) -> list[float]
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class NullDistribution:
     """What a likelihood ratio statistic is compared with.
 
     In a normal model of m independent units with d degrees of freedom, whose variance is estimated by maximum
@@ -153,7 +153,7 @@ class Reference:
     def p_value(self, ratio: float) -> float:
         """Return the two-sided p value of a likelihood ratio statistic.
 
-        >>> reference = Reference(df=16, units=17)
+        >>> reference = NullDistribution(df=16, units=17)
         >>> round(reference.p_value(reference.critical), 12)
         0.05
         """
@@ -185,7 +185,9 @@ class Sample:
     own_variance: bool
 
 
-def reference_of(design: NDArray[np.float64], index: int, sample: Sample, varies: bool = False) -> Reference:
+def reference_of(
+    design: NDArray[np.float64], index: int, sample: Sample, varies: bool = False
+) -> NullDistribution:
     """Return what the test of one column of a design is compared with.
 
     An effect that differs between participants, or that depends on who took part, is tested against the
@@ -206,14 +208,14 @@ def reference_of(design: NDArray[np.float64], index: int, sample: Sample, varies
     """
     n_groups, k = int(sample.groups.max()) + 1, design.shape[1]
     if n_groups == 1:
-        return Reference(sample.informative - k, sample.informative if sample.own_variance else None)
+        return NullDistribution(sample.informative - k, sample.informative if sample.own_variance else None)
     if varies:
-        return Reference(n_groups - 1, n_groups)
+        return NullDistribution(n_groups - 1, n_groups)
     between = between_directions(design, sample.groups)
     if weight_of_people(design, index, sample.groups) > 0.5:
-        return Reference(n_groups - between, n_groups)
+        return NullDistribution(n_groups - between, n_groups)
     units = sample.informative - n_groups
-    return Reference(units - (k - between), units if sample.own_variance else None)
+    return NullDistribution(units - (k - between), units if sample.own_variance else None)
 
 
 def weight_of_people(design: NDArray[np.float64], index: int, groups: NDArray[np.int64]) -> float:

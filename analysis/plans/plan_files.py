@@ -21,7 +21,7 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -97,7 +97,7 @@ def write_viewing_plan(folder: Path, plan: viewing_plan.ViewingPlan) -> None:
     write_png(folder / FIGURE, viewing_plan_figure(plan))
 
 
-def planning_figure(plan: RampPlan, medium: Medium = PAGE) -> Figure:
+def planning_figure(plan: RampPlan, medium: FigureFormat = PAGE) -> Figure:
     """Draw the band's half-width over a participant's time, and what the wanted precision takes.
 
     Above a panel for each number of participants (the first four), below the participants and the hours of
@@ -107,7 +107,7 @@ def planning_figure(plan: RampPlan, medium: Medium = PAGE) -> Figure:
     ----------
     plan : RampPlan
         What was planned.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     numbers = sorted({row.participants for row in plan.rows})[:MOST_PANELS]
@@ -213,14 +213,14 @@ def _set_ticks(axes: Axes, limits: tuple[float, float], ticks: Sequence[float]) 
     axes.set_yticks([], minor=True)
 
 
-def viewing_plan_figure(plan: ViewingPlan, medium: Medium = PAGE) -> Figure:
+def viewing_plan_figure(plan: ViewingPlan, medium: FigureFormat = PAGE) -> Figure:
     """Draw the power of each test over the number of participants, and below its type I error.
 
     Parameters
     ----------
     plan : ViewingPlan
         What was planned.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):

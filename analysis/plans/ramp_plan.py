@@ -76,10 +76,10 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         if not 0 < self.precision <= 2:
-            raise InputError(f"--precision must lie above 0 and not above 2, got {self.precision:g}")
+            raise InputError(f"precision must lie above 0 and not above 2, got {self.precision:g}")
         for name, numbers, low, high in (
-            ("--participants", self.participants, 2, MOST_PARTICIPANTS),
-            ("--trials", self.trials, 4, 2000),
+            ("participants", self.participants, 2, MOST_PARTICIPANTS),
+            ("trials", self.trials, 4, 2000),
         ):
             if not numbers or not all(low <= number <= high for number in numbers):
                 got = ",".join(map(str, numbers)) or "none"

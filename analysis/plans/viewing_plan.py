@@ -102,10 +102,10 @@ class ViewingRequest:
 
     def __post_init__(self) -> None:
         if not 0 < self.power < 1:
-            raise InputError(f"--power must lie between 0 and 1, got {self.power:g}")
+            raise InputError(f"power must lie between 0 and 1, got {self.power:g}")
         if not self.participants or not all(2 <= n <= MOST_PARTICIPANTS for n in self.participants):
             got = ",".join(map(str, self.participants)) or "none"
-            raise InputError(f"--participants must be numbers from 2 to {MOST_PARTICIPANTS}, got {got}")
+            raise InputError(f"participants must be numbers from 2 to {MOST_PARTICIPANTS}, got {got}")
         require_seed(self.seed)
 
 

@@ -46,12 +46,12 @@ class ComparisonTruth:
 
     def __post_init__(self) -> None:
         if self.share is not None and (not 0 < self.share < 1 or self.share == HALF):
-            raise InputError(f"--share must lie between 0 and 1 and not be 0.5, got {self.share:g}")
+            raise InputError(f"share must lie between 0 and 1 and not be 0.5, got {self.share:g}")
         if not 0 < self.margin < HALF:
-            raise InputError(f"--margin of a share must lie between 0 and 0.5, got {self.margin:g}")
+            raise InputError(f"margin of a share must lie between 0 and 0.5, got {self.margin:g}")
         if not 0 <= self.spread <= 5:
-            raise InputError(f"--spread must lie between 0 and 5 (log-odds), got {self.spread:g}")
-        for option, number in (("--repetitions", self.repetitions), ("--sequences", self.sequences)):
+            raise InputError(f"spread must lie between 0 and 5 (log-odds), got {self.spread:g}")
+        for option, number in (("repetitions", self.repetitions), ("sequences", self.sequences)):
             if not 1 <= number <= 100:
                 raise InputError(f"{option} must lie between 1 and 100, got {number}")
 

@@ -78,20 +78,20 @@ class RatingTruth:
     def __post_init__(self) -> None:
         if not 0 < abs(self.difference) < LARGEST:
             raise InputError(
-                f"--difference must lie between 0 and {LARGEST} rating points, got {self.difference:g}"
+                f"difference must lie between 0 and {LARGEST} rating points, got {self.difference:g}"
             )
         # No lattice of whole numbers scatters less about this mean, and none from -4 to 4 more.
         part = self.difference % 1.0
         least, most = math.sqrt(part * (1 - part)), math.sqrt(LARGEST**2 - self.difference**2)
         if not least < self.spread < most:
             raise InputError(
-                f"--spread of whole differences with a mean of {self.difference:g} must lie between "
+                f"spread of whole differences with a mean of {self.difference:g} must lie between "
                 f"{least:.2f} and {most:.2f} rating points, got {self.spread:g}"
             )
         if not 0 <= self.agreement < 1:
-            raise InputError(f"--agreement must lie between 0 and 1, got {self.agreement:g}")
+            raise InputError(f"agreement must lie between 0 and 1, got {self.agreement:g}")
         if not 1 <= self.sequences <= 100:
-            raise InputError(f"--sequences must lie between 1 and 100, got {self.sequences}")
+            raise InputError(f"sequences must lie between 1 and 100, got {self.sequences}")
 
     @property
     def in_words(self) -> str:

@@ -52,15 +52,15 @@ class SearchTruth:
 
     def __post_init__(self) -> None:
         if not 0.1 <= self.ratio < 1:
-            raise InputError(f"--ratio of median times must lie between 0.1 and 1, got {self.ratio:g}")
+            raise InputError(f"ratio of median times must lie between 0.1 and 1, got {self.ratio:g}")
         if not 0 <= self.undetected <= 0.9:
-            raise InputError(f"--undetected must lie between 0 and 0.9, got {self.undetected:g}")
+            raise InputError(f"undetected must lie between 0 and 0.9, got {self.undetected:g}")
         if not 1 < self.margin <= 10:
-            raise InputError(f"--margin of a ratio of times must lie above 1, up to 10, got {self.margin:g}")
+            raise InputError(f"margin of a ratio of times must lie above 1, up to 10, got {self.margin:g}")
         if not 0 <= self.spread <= 2:
-            raise InputError(f"--spread must lie between 0 and 2 (of ln ratio), got {self.spread:g}")
+            raise InputError(f"spread must lie between 0 and 2 (of ln ratio), got {self.spread:g}")
         if not 1 <= self.locations <= 100:
-            raise InputError(f"--locations must lie between 1 and 100, got {self.locations}")
+            raise InputError(f"locations must lie between 1 and 100, got {self.locations}")
 
     @property
     def in_words(self) -> str:

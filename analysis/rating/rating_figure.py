@@ -18,7 +18,7 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -44,14 +44,14 @@ _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}  # behind a num
 RATINGS = range(LOWEST_RATING, HIGHEST_RATING + 1)
 
 
-def rating_figure(results: RatingResults, medium: Medium = PAGE) -> Figure:
+def rating_figure(results: RatingResults, medium: FigureFormat = PAGE) -> Figure:
     """Draw the ratings of both versions of each sequence, and below them the differences within participants.
 
     Parameters
     ----------
     results : RatingResults
         What is drawn.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):
@@ -223,7 +223,7 @@ def _rating_points(results: RatingResults, origin: Origin) -> Iterator[PlottedPo
             )  # fmt: skip
         mean = mean_of(ratings)
         yield PlottedPoint(
-            sequence, f"{version.value}, mean and 95 % interval", version.value, None, mean.value,
+            sequence, f"{version.value}, mean and 95 % confidence interval", version.value, None, mean.value,
             "version", "1", "mean rating", POINTS, origin, mean.ci_low, mean.ci_high, len(ratings.means),
         )  # fmt: skip
 
@@ -238,6 +238,6 @@ def _difference_points(result: PairResult, origin: Origin) -> Iterator[PlottedPo
             "number of participants", "1", origin, n=n,
         )  # fmt: skip
     yield PlottedPoint(
-        "differences", "mean and 95 % interval", name, None, mean.value, "sequence", "1",
+        "differences", "mean and 95 % confidence interval", name, None, mean.value, "sequence", "1",
         "mean of ours less baseline", POINTS, origin, mean.ci_low, mean.ci_high, n,
     )  # fmt: skip

@@ -149,7 +149,7 @@ def _between(pairs: Sequence[OrderedPair]) -> ContrastTest:
         seen[pair.ours_first].append(Fraction(pair.difference))
     groups = [[_mean(seen[first]) for seen in own.values() if seen[first]] for first in (True, False)]
     if any(all(seen.values()) for seen in own.values()) or not all(groups):
-        why = "no two groups: all saw the same order, or somebody saw both" if pairs else NO_PAIR
+        why = "no two groups: all saw the same order, or a participant saw both" if pairs else NO_PAIR
         return ContrastTest(Effect(None, flag=why), None, len(own))
     scores = whole_scores([*groups[0], *groups[1]])
     tested = group_test(scores[: len(groups[0])], scores[len(groups[0]) :])

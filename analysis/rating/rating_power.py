@@ -25,7 +25,7 @@ FINEST_STEP = 0.25  # of means that are drawn: finer ones only cost time
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class DifferenceSpread:
     """How differences scatter.
 
     Attributes
@@ -52,12 +52,12 @@ def fewest_pairs(level: float = ALPHA) -> int:
     return 1 + math.ceil(-math.log2(level))
 
 
-def smallest_difference(spread: Spread, rng: np.random.Generator) -> float | None:
+def smallest_difference(spread: DifferenceSpread, rng: np.random.Generator) -> float | None:
     """Return the smallest mean difference that the exact sign-flip test finds at 5 % with a power of 80 %.
 
     Parameters
     ----------
-    spread : Spread
+    spread : DifferenceSpread
         Of the differences.
     rng : Generator
         Draws the experiments, the same ones for every difference that is tried. The power of 17 pairs is
@@ -80,7 +80,7 @@ def smallest_difference(spread: Spread, rng: np.random.Generator) -> float | Non
     return None if high == LARGEST else high
 
 
-def _power(mean: float, spread: Spread, uniform: Array) -> float:
+def _power(mean: float, spread: DifferenceSpread, uniform: Array) -> float:
     """Return the share of experiments in which a mean difference is found."""
     step = max(spread.step, FINEST_STEP)
     edges = np.cumsum(likely_differences(mean, spread.standard_deviation, step))[:-1]

@@ -8,7 +8,7 @@ import numpy as np
 
 from evenlight.analysis.inference.exact_tests import (
     ExactTest,
-    Zeros,
+    ZeroHandling,
     holm,
     sign_flip_test,
     sign_test,
@@ -39,7 +39,13 @@ from evenlight.analysis.rating.rating_pairs import (
     sequences_in,
     version_ratings,
 )
-from evenlight.analysis.rating.rating_power import ALPHA, LARGEST, Spread, fewest_pairs, smallest_difference
+from evenlight.analysis.rating.rating_power import (
+    ALPHA,
+    LARGEST,
+    DifferenceSpread,
+    fewest_pairs,
+    smallest_difference,
+)
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
@@ -205,7 +211,7 @@ def pair_result(pairs: PairedRatings, rng: np.random.Generator) -> PairResult:
         return PairResult(pairs, none, none, none, none, None, None, None, None, None, None)
     values, scores, step = pairs.values, pairs.scores, pairs.step
     several = values.size > 1
-    spread = Spread(values.size, float(values.std(ddof=1)) if several else 0.0, step)
+    spread = DifferenceSpread(values.size, float(values.std(ddof=1)) if several else 0.0, step)
     return PairResult(
         pairs=pairs,
         mean=within(mean_difference(values, step), -LARGEST, LARGEST),
@@ -215,7 +221,7 @@ def pair_result(pairs: PairedRatings, rng: np.random.Generator) -> PairResult:
         flip=sign_flip_test(scores),
         flip_mid_p=sign_flip_test(scores, mid_p=True),
         ranks=signed_rank_test(scores),
-        ranks_dropped=signed_rank_test(scores, Zeros.DROPPED),
+        ranks_dropped=signed_rank_test(scores, ZeroHandling.DROPPED),
         signs=sign_test(scores),
         smallest=smallest_difference(spread, rng),
     )

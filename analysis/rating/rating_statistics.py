@@ -26,7 +26,7 @@ SIGN_FLIP = "exact sign-flip test of the mean difference"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StatisticRow:
     """What a row of results is about.
 
     Attributes
@@ -43,7 +43,7 @@ class Row:
 
 
 def statistic(
-    row: Row,
+    row: StatisticRow,
     effect: Effect,
     n: int,
     origin: Origin,
@@ -92,10 +92,10 @@ def _version_rows(results: RatingResults, origin: Origin) -> Iterator[Statistic]
     for (sequence, version), ratings in results.versions.items():
         n = len(ratings.means)
         for what, method, effect in _summary(ratings):
-            row = Row("means", sequence, f"{what}, {version.value}", POINTS, method)
+            row = StatisticRow("means", sequence, f"{what}, {version.value}", POINTS, method)
             yield statistic(row, effect, n, origin)
         for rating in range(LOWEST_RATING, HIGHEST_RATING + 1):
-            row = Row(
+            row = StatisticRow(
                 "distribution", sequence, f"ratings of {rating}, {version.value}", "1", "n: all ratings"
             )
             count = Effect(float(ratings.ratings.count(rating)))
@@ -179,7 +179,7 @@ def _pair_rows(results: RatingResults, origin: Origin) -> Iterator[Statistic]:
         adjusted = (*holm(p_values[: len(results.pairs)]), None)[: len(everything)]
         for result, p_value, p_adjusted in zip(everything, p_values, adjusted, strict=True):
             what = f"{tested.what}, ours less baseline"
-            row = Row("differences", result.pairs.name, what, tested.unit, tested.method)
+            row = StatisticRow("differences", result.pairs.name, what, tested.unit, tested.method)
             effect = _cautioned(tested.effect(result), result)
             yield statistic(row, effect, _n(result), origin, p_value, p_adjusted)
     for result in everything:
@@ -189,18 +189,18 @@ def _pair_rows(results: RatingResults, origin: Origin) -> Iterator[Statistic]:
 def _untested_rows(result: PairResult, origin: Origin) -> Iterator[Statistic]:
     """Return what else there is to say of some differences."""
     group, dropped, n = result.pairs.name, result.ranks_dropped, _n(result)
-    row = Row("differences", group, "Cohen's d_z, ours less baseline", "1",
+    row = StatisticRow("differences", group, "Cohen's d_z, ours less baseline", "1",
               "mean over SD (n - 1) of the differences; interval: noncentral t")  # fmt: skip
     yield statistic(row, result.d_z, n, origin)
-    row = Row("differences", group, "signed-rank sum, zeros dropped", "1",
+    row = StatisticRow("differences", group, "signed-rank sum, zeros dropped", "1",
               "for comparison: exact signed-rank test, zeros dropped (Wilcoxon); p not adjusted")  # fmt: skip
     effect = Effect(None, flag=result.caution) if dropped is None else Effect(dropped.statistic)
     yield statistic(row, _cautioned(effect, result), n, origin, _p_of(dropped))
     values = result.pairs.values
     for what, count in (("better", values > 0), ("alike", values == 0), ("worse", values < 0)):
-        row = Row("differences", group, f"participants who rate ours {what}", "1", "count")
+        row = StatisticRow("differences", group, f"participants who rate ours {what}", "1", "count")
         yield statistic(row, Effect(float(count.sum())), n, origin)
-    row = Row("sensitivity", group, "smallest mean difference that would mostly be found", POINTS,
+    row = StatisticRow("sensitivity", group, "smallest mean difference that would mostly be found", POINTS,
               f"{SIGN_FLIP} at 5 %, power {POWER:.0%}, with the spread that was found")  # fmt: skip
     yield statistic(row, Effect(result.smallest, flag=result.why_no_smallest), n, origin)
 
@@ -230,10 +230,10 @@ def model_rows(
     wanted = [("ours to baseline", model.version), ("shown second to first", model.place)]
     wanted += [(f"{effect.name} to {sequences[0]}", effect) for effect in model.sequences]
     for what, effect in wanted:
-        row = Row("model", "all", f"odds ratio of a higher rating, {what}", "1", between)
+        row = StatisticRow("model", "all", f"odds ratio of a higher rating, {what}", "1", between)
         yield statistic(row, odds_ratio(effect), people, origin, effect.p_value)
     what = "odds ratio of a higher rating, ours to baseline, the same for all participants"
-    row = Row(
+    row = StatisticRow(
         "model", "all", what, "1", "cumulative-link mixed model (logit), participants differ in level only"
     )
     alike = model.version_alike
@@ -243,7 +243,7 @@ def model_rows(
         "of the participants' effect of the version": model.fit.slope_sd,
     }
     for what, sd in spreads.items():
-        row = Row("model", "all", f"standard deviation {what}", "log-odds", between)
+        row = StatisticRow("model", "all", f"standard deviation {what}", "log-odds", between)
         shown, flag = shown_spread(model.fit, sd)
         yield statistic(row, Effect(shown, flag=flag), people, origin)
     df = model.interaction.df
@@ -267,7 +267,7 @@ def odds_ratio(effect: FixedEffect) -> Effect:
 
 def _interaction_row(what: str, method: str, test: InteractionTest, origin: Origin) -> Statistic:
     """Return the row of an interaction."""
-    row = Row("model", "all", f"version x sequence, {what}", "1", method)
+    row = StatisticRow("model", "all", f"version x sequence, {what}", "1", method)
     return statistic(row, Effect(test.statistic, flag=test.flag), test.n, origin, test.p_value)
 
 
@@ -282,10 +282,10 @@ def order_rows(order: OrderEffects, origin: Origin) -> Iterator[Statistic]:
         "mean of both versions, ours first less ours second": order.carry_over,
     }
     for what, test in wanted.items():
-        row = Row("order", "all", what, POINTS, within)
+        row = StatisticRow("order", "all", what, POINTS, within)
         yield statistic(row, test.effect, test.n, origin, test.p_value)
     adjusted = holm([test.p_value for test in order.by_sequence.values()])
     between = "exact permutation test between the two orders; interval: Welch's t with pseudo answers"
     for (name, test), p_adjusted in zip(order.by_sequence.items(), adjusted, strict=True):
-        row = Row("order", name, "ours less baseline, ours first less ours second", POINTS, between)
+        row = StatisticRow("order", name, "ours less baseline, ours first less ours second", POINTS, between)
         yield statistic(row, test.effect, test.n, origin, test.p_value, p_adjusted)

@@ -16,7 +16,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -193,7 +193,9 @@ def track_rows(sequence: SequenceTracks) -> list[Statistic]:
     ]
 
 
-def _sequence_figure(sequences: Sequence[SequenceTracks], note: str = "", medium: Medium = PAGE) -> Figure:
+def _sequence_figure(
+    sequences: Sequence[SequenceTracks], note: str = "", medium: FigureFormat = PAGE
+) -> Figure:
     """Draw, for each sequence, frames along it, and brightness factor and contrast loss over time."""
     with look(medium):
         em = medium.em

@@ -91,7 +91,7 @@ class ReproductionPlan:
         load_display(self.display)  # refuses what is none before anything is done
         if self.data is not None and not self.data.is_dir():
             raise InputError(
-                f"--data {self.data}: no such folder; expected a data set, or a folder of results"
+                f"the data {self.data}: no such folder; expected a data set, or a folder of results"
             )
 
 
@@ -188,7 +188,7 @@ def _display(plan: ReproductionPlan, limit: RateLimit) -> Display:
     if limit.display_fingerprint != display.fingerprint:
         raise InputError(
             f"the recorded calibration ran on the display {limit.display_name!r}, not on {display.name!r}; "
-            "give its file with --display"
+            "name that display, or give its file"
         )
     return display
 

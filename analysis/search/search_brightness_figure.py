@@ -18,7 +18,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -45,7 +45,7 @@ def brightness_figure(
     effects: Mapping[int, FixedEffect],
     line: LocationLine | str,
     heading: tuple[str, str],
-    medium: Medium = PAGE,
+    medium: FigureFormat = PAGE,
 ) -> Figure:
     """Draw the ratio of times at each location over the ratio of brightness, and the line through them.
 
@@ -59,7 +59,7 @@ def brightness_figure(
         Through them, or why there is none.
     heading : (str, str)
         Title and subtitle.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     shown = _shown(locations, effects)
@@ -217,7 +217,7 @@ def _bar(axes: Axes, item: _Shown) -> np.ndarray:
 
 
 def curves_figure(
-    curves: tuple[FoundOverTime, ...], heading: tuple[str, str], medium: Medium = PAGE
+    curves: tuple[FoundOverTime, ...], heading: tuple[str, str], medium: FigureFormat = PAGE
 ) -> Figure:
     """Draw the share of the rings found over time.
 
@@ -227,7 +227,7 @@ def curves_figure(
         At least one.
     heading : (str, str)
         Title and subtitle.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     panels = list(dict.fromkeys(curve.panel for curve in curves))

@@ -22,7 +22,7 @@ from evenlight.analysis.inference.lognormal_times import (
     TimesFit,
     fit_lognormal_times,
 )
-from evenlight.analysis.search.search_trials import SearchTable, Side
+from evenlight.analysis.search.search_trials import BrightnessEffect, SearchTable
 from evenlight.data_schema.arrays import Array
 
 PEOPLE_FOR_SPOTS = 4  # over so many each place of a ring is seen in either version (viewing-orders.md)
@@ -39,7 +39,7 @@ class SideEffect:
 
     Attributes
     ----------
-    side : Side
+    side : BrightnessEffect
         Which.
     locations, n : int
         How many of them, and of searches there.
@@ -51,7 +51,7 @@ class SideEffect:
         Largest slowing that is not excluded at 5 %, in ln(time).
     """
 
-    side: Side
+    side: BrightnessEffect
     locations: int
     n: int
     effect: FixedEffect
@@ -163,7 +163,7 @@ def effect_of(fit: TimesFit, name: str) -> FixedEffect:
 
 
 def informative(table: SearchTable) -> SearchTable:
-    """Return the trials that can say something: at places where somebody found a ring, in both versions.
+    """Return the trials that can say something: at places where a participant found a ring, in both versions.
 
     Where nobody did, the effect of the place is infinite, and explains all of its trials: leaving them out is
     the maximum of the likelihood, not a choice. Where nobody found anything at all, all trials stay: they are
@@ -172,9 +172,9 @@ def informative(table: SearchTable) -> SearchTable:
     if not table.found.any():
         return table
     places = _places(table)
-    somebody = np.bincount(places, weights=table.found) > 0
+    found_at = np.bincount(places, weights=table.found) > 0
     both = [place.ln_ratio is not None for place in table.locations]
-    return table.some(somebody[places] & np.array(both)[table.location])
+    return table.some(found_at[places] & np.array(both)[table.location])
 
 
 def _places(table: SearchTable) -> np.ndarray:
@@ -308,7 +308,7 @@ def _sides(table: SearchTable, margin: float) -> tuple[SideEffect, ...]:
     each is a contrast, with the random slope of the version that its test needs.
     """
     sides = table.sides[table.location]
-    masks = {side: sides == side for side in Side}
+    masks = {side: sides == side for side in BrightnessEffect}
     present = {side: mask for side, mask in masks.items() if mask.any()}
     added = {f"added where {side.value}": _ours(table) * mask for side, mask in list(present.items())[1:]}
     sums = {side.value: (VERSION, *list(added)[max(k - 1, 0) : k]) for k, side in enumerate(present)}

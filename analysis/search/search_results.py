@@ -34,7 +34,12 @@ from evenlight.analysis.search.search_shares import (
     found_over_time,
     orientation,
 )
-from evenlight.analysis.search.search_trials import SearchTable, Side, first_sessions, search_table
+from evenlight.analysis.search.search_trials import (
+    BrightnessEffect,
+    SearchTable,
+    first_sessions,
+    search_table,
+)
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.recordings.search import SearchTrial
@@ -196,7 +201,9 @@ def _adjusted(effects: Mapping[int, FixedEffect]) -> dict[int, float | None]:
 def _groups(table: SearchTable, pairs: SearchPairs) -> dict[str, SearchPairs]:
     """Return the pairs of all locations, and of those of either side; groups without a pair are left out."""
     sides = table.sides[pairs.location]
-    chosen = {EVERYWHERE: np.ones(sides.size, bool)} | {side.value: sides == side for side in Side}
+    chosen = {EVERYWHERE: np.ones(sides.size, bool)} | {
+        side.value: sides == side for side in BrightnessEffect
+    }
     return {name: pairs.at(mask) for name, mask in chosen.items() if mask.any()}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.search.search_trials import SearchTable, Side
+from evenlight.analysis.search.search_trials import BrightnessEffect, SearchTable
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.search import ORIENTATIONS
 
@@ -151,7 +151,10 @@ def found_over_time(table: SearchTable) -> tuple[FoundOverTime, ...]:
     """
     sides = table.sides[table.location]
     curves = []
-    for panel, side in (("ours dims", Side.DIMMED), ("ours brightens", Side.BRIGHTENED)):
+    for panel, side in (
+        ("ours dims", BrightnessEffect.DIMMED),
+        ("ours brightens", BrightnessEffect.BRIGHTENED),
+    ):
         for version, ours in (("ours", True), ("baseline", False)):
             own = table.some((sides == side) & (table.ours == ours))
             if own.times.size:

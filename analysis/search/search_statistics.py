@@ -224,7 +224,9 @@ def _share_rows(found: SearchResults) -> list[Statistic]:
     for ours, version in ((True, "ours"), (False, "baseline")):
         rows.append(_share_row("detections", f"rings found, {version}", found.shares[ours], found.origin))
         told = found.orientation[ours]
-        rows.append(_share_row("orientation", f"gaps told rightly, {version}", told.correct, found.origin))
+        rows.append(
+            _share_row("orientation", f"gaps identified correctly, {version}", told.correct, found.origin)
+        )
         rows.append(_guessed_row(version, told, found.origin))
     return rows
 
@@ -245,7 +247,8 @@ def _guessed_row(version: str, told: Orientation, origin: Origin) -> Statistic:
         flag = "not shown to be above chance (1/8): the times may be of guesses"
     return Statistic(
         "orientation", EVERYWHERE, f"rings found without being seen, {version}", told.pressed_without_seeing,
-        "1", origin, n=told.correct.n, method="(1 - share told rightly) / (7/8): guesses hit one in eight",
+        "1", origin, n=told.correct.n,
+        method="(1 - share identified correctly) / (7/8): guesses hit one in eight",
         flag=flag,
     )  # fmt: skip
 
@@ -259,7 +262,7 @@ def _bias_rows(found: SearchResults) -> list[Statistic]:
             ("undetected rings censored", models.overall),
             ("undetected rings left out, as in the paper's average", models.dropped),
             ("undetected rings as found at the limit", models.capped),
-            ("gaps told wrongly count as undetected", models.wrong),
+            ("gaps identified wrongly count as undetected", models.wrong),
         )
     ]
 

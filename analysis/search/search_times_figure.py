@@ -16,7 +16,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -37,7 +37,7 @@ OFFSET = 0.2  # of either version from the middle of its row [rows]
 
 
 def times_figure(
-    locations: Sequence[LocationResult], limit: float, simulated: bool, medium: Medium = PAGE
+    locations: Sequence[LocationResult], limit: float, simulated: bool, medium: FigureFormat = PAGE
 ) -> Figure:
     """Draw for each location how soon the ring was found in either version, and how often it was not.
 
@@ -49,7 +49,7 @@ def times_figure(
         The longest time limit [s].
     simulated : bool
         Whether simulated participants searched.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     places = _row_places(locations)
@@ -107,7 +107,8 @@ def _heading(locations: Sequence[LocationResult], simulated: bool) -> tuple[str,
         "How long it takes to find the ring",
         who
         + "Within a sequence from the locations that ours brightens most to those that it dims most. Bars: "
-        "95 % intervals of the median (Kaplan–Meier); an arrow: no upper end within the time limit.",
+        "95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within "
+        "the time limit.",
     )
 
 

@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.session_loading import TaskData
-from evenlight.data_schema.arrays import Array, Mask
+from evenlight.data_schema.arrays import Array, Integers, Mask
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.search import SearchTrial
 from evenlight.data_schema.recordings.viewing import Version
 
-Places = NDArray[np.int64]
 SHORTEST_TIME = 0.1  # [s] nobody sees and presses faster (choice); 0 s would have no logarithm
 SAME_FACTOR = 1e-6  # of ln(factor): closer factors are one factor that was rounded in a file
 ABOUT_EQUAL = 0.05  # factors that differ by at most so much are about equal (choice): neither gain nor loss
 
 
-class Side(enum.Enum):
+class BrightnessEffect(enum.Enum):
     """What the modulation does to the brightness of a location, against constant dimming."""
 
     BRIGHTENED = "brightened"
@@ -30,7 +29,7 @@ class Side(enum.Enum):
     DIMMED = "dimmed"
 
 
-def side_of(ln_ratio: float) -> Side:
+def side_of(ln_ratio: float) -> BrightnessEffect:
     """Return the side of a location.
 
     Parameters
@@ -42,8 +41,8 @@ def side_of(ln_ratio: float) -> Side:
     ['brightened', 'about equal', 'about equal', 'dimmed']
     """
     if ln_ratio > math.log1p(ABOUT_EQUAL):
-        return Side.BRIGHTENED
-    return Side.DIMMED if ln_ratio < math.log1p(-ABOUT_EQUAL) else Side.ALIKE
+        return BrightnessEffect.BRIGHTENED
+    return BrightnessEffect.DIMMED if ln_ratio < math.log1p(-ABOUT_EQUAL) else BrightnessEffect.ALIKE
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +106,10 @@ class SearchTable:
 
     locations: tuple[Location, ...]
     participants: tuple[str, ...]
-    participant: Places
-    location: Places
-    spot: Places
-    session: Places
+    participant: Integers
+    location: Integers
+    spot: Integers
+    session: Integers
     ours: Mask
     times: Array
     found: Mask
@@ -236,8 +235,8 @@ def _first_of_each(data: TaskData[SearchTrial]) -> tuple[list[SearchTrial], list
         )
     if len({key[:2] for key in kept}) > len({key[0] for key in kept}):
         warnings.append(
-            "search: somebody took part in several sessions; rows of one location take the first session "
-            "with it alone, and practice (halves, order) is that within a session"
+            "search: a participant took part in several sessions; rows of one location take the first "
+            "session with it alone, and practice (halves, order) is that within a session"
         )
     return list(kept.values()), warnings
 
@@ -287,14 +286,14 @@ def _factor_warnings(trials: Sequence[SearchTrial], locations: Iterable[Location
     ]
 
 
-def _sessions(trials: Sequence[SearchTrial]) -> Places:
+def _sessions(trials: Sequence[SearchTrial]) -> Integers:
     """Return the number of each trial's session; of one person, in the order of their identifiers."""
     keys = [(trial.participant_id, trial.session_id) for trial in trials]
     numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
     return np.array([numbers[key] for key in keys], dtype=np.int64)
 
 
-def _numbered(keys: Iterable[object]) -> Places:
+def _numbered(keys: Iterable[object]) -> Integers:
     """Return for each key the number at which it first came.
 
     >>> _numbered("abca").tolist()

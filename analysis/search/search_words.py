@@ -11,7 +11,7 @@ from evenlight.analysis.report_prose import prose
 from evenlight.analysis.search.search_models import VERSION, effect_of
 from evenlight.analysis.search.search_results import SearchResults
 from evenlight.analysis.search.search_statistics import people_slope
-from evenlight.analysis.search.search_trials import ABOUT_EQUAL, Side
+from evenlight.analysis.search.search_trials import ABOUT_EQUAL, BrightnessEffect
 from evenlight.analysis.wording import p_in_words
 
 ALPHA = 0.05
@@ -29,8 +29,8 @@ def lead_of(found: SearchResults) -> str:
         undetected=np.count_nonzero(~table.found),
         overall=effect_of(models.overall, VERSION),
         slope=slope_words(people_slope(models.brightness), found.both),
-        sides=[side for side in models.sides if side.side is not Side.ALIKE],
-        alike=sum(side.locations for side in models.sides if side.side is Side.ALIKE),
+        sides=[side for side in models.sides if side.side is not BrightnessEffect.ALIKE],
+        alike=sum(side.locations for side in models.sides if side.side is BrightnessEffect.ALIKE),
         about_equal=ABOUT_EQUAL,
         slowing=found.slowing,
         alpha=ALPHA,

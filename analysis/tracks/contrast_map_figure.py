@@ -18,7 +18,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -100,7 +100,7 @@ def contrast_map_figure(
     ours: ContrastMap,
     baseline: ContrastMap,
     name: str = "",
-    medium: Medium = PAGE,
+    medium: FigureFormat = PAGE,
 ) -> Figure:
     """Draw a frame, and which of its contrast is visible and which is lost under two brightness factors.
 
@@ -110,7 +110,7 @@ def contrast_map_figure(
         The frame, as in `Frame`, and what it is called, e.g. "bikes.mp4 at 4.2 s".
     ours, baseline : ContrastMap
         At the track's factor, and at that of constant dimming.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):

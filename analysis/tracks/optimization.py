@@ -26,7 +26,7 @@ from evenlight.method.optimizer.optimize import optimize as optimize_problem
 from evenlight.method.optimizer.solvers import make_solver
 
 
-class Weighing(enum.Enum):
+class FrameWeighting(enum.Enum):
     """How the frames of a track count in the objective."""
 
     ALIKE = "all alike"
@@ -44,14 +44,14 @@ class OptimizedClip:
         What was solved: its loss curves, its rate limit, constant dimming of the same power.
     track, summary : BrightnessTrack, OptimizationSummary
         The brightness factor of each frame, and what the track does and achieves.
-    weighing, samples : Weighing, FrameSamples
+    weighing, samples : FrameWeighting, FrameSamples
         How its frames count in the objective, and some of them.
     """
 
     problem: Problem
     track: BrightnessTrack
     summary: OptimizationSummary
-    weighing: Weighing
+    weighing: FrameWeighting
     samples: FrameSamples
 
 
@@ -118,7 +118,7 @@ def optimize_curves(
     track = track_of(problem, job.request, solution.factors, track_header(job, whole, curves))
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
-        weighing = Weighing.WEIGHTED if summary.weighted else Weighing.ALIKE
+        weighing = FrameWeighting.WEIGHTED if summary.weighted else FrameWeighting.ALIKE
         return Optimization(summary, (OptimizedClip(problem, track, summary, weighing, samples[0]),))
     clips, first = [], 0
     # The bound of all clips does not say how much worse than the best a single one is.
@@ -133,7 +133,7 @@ def optimize_curves(
     return Optimization(summary, tuple(clips))
 
 
-def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, Weighing]:
+def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, FrameWeighting]:
     """Return a clip's part of a shared problem beside constant dimming of the clip's own power.
 
     A clip of which no frame counts in the shared objective has an unweighted one of its own.
@@ -141,5 +141,5 @@ def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, W
     part = replace(part, baseline_factor=float(part.budget_weights @ factors))
     if part.importance is None or not np.ptp(part.importance) > 0:
         counts = part.importance is None or bool(part.importance.any())
-        return replace(part, importance=None), Weighing.ALIKE if counts else Weighing.LEFT_OUT
-    return part, Weighing.WEIGHTED
+        return replace(part, importance=None), FrameWeighting.ALIKE if counts else FrameWeighting.LEFT_OUT
+    return part, FrameWeighting.WEIGHTED

@@ -115,25 +115,25 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
 def _require_same_source(job: OptimizationJob, curves: LossCurves, display: Display) -> None:
     """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
     if curves.provenance.inputs.get("video") != job.source.sha256():
-        raise InputError(f"--curves {job.curves}: made of another video than {job.source.name}")
+        raise InputError(f"the curves {job.curves}: made of another video than {job.source.name}")
     if curves.factors[0] != brightness_factors(job.min_factor)[0]:
         raise InputError(
-            f"--curves {job.curves}: made for factors from {curves.factors[0]:g}, "
-            f"asked is --min-factor {job.min_factor:g}"
+            f"the curves {job.curves}: made for factors from {curves.factors[0]:g}, "
+            f"asked is a lowest factor of {job.min_factor:g}"
         )
     if curves.provenance.inputs.get("contrast_model") != sha256_of_record(job.model):
-        raise InputError(f"--curves {job.curves}: made with another contrast model than the one asked for")
+        raise InputError(f"the curves {job.curves}: made with another contrast model than the one asked for")
     if curves.tolerance > job.effort.tolerance:
         raise InputError(
-            f"--curves {job.curves}: made to a tolerance of {curves.tolerance:g}, "
-            f"asked is --tolerance {job.effort.tolerance:g}"
+            f"the curves {job.curves}: made to a tolerance of {curves.tolerance:g}, "
+            f"asked is a tolerance of {job.effort.tolerance:g}"
         )
     if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
         display.fingerprint,
         display.pixels_per_degree,
     ):
         raise InputError(
-            f"--curves {job.curves}: made for {curves.display.name!r} at "
+            f"the curves {job.curves}: made for {curves.display.name!r} at "
             f"{curves.display.pixels_per_degree:g} pixels per degree, asked is {display.name!r} at "
             f"{display.pixels_per_degree:g}"
         )
@@ -149,7 +149,7 @@ def _with_field_of_view(frames: Iterator[Frame], job: OptimizationJob) -> tuple[
     if job.field_of_view is None:
         return frames, display
     if not 0 < job.field_of_view < 180:
-        raise InputError(f"--field-of-view must lie between 0 and 180 degrees, got {job.field_of_view:g}")
+        raise InputError(f"field_of_view must lie between 0 and 180 degrees, got {job.field_of_view:g}")
     first = next(frames)
     frames = itertools.chain([first], frames)
     height, width = first.pixel_values.shape[:2]
@@ -249,7 +249,7 @@ def track_files(path: Path) -> tuple[Path, ...]:
     clips = {file: file.parent.name.partition("-")[0] for file in path.glob(f"[0-9]*-*/{TRACK}")}
     if not clips:
         raise InputError(
-            f"--start {path}: expected a folder with {TRACK}, or with the folders 01-NAME, 02-NAME, ... of "
+            f"the start {path}: expected a folder with {TRACK}, or with the folders 01-NAME, 02-NAME, ... of "
             f"several clips, got neither"
         )
     return tuple(sorted(clips, key=lambda file: (int(clips[file]), file)))
@@ -275,7 +275,7 @@ def start_factors(path: Path, clips: Sequence[LossCurves]) -> Array:
         held = "1 track" if len(files) == 1 else f"{len(files)} tracks"
         asked = "1 video" if len(clips) == 1 else f"{len(clips)} clips"
         raise InputError(
-            f"--start {path}: holds {held}, asked is an optimization of {asked}; "
+            f"the start {path}: holds {held}, asked is an optimization of {asked}; "
             "give one with a track for each clip, in the same order"
         )
     earlier = [read_track(file) for file in files]

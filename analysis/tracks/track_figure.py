@@ -21,8 +21,8 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
+    FigureFormat,
     Line,
-    Medium,
     axes_at,
     heading_lines,
     legend_above,
@@ -49,14 +49,14 @@ WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room f
 FEW_FRAMES = 40  # up to so many, each frame gets a dot
 
 
-def track_figure(data: TrackFigureData, medium: Medium = PAGE) -> Figure:
+def track_figure(data: TrackFigureData, medium: FigureFormat = PAGE) -> Figure:
     """Draw a brightness track: factor, contrast loss and rate over time, and frames as they are shown.
 
     Parameters
     ----------
     data : TrackFigureData
         Its content.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):
@@ -91,7 +91,7 @@ class _Layout:
     thumbnails: tuple[tuple[int, Image], ...]
 
 
-def _layout(data: TrackFigureData, medium: Medium) -> _Layout:
+def _layout(data: TrackFigureData, medium: FigureFormat) -> _Layout:
     """Lay out a figure that fills the medium: what the rest leaves is the panels'."""
     em = medium.em
     left = 6.6 * em

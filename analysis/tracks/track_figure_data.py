@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.tracks.frame_samples import Image
-from evenlight.analysis.tracks.optimization import Weighing
+from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.quantities import read_only
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
@@ -35,7 +35,7 @@ class TrackFigureData:
         The lowest factor that was allowed.
     achieved : float or None
         What the track has, in the budget's unit; None where that is the budget.
-    clips, weighing : int, Weighing
+    clips, weighing : int, FrameWeighting
         How many clips share the budget, and how the frames count in the objective.
     same_power : bool
         Whether constant dimming uses the same power; if not, it has the same mean factor.
@@ -53,7 +53,7 @@ class TrackFigureData:
     achieved: float | None = None
     clips: int = 1
     same_power: bool = True
-    weighing: Weighing = Weighing.ALIKE
+    weighing: FrameWeighting = FrameWeighting.ALIKE
     fitted_limit: Array | None = None
 
     def __post_init__(self) -> None:
@@ -120,8 +120,8 @@ def outcome_in_words(data: TrackFigureData) -> str:
     ours, constant = data.objective, data.objective_baseline
     if not (data.track.contrast_loss.any() or data.baseline_loss.any()):
         return "No visible contrast is lost in any frame, nor is it under constant dimming."
-    weighted = data.weighing is Weighing.WEIGHTED
-    lead = "Does not count (weight 0). " if data.weighing is Weighing.LEFT_OUT else ""
+    weighted = data.weighing is FrameWeighting.WEIGHTED
+    lead = "Does not count (weight 0). " if data.weighing is FrameWeighting.LEFT_OUT else ""
     if not (ours > 0 or constant > 0):
         which = "every frame that counts" if weighted else "every frame"
         return f"{lead}Constant dimming already loses the same share of contrast in {which}."

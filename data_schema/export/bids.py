@@ -60,4 +60,4 @@ def refuse_personal_data(dataset: Path) -> None:
 def refuse_used_folder(folder: Path) -> None:
     """Refuse a folder that holds something: nothing is overwritten."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: is there already; give a new folder with --out")
+        raise InputError(f"{folder}: is there already; give a new folder")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 
-class Standard(enum.Enum):
+class DatasetStandard(enum.Enum):
     """A standard for data sets."""
 
     PSYCH_DS = "psych-ds"
@@ -20,14 +20,14 @@ def export(
     dataset: Annotated[Path, typer.Argument(help="Data set of sessions.")],
     out: Annotated[Path, typer.Option(help="Folder of the exported data set, to be made.")],
     to: Annotated[
-        Standard, typer.Option(help="Psych-DS; or BIDS without the files that only Evenlight reads.")
-    ] = Standard.PSYCH_DS,
+        DatasetStandard, typer.Option(help="Psych-DS; or BIDS without the files that only Evenlight reads.")
+    ] = DatasetStandard.PSYCH_DS,
     quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
 ) -> None:
     """Export a data set in the layout of a standard, to share it."""
     from evenlight.data_schema.export.bids import export_bids
     from evenlight.data_schema.export.psych_ds import export_psych_ds
 
-    tables = (export_psych_ds if to is Standard.PSYCH_DS else export_bids)(dataset, out)
+    tables = (export_psych_ds if to is DatasetStandard.PSYCH_DS else export_bids)(dataset, out)
     if not quiet:
         typer.echo(f"{tables} table{'' if tables == 1 else 's'} of trials in {out}, laid out as {to.value}")

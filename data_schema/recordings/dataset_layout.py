@@ -34,8 +34,8 @@ def require_apart(out: Path, dataset: Path) -> None:
     inside = out.resolve() == dataset.resolve() or dataset.resolve() in out.resolve().parents
     if is_dataset and inside:
         raise InputError(
-            f"--out {out} lies in the data set {dataset}; results go elsewhere, so that what was recorded "
-            "stays apart from what was made of it"
+            f"the folder {out} lies in the data set {dataset}; results go elsewhere, so that what was "
+            "recorded stays apart from what was made of it"
         )
 
 

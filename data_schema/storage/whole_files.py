@@ -59,7 +59,7 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
+            f"cannot write to the folder {folder}: {error.strerror or error}; choose another folder"
         ) from error
 
 
@@ -89,7 +89,7 @@ def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Pa
     except OSError as error:
         _remove_empty(folder, created)
         raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
+            f"cannot write to the folder {folder}: {error.strerror or error}; choose another folder"
         ) from error
     try:
         yield staging
@@ -189,8 +189,7 @@ def require_sealed(folder: Path, maker: str) -> None:
     beside = _seal_of(folder)
     if not beside.is_file() or beside.read_text(errors="replace").strip() != sha256_of_file(folder):
         raise InputError(
-            f"{folder} holds data that no {maker} made, or that were changed since; "
-            f"choose another folder with --out"
+            f"{folder} holds data that no {maker} made, or that were changed since; choose another folder"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,10 @@ def write_track(path: Path, track: BrightnessTrack) -> None:
 
 def read_track(path: Path) -> BrightnessTrack:
     """Return the track of a csv table and its json header; raise `InputError` if either is unusable."""
+    for file in (path, path.with_suffix(".json")):
+        with suppress(PermissionError):  # reading the file says so
+            if not file.exists():
+                raise InputError(f"{file}: no such file; there is no brightness track without it")
     header = read_json_record(TrackHeader, path.with_suffix(".json"))
     rows = csv_rows(path, TRACK_COLUMNS, "a brightness track (csv)")
     table = []
@@ -235,6 +240,11 @@ class OptimizationSummary:
             raise ValueError(
                 f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"
             )
+
+    def __repr__(self) -> str:
+        budget = f"budget {self.budget:g} ({self.budget_unit.value})"
+        losses = f"objective {self.objective:.3g}, baseline {self.objective_baseline:.3g}"
+        return f"<OptimizationSummary {self.video!r}: {self.frames} frames, {budget}, {losses}>"
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,8 +21,8 @@ from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.loss_meters import LossMeter
 from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
 from evenlight.method.online.governor import (
+    BudgetExcess,
     ContentCosts,
-    Excess,
     FrameCost,
     GovernorSettings,
     GovernorState,
@@ -228,7 +228,7 @@ class _UncountedPicture:
 
     seconds: float
     cost: FrameCost
-    excess: Excess
+    excess: BudgetExcess
 
 
 class LiveGovernor:
@@ -309,7 +309,7 @@ class LiveGovernor:
         self._since, self.target, self.held = [], self._state.target_loss, self._state.held
         return aim
 
-    def _excess(self, seconds: float) -> Excess:
+    def _excess(self, seconds: float) -> BudgetExcess:
         """Return what the pictures since the last answer used too much on average, over `seconds` in all."""
 
         def mean(of_each: Iterable[float]) -> float:
@@ -319,7 +319,7 @@ class LiveGovernor:
         # As for one picture in `ContentCosts`: the answer to what all of them used at once never leads beyond
         # the factor at which they would be allowed.
         share = seconds / time_constant(self._budget.settings.horizon, seconds)
-        return Excess(
+        return BudgetExcess(
             at_once=mean(one.excess.at_once for one in self._since),
             over_horizon=mean(one.excess.over_horizon for one in self._since),
             scale=max(last.scale, mean(one.cost.per_factor for one in self._since) * share),

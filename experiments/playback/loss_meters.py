@@ -44,7 +44,7 @@ void main() {{
 """
 
 
-class MeasuredLoss(Protocol):
+class LossReading(Protocol):
     """What is known of a picture."""
 
     @property
@@ -68,7 +68,7 @@ class LossMeter(Protocol):
     def begin(self, factor: float) -> bool:
         """Begin to measure at a factor; return False, and do nothing, while another is under way."""
 
-    def result(self) -> MeasuredLoss | None:
+    def result(self) -> LossReading | None:
         """Return what came of the one under way, or None as long as there is none."""
 
     def close(self) -> None:
@@ -178,7 +178,7 @@ class ProcessorMeter(_LightMeter):
             (height, width), display, lowest_factor=lowest_factor, one_strip_in=ONE_STRIP_IN
         )
         self._thread = ThreadPoolExecutor(1, "contrast loss")
-        self._under_way: Future[MeasuredLoss] | None = None
+        self._under_way: Future[LossReading] | None = None
 
     @property
     def name(self) -> str:
@@ -194,7 +194,7 @@ class ProcessorMeter(_LightMeter):
         self._turn += 1
         return True
 
-    def result(self) -> MeasuredLoss | None:
+    def result(self) -> LossReading | None:
         """Return what the thread found, if it is done."""
         waiting = self._under_way
         if waiting is None or not (self._patient or waiting.done()):
@@ -251,7 +251,7 @@ class GpuMeter(_LightMeter):
         self._under_way = True
         return True
 
-    def result(self) -> MeasuredLoss | None:
+    def result(self) -> LossReading | None:
         """Return the answer, if the graphics processor has come to it."""
         if not self._under_way or not (self._patient or self._loss.ready()):
             return None

@@ -85,7 +85,7 @@ class VideoOptions:
         PlayedVersion | None,
         _video(help="By the track (if not given), constant at equal power, both in turn, undimmed."),
     ] = None
-    loop: Annotated[bool, _video("--loop", help="Begin again at the end, until escape.")] = False
+    loop: Annotated[bool, _video("--loop", help="Repeat until escape.")] = False
     label: Annotated[bool, _video("--label", help="Say on the picture how it is dimmed.")] = False
     log: Annotated[
         Path | None, _video(help="File for flip times, frames, factors, drops: .csv or .jsonl.")

@@ -149,12 +149,12 @@ def viewing_answers(
     # In a thread of its own: a graphics context without a window would stay the current one of this thread,
     # and then no window could be opened.
     with ThreadPoolExecutor(max_workers=1) as thread:
-        viewing = thread.submit(_seen, open_viewing, setting).result()
+        viewing = thread.submit(_prepare_viewing, open_viewing, setting).result()
     person = viewing.draw(rng)
     return lambda session: ViewingAnswers(SimulatedViewer(viewing, session, person), setting.rig.keys)
 
 
-def _seen(open_viewing: OpenViewing, setting: SessionSetting) -> Viewing:
+def _prepare_viewing(open_viewing: OpenViewing, setting: SessionSetting) -> Viewing:
     """Return what a session's observer sees, all of it seen."""
     with open_viewing(setting) as viewing:
         viewing.prepare(setting)

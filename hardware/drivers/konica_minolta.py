@@ -89,10 +89,10 @@ class MinoltaMeter(SerialMeter):
                 Fault.REFUSED,
                 code,
             )
-        return self._found(code, numbers)
+        return self._parse_numbers(code, numbers)
 
     @abstractmethod
-    def _found(self, code: str, numbers: list[float]) -> MeterAnswer:
+    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
         """Return a reading from a reply's numbers, if there are as many as the model sends."""
 
     def _number(self, field: str, line: str) -> float:
@@ -112,7 +112,7 @@ class Ls100(MinoltaMeter):
 
     model = "LS-100"
 
-    def _found(self, code: str, numbers: list[float]) -> MeterAnswer:
+    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
         """Return a luminance alone."""
         if len(numbers) == 3:
             raise self._error(
@@ -134,7 +134,7 @@ class Cs100a(MinoltaMeter):
 
     model = "CS-100A"
 
-    def _found(self, code: str, numbers: list[float]) -> MeterAnswer:
+    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
         """Return a luminance, and its chromaticity unless that is out of range."""
         if code == NO_CHROMATICITY:
             return MeterAnswer(numbers[0], f"{code}: chromaticity out of range")

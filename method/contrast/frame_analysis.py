@@ -40,7 +40,6 @@ MANY_PIXELS = 65536  # in a smaller band, single pixels make the count unsteady,
 _AMONG_EQUALS = 3.2
 _STEPS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # of g, around what is just visible
 _BELOW_PEAK = 0.1  # share of the peak luminance at which sensitivity is taken for these thresholds
-Shares = NDArray[np.float64]
 Luminance = NDArray[np.float32]
 _Kind = tuple[tuple[int, ...], np.dtype[Any]]  # shape and type of an array
 
@@ -219,7 +218,7 @@ def difference_thresholds(band: BandTable) -> NDArray[np.float32]:
     return np.asarray((_STEPS * _AMONG_EQUALS / sensitivity) ** 2 * np.exp2(log_e), dtype=np.float32)
 
 
-def difference_shares(luminance: NDArray[np.float32], thresholds: NDArray[np.float32]) -> Shares:
+def difference_shares(luminance: NDArray[np.float32], thresholds: NDArray[np.float32]) -> Array:
     """Return the shares of pixels whose g²/L exceeds each threshold.
 
     Parameters

@@ -14,13 +14,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import LOWEST_FREQUENCY, BandFrequency, ContrastModel
 from evenlight.data_schema.display import Display
 
 CENTRE_WEIGHT = 0.4  # a of the generating kernel, Burt & Adelson (1983), used by Tursun et al. (2019)
 INNER_WEIGHT = 0.25  # of each neighbour
 OUTER_WEIGHT = 0.25 - CENTRE_WEIGHT / 2  # of each neighbour but one
-Image = NDArray[np.float64]
 # Energy centroid of each band of the a = 0.4 pyramid, as a share of the Nyquist frequency; further bands
 # halve. Computed from the kernel in tests/method/test_bands.py.
 _CENTROIDS = (0.672, 0.294, 0.138, 0.068)
@@ -39,7 +39,7 @@ def level_shapes(shape: tuple[int, int]) -> list[tuple[int, int]]:
     return shapes
 
 
-def gaussian_pyramid(image: Image, n_levels: int) -> list[Image]:
+def gaussian_pyramid(image: Array, n_levels: int) -> list[Array]:
     """Return Gaussian levels 0 to n_levels - 1 of an image; level 0 is the image.
 
     Parameters
@@ -58,7 +58,7 @@ def gaussian_pyramid(image: Image, n_levels: int) -> list[Image]:
     return levels
 
 
-def laplacian_bands(gaussian: Sequence[Image]) -> list[Image]:
+def laplacian_bands(gaussian: Sequence[Array]) -> list[Array]:
     """Return the band-limited differences ΔL: each Gaussian level minus the next one expanded.
 
     Parameters
@@ -77,7 +77,7 @@ def laplacian_bands(gaussian: Sequence[Image]) -> list[Image]:
     return [fine - expanded(coarse, (fine.shape[0], fine.shape[1])) for fine, coarse in pairwise(gaussian)]
 
 
-def adaptation_luminance(gaussian: Sequence[Image], level: int) -> Image:
+def adaptation_luminance(gaussian: Sequence[Array], level: int) -> Array:
     """Return L_a of a band: the Gaussian two levels down, expanded twice to the band's size.
 
     Parameters
@@ -94,7 +94,7 @@ def adaptation_luminance(gaussian: Sequence[Image], level: int) -> Image:
     return expanded(expanded(gaussian[level + 2], (middle[0], middle[1])), (fine[0], fine[1]))
 
 
-def expanded(coarse: Image, shape: tuple[int, int]) -> Image:
+def expanded(coarse: Array, shape: tuple[int, int]) -> Array:
     """Return a level interpolated to the next finer size (the EXPAND of Burt & Adelson).
 
     Parameters
@@ -123,11 +123,11 @@ def mirrored(index: NDArray[np.int64], length: int) -> NDArray[np.int64]:
     return np.asarray(np.minimum(folded, period - folded))
 
 
-def _reduce_rows(fine: Image) -> Image:
+def _reduce_rows(fine: Array) -> Array:
     """Return every other row of an image, smoothed along the columns."""
     centre = np.arange(0, len(fine), 2)
 
-    def row(offset: int) -> Image:
+    def row(offset: int) -> Array:
         return fine[mirrored(centre + offset, len(fine))]
 
     middle = row(0)
@@ -136,12 +136,12 @@ def _reduce_rows(fine: Image) -> Image:
     return middle + INNER_WEIGHT * inner + OUTER_WEIGHT * outer
 
 
-def _expand_rows(coarse: Image, length: int) -> Image:
+def _expand_rows(coarse: Array, length: int) -> Array:
     """Return an image with `length` rows between and on those given: twice the kernel's even, odd taps."""
     fine = np.empty((length, coarse.shape[1]))
     even, odd = np.arange(0, length, 2), np.arange(1, length, 2)
 
-    def row(index: NDArray[np.int64]) -> Image:
+    def row(index: NDArray[np.int64]) -> Array:
         return coarse[mirrored(index, length) // 2]
 
     middle = row(even)

@@ -56,7 +56,7 @@ class GovernorSettings:
         check_limits(self)
 
 
-class Excess(NamedTuple):
+class BudgetExcess(NamedTuple):
     """What a frame used too much, in the budget's unit."""
 
     at_once: float  # u: more than its allowance (`FrameCost`)
@@ -93,7 +93,7 @@ class Governor:
         return GovernorState(target_loss, 0.0, loss, 1 - factor, factor)
 
     def step(
-        self, state: GovernorState, shown: ControllerState, loss: float, excess: Excess
+        self, state: GovernorState, shown: ControllerState, loss: float, excess: BudgetExcess
     ) -> tuple[GovernorState, SteeredTarget]:
         """Return the state after a frame was shown, and where the controller is to aim with the next one.
 
@@ -109,7 +109,7 @@ class Governor:
             The frame, its factor and how long it is shown.
         loss : float
             Its contrast loss.
-        excess : Excess
+        excess : BudgetExcess
             u, what it used too much.
         """
         constant = time_constant(self.horizon, shown.duration)
@@ -240,11 +240,11 @@ class FrameCost(NamedTuple):
     due: float
     scale: float  # g, what a factor of 1 uses, above 0: by it an excess becomes a change of the factor
 
-    def excess(self, factor: float) -> Excess:
+    def excess(self, factor: float) -> BudgetExcess:
         """Return what the frame uses too much at a factor."""
         used = self.per_factor * factor
         in_reach = self.allowance < self.per_factor
-        return Excess(used - self.allowance, used - self.due, self.scale, in_reach)
+        return BudgetExcess(used - self.allowance, used - self.due, self.scale, in_reach)
 
     @property
     def fair_factor(self) -> float:

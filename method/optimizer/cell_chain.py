@@ -14,11 +14,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from evenlight.data_schema.arrays import Array
-
-Places = NDArray[np.int64]
+from evenlight.data_schema.arrays import Array, Integers
 
 
 class RateTable(NamedTuple):
@@ -33,9 +30,9 @@ class RateTable(NamedTuple):
 class FrameBlocks(NamedTuple):
     """The frames in blocks."""
 
-    start: Places  # (M+1,): first frame of each block, and N
-    anchor: Places  # (M,): its middle frame
-    spread: Places  # (M,): segments that the factor may cross from one anchor to the next, at most
+    start: Integers  # (M+1,): first frame of each block, and N
+    anchor: Integers  # (M,): its middle frame
+    spread: Integers  # (M,): segments that the factor may cross from one anchor to the next, at most
 
 
 class ChainCosts(NamedTuple):
@@ -49,7 +46,7 @@ class ChainCosts(NamedTuple):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def make_blocks(largest_step: Array, target: float, narrowest: float) -> tuple[Places, Places, Places]:
+def make_blocks(largest_step: Array, target: float, narrowest: float) -> tuple[Integers, Integers, Integers]:
     """Return blocks within which the factor can move by a target at most; see `FrameBlocks`.
 
     Parameters
@@ -265,7 +262,7 @@ def _cell_costs(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _windows(lowest: Places, highest: Places, edges: Array, first: Array, second: Array) -> None:
+def _windows(lowest: Integers, highest: Integers, edges: Array, first: Array, second: Array) -> None:
     """Write the lowest and the highest cell that may follow each cell.
 
     A step must keep the limits at both its ends. All four conditions are first made rising from cell to cell,

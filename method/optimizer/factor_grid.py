@@ -25,7 +25,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.method.optimizer.chain import nearest_feasible
 from evenlight.method.optimizer.optimize import Problem, is_feasible
 
@@ -42,7 +42,6 @@ NARROWER = 3.0  # each band than the one before
 NARROWEST_BAND = 5e-4  # factor; the splitting goes on from there
 WORTHWHILE = 1e-3  # improvement of the objective, as a share of it, below which the band is made narrower
 LEAST_WAY = 1e-6  # factor: where even all steps together lead no further, nothing can be gained
-Places = NDArray[np.int64]
 Origins = NDArray[np.int32]
 SPARE = 2  # bins on either side of what is needed
 LEAST_BIN = 1e-12  # of the sum of factors, where all cells use the same
@@ -183,11 +182,11 @@ class BudgetBins(NamedTuple):
     """Bins of what has been used beyond the budget, from which the remaining frames can still meet it."""
 
     start: Array  # (N,): where the first bin starts, after each frame
-    number: Places  # (N,): how many there are
+    number: Integers  # (N,): how many there are
     size: float  # of each
 
 
-class CheapestWays(NamedTuple):
+class CostToReach(NamedTuple):
     """The cheapest way to each cell of a frame, for each bin."""
 
     cost: Array  # (bins, K): what it costs; infinite where there is none
@@ -197,8 +196,8 @@ class CheapestWays(NamedTuple):
 class GridStep(NamedTuple):
     """How the ways to a frame go on from the frame before."""
 
-    first: Places  # (K,): first cell of the frame before from which each cell may be reached
-    last: Places  # (K,): and the last of them
+    first: Integers  # (K,): first cell of the frame before from which each cell may be reached
+    last: Integers  # (K,): and the last of them
     cost: Array  # (K,): of each cell
     used: Array  # (K,): of each cell
     start: float  # where the bins after this frame begin
@@ -206,7 +205,7 @@ class GridStep(NamedTuple):
     size: float  # of each
 
 
-def cheapest_track(cost: Array, cells: GridCells, bins: int) -> Places | None:
+def cheapest_track(cost: Array, cells: GridCells, bins: int) -> Integers | None:
     """Return the cells of the cheapest track within the rate limit of both ends of each step, (N,).
 
     It misses the budget by a few bins at most. Tracks that lead to one cell and use as much but for a bin are
@@ -257,12 +256,12 @@ def bins_within(used: Array, bins: int) -> BudgetBins:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Places:
+def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Integers:
     """See `cheapest_track`: fronts forward, the track backward; cells of -1 where there is no track."""
     n, width = cost.shape
     came = np.empty((n, bins.number.max(), width), dtype=np.int32)
-    before = CheapestWays(np.full(came.shape[1:], np.inf), np.zeros(came.shape[1:]))
-    after = CheapestWays(np.full(came.shape[1:], np.inf), np.zeros(came.shape[1:]))
+    before = CostToReach(np.full(came.shape[1:], np.inf), np.zeros(came.shape[1:]))
+    after = CostToReach(np.full(came.shape[1:], np.inf), np.zeros(came.shape[1:]))
     for k in range(width):
         place = int((cells.used[0, k] - bins.start[0]) / bins.size)
         if cells.used[0, k] >= bins.start[0] and place < bins.number[0]:
@@ -278,7 +277,7 @@ def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Places:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _windows(cells: GridCells, i: int) -> tuple[Places, Places]:
+def _windows(cells: GridCells, i: int) -> tuple[Integers, Integers]:
     """Return the first and the last cell of the frame before from which each cell of frame i may be reached.
 
     Both move on from cell to cell, as a queue needs them: so a step is left out if one from a cell on the
@@ -306,7 +305,7 @@ def _windows(cells: GridCells, i: int) -> tuple[Places, Places]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _extend(before: CheapestWays, place: int, choice: GridStep, after: CheapestWays, came: Origins) -> None:
+def _extend(before: CostToReach, place: int, choice: GridStep, after: CostToReach, came: Origins) -> None:
     """Extend the ways of one bin by a frame: those that may yet be the least of a window wait."""
     row, used = before.cost[place], before.used[place]
     cells = len(row)
@@ -333,7 +332,7 @@ def _extend(before: CheapestWays, place: int, choice: GridStep, after: CheapestW
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _traced(cost: Array, came: Origins) -> Places:
+def _traced(cost: Array, came: Origins) -> Integers:
     """Return the cells of the cheapest way to the last frame; -1 where there is none."""
     n, width = len(came), cost.shape[1]
     track = np.full(n, -1, dtype=np.int64)

@@ -70,7 +70,8 @@ def lower_bound(problem: Problem, solution: Solution) -> float:
     if not pairs > 0:
         return 0.0
     if _only_the_baseline_fits(problem):
-        return max(problem.objective(problem.baseline()) - _gain_within_tolerance(problem) / pairs, 0.0)
+        objective = problem.objective(problem.baseline())
+        return float(max(objective - _gain_within_tolerance(problem) / pairs, 0.0))
     relaxation = _Relaxation.of(problem, _within_permutahedron(problem, solution))
     slopes = np.abs(loss_and_slope(problem.curves, solution.factors)[1])
     scale = max(float((slopes * np.abs(relaxation.weights)).mean()) * n, 1e-9)
@@ -84,7 +85,7 @@ def lower_bound(problem: Problem, solution: Solution) -> float:
         again = replace(relaxation, weights=other)
         second = _best_over_prices(again, best.price, scale / 64, TRIALS // 3, hair)
         best = max(best, second, key=lambda tangent: tangent.value)
-    return max(best.value * n / pairs, 0.0)
+    return float(max(best.value * n / pairs, 0.0))
 
 
 def _only_the_baseline_fits(problem: Problem) -> bool:

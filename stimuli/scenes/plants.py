@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.stimuli.scenes.model import Material, SceneModel
-
-Points = NDArray[np.float64]
 
 
 def tree(
@@ -50,7 +48,7 @@ def tree(
 
 def clump(
     model: SceneModel,
-    centre: Sequence[float] | Points,
+    centre: Sequence[float] | Array,
     radius: float,
     leafy: Material,
     rng: np.random.Generator,
@@ -66,7 +64,7 @@ def clump(
 
 
 def card(
-    model: SceneModel, middle: Points, facing: Points, size: float, leafy: Material, rng: np.random.Generator
+    model: SceneModel, middle: Array, facing: Array, size: float, leafy: Material, rng: np.random.Generator
 ) -> None:
     """Add one square of foliage of some size [m] that looks along `facing`."""
     normal = facing / np.linalg.norm(facing)
@@ -129,7 +127,7 @@ def flower_bed(
 
 def leaf_blade(
     model: SceneModel,
-    base: Sequence[float] | Points,
+    base: Sequence[float] | Array,
     length: float,
     wide: float,
     bend: tuple[float, float],

@@ -195,12 +195,6 @@ class Scene:
         """Return which patches have holes, (n,)."""
         return np.array([material.cutout for material in self.materials])[self.patches.material]
 
-    def place_at(self, position: Floats | Vector) -> str:
-        """Return the name of the smallest place that contains a point, or nothing."""
-        point = np.asarray(position)
-        inside = [p for p in self.places if (point >= p.low).all() and (point <= p.high).all()]
-        return min(inside, key=lambda p: float(np.prod(np.subtract(p.high, p.low)))).name if inside else ""
-
 
 def direction_of(azimuth: float, altitude: float) -> Floats:
     """Return the unit vector of a direction: azimuth clockwise from north (y), altitude up [degrees].

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from evenlight.analysis.figure_style import Medium
+from evenlight.analysis.figure_style import FigureFormat
 
 
 def boxes_of(figure: Figure) -> list[tuple[str, Any]]:
@@ -33,7 +33,7 @@ def outside(axis: Axis) -> set[Text]:
     return {label for tick in far for label in (tick.label1, tick.label2)}
 
 
-def assert_legible(figure: Figure, medium: Medium) -> None:
+def assert_legible(figure: Figure, medium: FigureFormat) -> None:
     """Nothing written leaves the figure, and no two words lie on each other."""
     boxes = boxes_of(figure)
     width, height = figure.bbox.width, figure.bbox.height
@@ -54,6 +54,6 @@ def texts_on() -> Callable[[Figure], list[str]]:
 
 
 @pytest.fixture(scope="session")
-def require_legible() -> Callable[[Figure, Medium], None]:
+def require_legible() -> Callable[[Figure, FigureFormat], None]:
     """Assert that nothing written on a figure leaves it or lies on something else."""
     return assert_legible

@@ -116,7 +116,9 @@ def test_each_level_has_three_estimates_and_the_pooled_one_is_the_highest(six: l
 
 
 def test_the_summary_holds_what_a_report_needs_and_is_plain_json(six: list[RampTrial]) -> None:
-    summary = json.loads(json.dumps(summary_of(calibrate(data(six), LINE), Provenance())))
+    calibration = calibrate(data(six), LINE)
+    assert repr(calibration) == "<Calibration of 6 participants: 24 thresholds, yes_no>"
+    summary = json.loads(json.dumps(summary_of(calibration, Provenance())))
     assert len(summary["levels"]) == 4
     entry = summary["levels"][0]
     assert entry["random_threshold"]["ci_low_cd_m2_s"] < entry["random_threshold"]["threshold_cd_m2_s"]
@@ -157,7 +159,7 @@ def test_durations_are_compared_in_one_fit() -> None:
 def test_two_tasks_are_fitted_apart(six: list[RampTrial]) -> None:
     two = people(2, np.random.default_rng(4), levels=LEVELS[:3], two=True)
     with pytest.raises(
-        InputError, match=r"trials of two_interval and yes_no.*give --procedure two_interval or"
+        InputError, match=r"trials of two_interval and yes_no.*choose the procedure two_interval or"
     ):
         trials_of_one_task(six + two, None)
     chosen, task = trials_of_one_task(six + two, Procedure.TWO_INTERVAL)

@@ -16,15 +16,7 @@ from evenlight.analysis.calibration.psychometric.psychometric_figure import (
 )
 from evenlight.analysis.calibration.psychometric.thresholds import ThresholdFit, fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means, rate_limit_figure
-from evenlight.analysis.figure_style import (
-    COLUMN,
-    LIMIT,
-    PAGE,
-    PARTICIPANT,
-    SLIDE,
-    Medium,
-    png_bytes,
-)
+from evenlight.analysis.figure_style import COLUMN, LIMIT, PAGE, PARTICIPANT, SLIDE, FigureFormat, png_bytes
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.preset_files import load_rate_limit
@@ -98,7 +90,7 @@ def test_a_threshold_that_cannot_be_used_is_hollow_and_not_in_the_mean(
 
 @MEDIA
 def test_the_psychometric_functions_are_legible_in_every_medium(
-    fits: list[ThresholdFit], medium: Medium, require_legible: Callable[[Figure, Medium], None]
+    fits: list[ThresholdFit], medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
 ) -> None:
     require_legible(psychometric_figure(fits, simulated=True, medium=medium), medium)
 
@@ -178,7 +170,7 @@ def test_the_title_says_what_happens_at_the_limit(
 
 @MEDIA
 def test_the_rate_limit_is_legible_in_every_medium(
-    medium: Medium, require_legible: Callable[[Figure, Medium], None]
+    medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
 ) -> None:
     limit = load_rate_limit("surace2025")
     made = thresholds({"01": [0.3, 0.6], "02": [0.5, 0.9]})

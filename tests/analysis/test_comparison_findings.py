@@ -30,7 +30,7 @@ from evenlight.analysis.comparison.comparison_shares import (
     standard_error,
 )
 from evenlight.analysis.comparison.comparison_statistics import statistics_of
-from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_power import difference_power, smallest_margin_ever
 from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth
@@ -224,7 +224,9 @@ def test_the_mixed_model_is_seldom_fooled_by_guessing() -> None:
 
 
 @pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-def test_the_figure_draws_every_share_and_its_interval(found: ComparisonResults, medium: Medium) -> None:
+def test_the_figure_draws_every_share_and_its_interval(
+    found: ComparisonResults, medium: FigureFormat
+) -> None:
     figure = shares_figure(found, medium)
     drawn = {round(float(x), 9) for line in figure.axes[0].lines for x in np.atleast_1d(line.get_xdata())}
     for own in (*(s.estimate for s in found.sequences), found.pooled):

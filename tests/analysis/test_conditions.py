@@ -144,7 +144,7 @@ def test_a_condition_that_is_not_there_is_named_with_those_that_are() -> None:
 def test_both_tasks_at_once_are_refused() -> None:
     rows = [row("01", L, 0.03 * L, FIVE) for L in LEVELS]
     rows += [row("01", L, 0.02 * L, FIVE, Procedure.TWO_INTERVAL) for L in LEVELS]
-    with pytest.raises(InputError, match=r"two_interval and yes_no do not compare.*--procedure"):
+    with pytest.raises(InputError, match=r"two_interval and yes_no do not compare.*choose the procedure"):
         fit_thresholds(rows, DISPLAY, LINE)
 
 

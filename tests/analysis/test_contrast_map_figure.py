@@ -10,13 +10,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from evenlight.analysis.figure_style import (
-    COLUMN,
-    LOST,
-    PAGE,
-    SLIDE,
-    Medium,
-)
+from evenlight.analysis.figure_style import COLUMN, LOST, PAGE, SLIDE, FigureFormat
 from evenlight.analysis.tracks.contrast_map_figure import (
     ContrastMap,
     contrast_map,
@@ -67,7 +61,7 @@ def test_lost_contrast_is_red_and_counted_among_what_was_visible() -> None:
 
 @MEDIA
 def test_a_contrast_map_is_legible_in_every_medium(
-    medium: Medium, require_legible: Callable[[Figure, Medium], None]
+    medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
 ) -> None:
     frame, display = checked_frame(), load_display("varjo-xr3")
     maps = [contrast_map(frame, b, display) for b in (0.6, 0.3)]

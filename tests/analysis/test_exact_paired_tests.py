@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evenlight.analysis.inference.exact_tests import (
-    Zeros,
+    ZeroHandling,
     sign_flip_p_values,
     sign_flip_test,
     sign_test,
@@ -36,11 +36,11 @@ def test_the_sign_flip_test_is_the_share_of_all_choices_of_signs(d: list[int], m
 
 
 @settings(max_examples=40)
-@given(differences, st.sampled_from(Zeros))
+@given(differences, st.sampled_from(ZeroHandling))
 def test_the_signed_rank_test_is_the_share_of_all_choices_of_signs_of_midranks(
-    d: list[int], zeros: Zeros
+    d: list[int], zeros: ZeroHandling
 ) -> None:
-    used = np.array([x for x in d if x or zeros is Zeros.PRATT])
+    used = np.array([x for x in d if x or zeros is ZeroHandling.PRATT])
     ranks = np.array([np.sum(np.abs(used) < abs(x)) + (np.sum(np.abs(used) == abs(x)) + 1) / 2 for x in used])
     signed = float(np.sum(ranks * np.sign(used)))
     tested = signed_rank_test(d, zeros)
@@ -70,8 +70,8 @@ def test_the_signed_rank_test_of_17_pairs_agrees_with_scipy() -> None:
     assert signed_rank_test(d).p_value == pytest.approx(stats.wilcoxon(d, method="exact").pvalue, abs=1e-12)
 
 
-@pytest.mark.parametrize(("zeros", "name"), [(Zeros.PRATT, "pratt"), (Zeros.DROPPED, "wilcox")])
-def test_the_signed_rank_test_with_ties_and_zeros_agrees_with_scipy(zeros: Zeros, name: str) -> None:
+@pytest.mark.parametrize(("zeros", "name"), [(ZeroHandling.PRATT, "pratt"), (ZeroHandling.DROPPED, "wilcox")])
+def test_the_signed_rank_test_with_ties_and_zeros_agrees_with_scipy(zeros: ZeroHandling, name: str) -> None:
     d = np.array([2, -1, 0, 1, 3, 1, -2, 0, 1, 1])
     every_sign = stats.PermutationMethod(n_resamples=2**10)
     oracle = stats.wilcoxon(d, zero_method=name, method=every_sign)
@@ -106,7 +106,7 @@ def test_pairs_that_are_all_alike_cannot_speak_for_either_side() -> None:
     for tested in (sign_flip_test([0] * 17), signed_rank_test([0] * 17), sign_test([0] * 17)):
         assert (tested.p_value, tested.n_different, tested.smallest_p) == (1.0, 0, 1.0)
     assert sign_flip_test([0] * 17, mid_p=True).p_value == 1.0
-    assert signed_rank_test([0] * 17, Zeros.DROPPED).p_value == 1.0
+    assert signed_rank_test([0] * 17, ZeroHandling.DROPPED).p_value == 1.0
 
 
 def test_one_pair_shows_nothing() -> None:

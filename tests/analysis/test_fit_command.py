@@ -222,7 +222,7 @@ def test_without_a_clip_the_curves_are_compared_all_the_same(without_clip: Path)
     ("arguments", "words"),
     [
         (("--clip", "nowhere.mp4"), "no video 'nowhere.mp4'"),
-        (("--budget", "0.05"), "--budget must lie between 0.2 and 1, got 0.05"),
+        (("--budget", "0.05"), "the budget must lie between 0.2 and 1, got 0.05"),
         (("--no-clip", "--clip", "sunrise"), "contradict each other"),
         (("--procedure", "two_interval"), "holds no trials of two_interval"),
         (("--direction", "up"), "no usable threshold of ramps up"),

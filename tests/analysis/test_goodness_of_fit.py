@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import (
-    AnswerSets,
     GoodnessOfFit,
+    SimulatedDataSets,
     bin_starts,
     goodness_of_fit,
     joint_p_value,
@@ -137,7 +137,7 @@ def test_the_deviance_is_that_of_the_textbook() -> None:
 
 
 def fitted(counts: RampCounts, prior: PsychometricPrior) -> NDArray[np.float64]:
-    answers = AnswerSets(
+    answers = SimulatedDataSets(
         np.log(counts.rates),
         counts.n_trials.astype(float),
         counts.n_yes[None, :].astype(float),

@@ -33,7 +33,7 @@ from evenlight.analysis.calibration.choices.limit_choices_report import (
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points, fit_thresholds
-from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
@@ -248,7 +248,7 @@ def test_without_a_clip_its_columns_are_empty(choices: LimitChoices, tmp_path: P
 
 @pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
 def test_the_figure_draws_each_curve_and_each_track(
-    choices: LimitChoices, clip: LossCurves, medium: Medium
+    choices: LimitChoices, clip: LossCurves, medium: FigureFormat
 ) -> None:
     compared = compare_on_clip(choices, clip, 0.5, load_power_model("surace2025"))
     thresholds = calibration(lambda L: 0.03 * L).rate_limit.used

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, Medium, png_bytes
+from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
 from evenlight.analysis.plan_command import plan_command, whole_numbers
 from evenlight.analysis.plans.plan_files import planning_figure, write_plan
 from evenlight.analysis.plans.ramp_plan import NOT_COMPARABLE, PlanRequest, RampPlan, in_words, plan_ramps
@@ -183,12 +183,12 @@ def test_adaptive_designs_are_lengthened_by_their_trials_per_level() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"precision": 0.0}, "--precision must lie above 0 and not above 2, got 0"),
-        ({"precision": -0.1}, "--precision must lie above 0"),
-        ({"participants": (1, 5)}, "--participants must be numbers from 2 to 1000, got 1,5"),
-        ({"participants": ()}, "--participants must be numbers from 2 to 1000, got none"),
-        ({"trials": (2,)}, "--trials must be numbers from 4 to 2000, got 2"),
-        ({"seed": -1}, "--seed must be 0 or more"),
+        ({"precision": 0.0}, "precision must lie above 0 and not above 2, got 0"),
+        ({"precision": -0.1}, "precision must lie above 0"),
+        ({"participants": (1, 5)}, "participants must be numbers from 2 to 1000, got 1,5"),
+        ({"participants": ()}, "participants must be numbers from 2 to 1000, got none"),
+        ({"trials": (2,)}, "trials must be numbers from 4 to 2000, got 2"),
+        ({"seed": -1}, "seed must be 0 or more"),
     ],
 )
 def test_what_cannot_be_planned_is_refused_by_its_option(changes: dict[str, object], words: str) -> None:
@@ -304,7 +304,9 @@ def test_two_tasks_are_not_set_off_against_each_other(plan: RampPlan) -> None:
 
 
 @pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(plan: RampPlan, medium: Medium) -> None:
+def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(
+    plan: RampPlan, medium: FigureFormat
+) -> None:
     figure = planning_figure(plan, dataclasses.replace(medium, dots_per_inch=40.0))
     panels = figure.axes[: len(plan.request.participants)]
     drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}

@@ -155,7 +155,7 @@ def test_a_high_degree_that_the_thresholds_do_not_tie_down_is_refused() -> None:
     # Thresholds known to a factor of e^2 each and two participants: t(0.975, df = 1) = 12.7, so that the band
     # reaches over e^(2 · 12.7 · 2/sqrt(2)) where a participant's level is on its own; 100 is e^4.6.
     rows = [dataclasses.replace(row, standard_error_ln=2.0) for row in people([0.8, 1.2])]
-    with pytest.raises(InputError, match=r"degree 7 is not known .* give --degree 4 or lower"):
+    with pytest.raises(InputError, match=r"degree 7 is not known .* choose the degree 4 or lower"):
         fit_thresholds(rows, DISPLAY, RateLimitOptions(degree=7))
 
 

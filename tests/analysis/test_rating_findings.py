@@ -1,6 +1,7 @@
 """The analysis of detail ratings: what it says of made-up ratings, and of hard ones."""
 
 import functools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -94,7 +95,7 @@ def test_every_number_of_the_figure_has_its_point() -> None:
     assert bars == [0, 0, 3, 7, 7]
     differences = {p.x: p.y for p in points if p.series == "gym, bins of 1"}
     assert differences == {0.0: 2.0, 1.0: 15.0}
-    mean = next(p for p in points if p.series == "mean and 95 % interval" and p.label == "gym")
+    mean = next(p for p in points if p.series == "mean and 95 % confidence interval" and p.label == "gym")
     drawn = statistic(seventeen(), "gym", "mean difference, ours")
     assert (mean.y, mean.low, mean.high) == (drawn.value, drawn.ci_low, drawn.ci_high)
 
@@ -112,6 +113,7 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
 def test_everybody_giving_the_same_rating_gives_flags_and_no_odds_ratio() -> None:
     same = {"gym": [3] * 17, "library": [3] * 17}
     findings = rating_findings(rating_data(rated(same, same)), 1)
+    assert re.fullmatch(r"<Findings 'rating': \d+ numbers, \d+ figures, \d+ sections>", repr(findings))
     odds = statistic(findings, "all", "odds ratio of a higher rating, ours")
     assert (odds.value, odds.p_value) == (None, None)
     assert odds.flag == FitFlag.NO_VARIATION.value

@@ -137,7 +137,7 @@ def test_everything_undetected_gives_counts_and_no_times() -> None:
         capped = "as found at the limit" in row.what  # all times are then equal
         assert row.flag.startswith("the times leave no scatter" if capped else "nothing was ever found")
     assert rows["first found", "all", "hazard ratio, ours / baseline"].value is None
-    assert rows["orientation", "all", "gaps told rightly, ours"].flag == "nothing was found"
+    assert rows["orientation", "all", "gaps identified correctly, ours"].flag == "nothing was found"
     assert rows["locations", "library/spot00", "median search time, ours"].flag.startswith("not reached")
     assert rows["averages", "library/spot00", "mean of the rings found, ours"].flag == "nobody found the ring"
     assert rows["averages", "library/spot00", "restricted mean, ours"].value == 30.0
@@ -340,7 +340,7 @@ def test_gaps_that_are_all_told_wrongly_make_the_times_doubtful() -> None:
     guessed = rows["orientation", "all", "rings found without being seen, ours"]
     assert guessed.value == 1.0
     assert "not shown to be above chance" in guessed.flag
-    wrong = f"{RATIO}; gaps told wrongly count as undetected"
+    wrong = f"{RATIO}; gaps identified wrongly count as undetected"
     assert rows["undetected", "all", wrong].flag == "nothing was ever found: nothing can be estimated"
 
 

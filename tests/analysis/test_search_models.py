@@ -29,7 +29,7 @@ from evenlight.analysis.search.search_models import (
     version_effect,
     with_flags,
 )
-from evenlight.analysis.search.search_trials import SearchTable, Side
+from evenlight.analysis.search.search_trials import BrightnessEffect, SearchTable
 
 MARGIN = math.log(1.25)
 
@@ -83,8 +83,8 @@ def test_if_everything_is_found_the_effects_are_those_of_least_squares() -> None
     ours, x = data.ours.astype(float), data.ln_ratio
     sides = {side.side: side.effect.estimate for side in models().sides}
     bright, dim = least_squares(data, ours * (x > 0), ours * (x < 0))
-    assert sides[Side.BRIGHTENED] == pytest.approx(bright, abs=0.01)
-    assert sides[Side.DIMMED] == pytest.approx(dim, abs=0.01)
+    assert sides[BrightnessEffect.BRIGHTENED] == pytest.approx(bright, abs=0.01)
+    assert sides[BrightnessEffect.DIMMED] == pytest.approx(dim, abs=0.01)
     slope, version = least_squares(data, ours * x, ours)
     assert effect_of(models().brightness, BRIGHTNESS).estimate == pytest.approx(slope, abs=0.03)
     assert effect_of(models().brightness, "ours").estimate == pytest.approx(version, abs=0.01)
@@ -101,7 +101,7 @@ def test_if_everything_is_found_nothing_is_biased_by_what_is_not() -> None:
 
 
 def test_the_slowing_that_is_excluded_is_by_students_t() -> None:
-    dimmed = next(side for side in models().sides if side.side is Side.DIMMED)
+    dimmed = next(side for side in models().sides if side.side is BrightnessEffect.DIMMED)
     effect = dimmed.effect
     assert effect.df == 16  # 17 people
     assert effect.estimate is not None

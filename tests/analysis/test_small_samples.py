@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from evenlight.analysis.inference.mixed_designs import (
-    Reference,
+    NullDistribution,
     Sample,
     between_directions,
     reference_of,
@@ -17,17 +17,19 @@ def test_the_likelihood_ratio_of_a_normal_mean_has_the_p_value_of_the_t_test() -
     # ML: 2 ln L = -n ln(mean square) + constant, about 0 under the hypothesis and about the mean without it.
     x = np.array([0.3, -0.1, 0.8, 0.5, 1.2, -0.4, 0.9])
     ratio = x.size * np.log(np.mean(x**2) / np.var(x))
-    reference = Reference(df=x.size - 1, units=x.size)
+    reference = NullDistribution(df=x.size - 1, units=x.size)
     assert reference.p_value(ratio) == pytest.approx(stats.ttest_1samp(x, 0.0).pvalue, rel=1e-12)
 
 
 def test_with_many_participants_it_becomes_the_chi_square() -> None:
-    assert Reference(df=10_000, units=10_001).critical == pytest.approx(stats.chi2.ppf(0.95, 1), rel=1e-3)
-    assert Reference(df=1e7).critical == pytest.approx(stats.chi2.ppf(0.95, 1), rel=1e-6)
+    assert NullDistribution(df=10_000, units=10_001).critical == pytest.approx(
+        stats.chi2.ppf(0.95, 1), rel=1e-3
+    )
+    assert NullDistribution(df=1e7).critical == pytest.approx(stats.chi2.ppf(0.95, 1), rel=1e-6)
 
 
 def test_a_huge_ratio_has_a_tiny_p_value_and_no_warning() -> None:
-    assert 0 <= Reference(df=16, units=17).p_value(1e5) < 1e-100
+    assert 0 <= NullDistribution(df=16, units=17).p_value(1e5) < 1e-100
 
 
 def paper() -> tuple[np.ndarray, np.ndarray]:
@@ -53,18 +55,18 @@ def test_each_effect_of_the_papers_design_has_its_degrees_of_freedom() -> None:
     design, groups = paper()
     tested = Sample(groups, 136, own_variance=False)
     own = Sample(groups, 100, own_variance=True)  # times, 36 of them censored
-    assert reference_of(design, 1, tested) == Reference(136 - 17 - 4)
-    assert reference_of(design, 1, own) == Reference(100 - 17 - 4, 100 - 17)
-    assert reference_of(design, 1, tested, varies=True) == Reference(16, 17)
-    assert reference_of(design, 0, tested) == reference_of(design, 5, tested) == Reference(15, 17)
+    assert reference_of(design, 1, tested) == NullDistribution(136 - 17 - 4)
+    assert reference_of(design, 1, own) == NullDistribution(100 - 17 - 4, 100 - 17)
+    assert reference_of(design, 1, tested, varies=True) == NullDistribution(16, 17)
+    assert reference_of(design, 0, tested) == reference_of(design, 5, tested) == NullDistribution(15, 17)
 
 
 def test_one_missing_answer_does_not_make_an_effect_a_comparison_of_people() -> None:
     design, groups = paper()
     assert weight_of_people(design[1:], 1, groups[1:]) < 0.05
-    assert reference_of(design[1:], 1, Sample(groups[1:], 135, False)) == Reference(135 - 17 - 4)
+    assert reference_of(design[1:], 1, Sample(groups[1:], 135, False)) == NullDistribution(135 - 17 - 4)
 
 
 def test_one_participant_is_described_by_the_observations_alone() -> None:
     design, groups = paper()
-    assert reference_of(design[:8, :5], 1, Sample(groups[:8], 8, own_variance=False)) == Reference(3)
+    assert reference_of(design[:8, :5], 1, Sample(groups[:8], 8, own_variance=False)) == NullDistribution(3)

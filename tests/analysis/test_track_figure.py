@@ -24,12 +24,12 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     SLIDE,
-    Medium,
+    FigureFormat,
     png_bytes,
     write_png,
 )
 from evenlight.analysis.tracks.frame_samples import dimmed_picture
-from evenlight.analysis.tracks.optimization import Weighing
+from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.analysis.tracks.track_figure import drawn_rates, track_figure
 from evenlight.analysis.tracks.track_figure_data import (
     TrackFigureData,
@@ -161,9 +161,9 @@ def test_constant_dimming_has_the_same_power_only_where_it_has() -> None:
 
 def test_weights_are_told_where_frames_count_differently() -> None:
     assert "weight" not in outcome_in_words(data())
-    weighted = dataclasses.replace(data(), weighing=Weighing.WEIGHTED)
+    weighted = dataclasses.replace(data(), weighing=FrameWeighting.WEIGHTED)
     assert "by 0.01 on weighted average" in outcome_in_words(weighted)
-    left_out = dataclasses.replace(data(), weighing=Weighing.LEFT_OUT)
+    left_out = dataclasses.replace(data(), weighing=FrameWeighting.LEFT_OUT)
     assert outcome_in_words(left_out).startswith("Does not count (weight 0). Contrast loss")
 
 
@@ -271,12 +271,12 @@ def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
 @pytest.mark.slow
 @MEDIA
 def test_a_track_is_legible_in_every_medium(
-    medium: Medium, require_legible: Callable[[Figure, Medium], None]
+    medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
 ) -> None:
     given = data(video="a_rather_long_name_of_a_video.mp4", pictures=8)
     limit = np.where(np.arange(30) == 9, 0.1, 1.0) * given.track.rate_limit
     wordy = dataclasses.replace(
-        given, achieved=0.37, clips=2, same_power=False, weighing=Weighing.LEFT_OUT, fitted_limit=limit
+        given, achieved=0.37, clips=2, same_power=False, weighing=FrameWeighting.LEFT_OUT, fitted_limit=limit
     )
     require_legible(track_figure(wordy, medium), medium)
 

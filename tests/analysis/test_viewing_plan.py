@@ -11,7 +11,7 @@ import pytest
 from scipy import special, stats
 
 from evenlight.analysis.comparison.comparison_shares import Choices, estimate_share
-from evenlight.analysis.figure_style import COLUMN, PAGE, Medium, png_bytes
+from evenlight.analysis.figure_style import COLUMN, PAGE, FigureFormat, png_bytes
 from evenlight.analysis.inference.binomial_power import difference_power
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.plans.plan_files import viewing_plan_figure, write_viewing_plan
@@ -228,21 +228,21 @@ class TestSearch:
         (("ramp", "--power", "0.8"), "--power goes with rating and comparison and search, not with ramp"),
         (("search", "--share", "0.6"), "--share goes with comparison, not with search"),
         (("rating", "--margin", "0.2"), "--margin goes with comparison and search, not with rating"),
-        (("comparison", "--margin", "0.6"), "--margin of a share must lie between 0 and 0.5, got 0.6"),
-        (("comparison", "--share", "0.5"), "--share must lie between 0 and 1 and not be 0.5, got 0.5"),
-        (("comparison", "--repetitions", "0"), "--repetitions must lie between 1 and 100, got 0"),
-        (("comparison", "--spread", "-1"), "--spread must lie between 0 and 5"),
-        (("rating", "--difference", "5"), "--difference must lie between 0 and 4 rating points, got 5"),
-        (("rating", "--spread", "0.2"), "--spread of whole differences with a mean of"),
-        (("rating", "--agreement", "1"), "--agreement must lie between 0 and 1, got 1"),
-        (("rating", "--sequences", "0"), "--sequences must lie between 1 and 100, got 0"),
-        (("search", "--ratio", "1"), "--ratio of median times must lie between 0.1 and 1, got 1"),
-        (("search", "--margin", "0.5"), "--margin of a ratio of times must lie above 1"),
-        (("search", "--undetected", "1"), "--undetected must lie between 0 and 0.9, got 1"),
-        (("search", "--locations", "0"), "--locations must lie between 1 and 100, got 0"),
-        (("rating", "--power", "1"), "--power must lie between 0 and 1, got 1"),
-        (("rating", "--participants", "1,5"), "--participants must be numbers from 2 to 1000, got 1,5"),
-        (("rating", "--seed", "-1"), "--seed must be 0 or more, got -1"),
+        (("comparison", "--margin", "0.6"), "margin of a share must lie between 0 and 0.5, got 0.6"),
+        (("comparison", "--share", "0.5"), "share must lie between 0 and 1 and not be 0.5, got 0.5"),
+        (("comparison", "--repetitions", "0"), "repetitions must lie between 1 and 100, got 0"),
+        (("comparison", "--spread", "-1"), "spread must lie between 0 and 5"),
+        (("rating", "--difference", "5"), "difference must lie between 0 and 4 rating points, got 5"),
+        (("rating", "--spread", "0.2"), "spread of whole differences with a mean of"),
+        (("rating", "--agreement", "1"), "agreement must lie between 0 and 1, got 1"),
+        (("rating", "--sequences", "0"), "sequences must lie between 1 and 100, got 0"),
+        (("search", "--ratio", "1"), "ratio of median times must lie between 0.1 and 1, got 1"),
+        (("search", "--margin", "0.5"), "margin of a ratio of times must lie above 1"),
+        (("search", "--undetected", "1"), "undetected must lie between 0 and 0.9, got 1"),
+        (("search", "--locations", "0"), "locations must lie between 1 and 100, got 0"),
+        (("rating", "--power", "1"), "power must lie between 0 and 1, got 1"),
+        (("rating", "--participants", "1,5"), "participants must be numbers from 2 to 1000, got 1,5"),
+        (("rating", "--seed", "-1"), "seed must be 0 or more, got -1"),
     ],
 )
 def test_what_cannot_be_planned_is_refused_in_one_line(command, tmp_path: Path, options, words: str) -> None:
@@ -276,7 +276,7 @@ def test_a_plan_without_a_finding_is_written_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("medium", [PAGE, COLUMN], ids=["page", "column"])
-def test_the_figure_draws_power_and_error_of_every_row(plan: ViewingPlan, medium: Medium) -> None:
+def test_the_figure_draws_power_and_error_of_every_row(plan: ViewingPlan, medium: FigureFormat) -> None:
     figure = viewing_plan_figure(plan, medium)
     for axes, values in zip(
         figure.axes, ([r.power for r in plan.rows], [r.type_i_error for r in plan.rows]), strict=True

@@ -9,7 +9,16 @@ import pytest
 from benchmarks import fit_subject
 from benchmarks.chart import SCREEN, chart_figure
 from benchmarks.fit_subject import TO_TRUTH, TWO_INTERVAL, YES_NO, simulated
-from benchmarks.measured import Approach, Chart, Measured, RunSettings, claim, growth, not_measured, point
+from benchmarks.measured import (
+    Approach,
+    Chart,
+    RunSettings,
+    SubjectResults,
+    claim,
+    growth,
+    not_measured,
+    point,
+)
 from benchmarks.page import page
 from benchmarks.peak_memory import peak_memory
 from benchmarks.results import measure_all
@@ -63,7 +72,7 @@ def test_memory_is_that_of_the_task_and_not_of_what_was_imported_or_of_the_one_w
 def test_growth_finds_the_exponent_that_times_were_made_with_and_its_interval_holds_it() -> None:
     rng = np.random.default_rng(3)
     held = 0
-    for _ in range(200):  # a 95 % interval misses more than 22 of 200 with a probability of 1e-4
+    for _ in range(200):  # a 95 % confidence interval misses more than 22 of 200 with a probability of 1e-4
         sizes = [100, 300, 1000, 3000, 10000]
         rows = tuple(
             a_point("ours", Role.DEFAULT, 1e-5 * n**1.1 * float(np.exp(0.1 * rng.normal())), None, n)
@@ -104,7 +113,7 @@ def test_the_page_says_what_is_missed_and_what_was_not_measured() -> None:
         claim("a frame", 0.1, 0.2, "s", "too many bands"),
         not_measured("on a GPU", 2, "ms", "no GPU here"),
     )
-    subject = Measured(
+    subject = SubjectResults(
         "curves", "Loss curves", "Slow.", POINTS, (Chart("x", "A frame", ("one frame",)),), claims
     )
     text = page({"processor": "abacus"}, [subject], quick=False, pictures="pictures/")

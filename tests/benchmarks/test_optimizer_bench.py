@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 
-from benchmarks.measured import Approach, Measured, RunSettings, point
+from benchmarks.measured import Approach, RunSettings, SubjectResults, point
 from benchmarks.optimizer_lengths import (
     CERTIFIED,
     LENGTH_TASK,
     OPTIMIZED,
     RENDERED,
-    Kept,
+    TrackQuality,
     growth_claim,
     length_claims,
     target_points,
@@ -49,7 +49,7 @@ def test_the_page_says_how_often_each_was_timed_and_gives_one_run_no_quartiles()
     about = Approach("a task", "ours", Role.DEFAULT, 10, "frames")
     often = point(about, Times(np.array([1.0, 2.0, 3.0]), np.ones(3), np.ones(3)))
     once = point(about, Times(np.array([5.0]), np.ones(1), np.ones(1)))
-    text = page({}, [Measured("optimizer", "Optimizer", "", (often, once), ())], False, "")
+    text = page({}, [SubjectResults("optimizer", "Optimizer", "", (often, once), ())], False, "")
     rows = [[cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("|")]
     runs, quartiles = rows[0].index("runs"), rows[0].index("quartiles")
     assert [row[runs] for row in rows[2:]] == ["3", "1"]
@@ -118,7 +118,7 @@ def timed_point(name: str, frames: int, seconds: float, processor: float) -> Ben
 def test_the_claims_on_3000_frames_and_on_limits_take_the_worse_of_made_and_rendered() -> None:
     made, rendered = timed_point(CERTIFIED, 3000, 0.4, 0.5), timed_point(RENDERED, 3000, 0.6, 1.2)
     targets = target_points([made], rendered)
-    worse, better = Kept(0.9, 1.2, 1e-3), Kept(0.1, 1.0, 0.0)
+    worse, better = TrackQuality(0.9, 1.2, 1e-3), TrackQuality(0.1, 1.0, 0.0)
     for first, other in ((worse, better), (better, worse)):
         time, rate, budget, bound = length_claims(targets, {3000: first}, other)
         assert (time.measured, time.met) == (1.2, False)

@@ -1,4 +1,4 @@
-"""Runs of `evenlight` in processes of their own that need not import everything anew.
+"""Runs of `evenlight` in processes of their own that need not import everything again.
 
 A process that has imported what a session needs waits beside the tests, and each run is a fork of it (the
 standard library's fork server). A run has what any process has: an id, an exit code, signals that end it, its

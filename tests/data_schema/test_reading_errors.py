@@ -304,7 +304,7 @@ def test_a_track_without_frames_or_header_is_refused(track_file: Path) -> None:
     track_file.write_text(first + "\n")
     assert "expected a row for each frame, got none" in refusal(read_track, track_file)
     header.unlink()
-    assert "track.json: no such file; expected a TrackHeader" in refusal(read_track, track_file)
+    assert "track.json: no such file; there is no brightness track" in refusal(read_track, track_file)
 
 
 @pytest.fixture

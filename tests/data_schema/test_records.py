@@ -281,6 +281,11 @@ def test_records_of_many_numbers_print_in_one_line() -> None:
     empty = dataclasses.replace(log, flip_times=(), intended_luminance=())
     assert repr(empty) == "<FrameLog 'trial 3': 0 frames, intended_luminance none>"
     assert repr(limit(RateLimitForm.LN_RATE, (1.0, 0.5))).startswith("<RateLimit ")
+    assert repr(curves.display) == "<Display 'd': 0.1 to 100 cd/m^2, gamma 2.2, 30 pixels per degree>"
+    lcd = PowerModel("p", PanelKind.LCD, 0.25, 0.002, 750.0)
+    assert repr(lcd) == "<PowerModel 'p': lcd, 0.25 W and 0.002 W m^2/cd up to 750 cd/m^2>"
+    oled = PowerModel("p", PanelKind.OLED, 0.25, red_power=1.0, green_power=1.2, blue_power=2.0)
+    assert repr(oled) == "<PowerModel 'p': oled, 0.25 W and 1, 1.2, 2 W for R, G, B>"
     frame = Frame(0.04, 0.02, np.zeros((9, 16, 3), np.uint8))
     assert repr(frame) == "<Frame at 0.04 s for 0.02 s: 16 x 9 pixels, uint8>"
 

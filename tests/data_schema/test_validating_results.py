@@ -9,7 +9,8 @@ import pytest
 from checked_files import problems_of, results
 
 from evenlight.data_schema.checking.validation import mean_absolute_difference, validate
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
 
 
 def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:
@@ -22,6 +23,13 @@ def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:
         "track.json": "track header",
         "track.png": "",
     }
+
+
+def test_a_summary_prints_in_one_line(tmp_path: Path) -> None:
+    summary = read_json_record(OptimizationSummary, results(tmp_path) / "summary.json")
+    assert repr(summary) == (
+        "<OptimizationSummary 'v': 4 frames, budget 0.6 (factor), objective 0.217, baseline 0.5>"
+    )
 
 
 @pytest.mark.parametrize(
@@ -82,7 +90,7 @@ def test_every_wrong_cell_of_a_track_is_told(tmp_path: Path) -> None:
 
 def test_a_track_without_its_header_is_told(tmp_path: Path) -> None:
     (results(tmp_path) / "track.json").unlink()
-    assert problems_of(tmp_path) == ["track.json: no such file; expected a TrackHeader in JSON"]
+    assert problems_of(tmp_path) == ["track.json: no such file; there is no brightness track without it"]
 
 
 @pytest.mark.parametrize("values", [[], [0.3], [0.0, 1.0], [0.2, 0.2, 0.9, 0.1, 0.4]])

@@ -101,7 +101,7 @@ def test_an_export_overwrites_nothing_and_needs_tables(
     lab: Path, tmp_path: Path, command: Run, to: str
 ) -> None:
     ended = command("export", lab, "--to", to, "--out", lab)
-    assert (ended.code, "is there already; give a new folder with --out" in ended.err) == (2, True)
+    assert (ended.code, "is there already; give a new folder" in ended.err) == (2, True)
     (tmp_path / "empty").mkdir()
     ended = command("export", tmp_path / "empty", "--to", to, "--out", tmp_path / "x")
     assert (ended.code, "no table to export" in ended.err) == (2, True)

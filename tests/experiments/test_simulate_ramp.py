@@ -135,7 +135,7 @@ def test_a_file_in_the_place_of_the_data_set_is_left_alone(design_file: Path, tm
     [
         ({"task": "jump"}, "task 'jump' cannot be simulated; there is 'ramp'"),
         ({"participants": 0}, "--participants must lie in 1 to 9999, got 0"),
-        ({"seed": -1}, "--seed must be 0 or more, got -1"),
+        ({"seed": -1}, "seed must be 0 or more, got -1"),
         ({"design": "papper"}, "papper: no such design; did you mean 'paper'"),
         ({"display": "varjo-xr4"}, "no such display; did you mean 'varjo-xr3'"),
     ],

@@ -174,7 +174,7 @@ def test_luminances_that_do_not_tell_a_quartic_are_refused(form) -> None:
     crowded = [1e-6, 1e-3, 1.0, 1e2, 1e3, 1e6]
     design = CurveBasis(form, 4, (1e-6, 1e6)).design(crowded)
     assert np.linalg.cond(design.T @ design) > 1e15  # its inverse, the covariance, is nothing but rounding
-    with pytest.raises(InputError, match=r"condition number .*; give --form log_log, a lower --degree"):
+    with pytest.raises(InputError, match=r"condition number .*; choose the form log_log, a lower degree"):
         basis_for(crowded, RateLimitOptions(form))
     rates, over_logs = 0.03 * np.array(crowded), RateLimitOptions(RateLimitForm.LOG_LOG)
     limit = fit_points(crowded, rates, DISPLAY, over_logs).limit

@@ -47,6 +47,7 @@ def test_every_answer_is_feasible_and_no_feasible_track_goes_below_the_bound(mak
     assert is_feasible(problem, answer.factors)
     assert is_feasible(problem, calmed(problem, answer.factors, 0.1))
     bound = lower_bound(problem, answer)
+    assert type(bound) is float
     assert bound <= problem.objective(answer.factors) + 1e-12
     for _ in range(60):
         wild = rng.uniform(0.2, 1.0, len(answer.factors))

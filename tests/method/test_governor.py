@@ -17,7 +17,7 @@ from evenlight.method.online.control_curves import ControlledTrack, VideoGoverno
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
 from evenlight.method.online.governor import (
     PAYBACK,
-    Excess,
+    BudgetExcess,
     FrameCost,
     Governor,
     GovernorSettings,
@@ -187,7 +187,10 @@ def test_a_debt_is_paid_at_the_bound_and_no_longer(bound: float) -> None:
     """By hand: at the bound m runs to its rest -(u + m H / 4T) = 0, where the governor lets go."""
     governor, way = Governor(horizon=60.0), -1.0 if bound == 1.0 else 1.0
     shown = ControllerState(bound, bound, 0.0, 50.0, 0.1)
-    paid, reached = Excess(-0.05 * way, -0.05 * way), 0.02 * way  # 0.05 / 2.5: where both terms are as large
+    paid, reached = (
+        BudgetExcess(-0.05 * way, -0.05 * way),
+        0.02 * way,
+    )  # 0.05 / 2.5: where both terms are as large
     state, frames = replace(governor.start(0.1, bound, 0.1), excess=0.3 * way), 0
     while frames < 10_000:
         state, aim = governor.step(state, shown, 0.1, paid)
@@ -206,7 +209,7 @@ def test_what_stays_out_of_reach_is_forgotten_and_never_grows() -> None:
     shown = ControllerState(0.2, 0.2, 0.0, 50.0, 0.1)
     state = replace(governor.start(0.1, 0.2, 0.1), excess=0.3)
     for _ in range(200):
-        state, _ = governor.step(state, shown, 0.1, Excess(0.1, 0.1))
+        state, _ = governor.step(state, shown, 0.1, BudgetExcess(0.1, 0.1))
     assert state.held
     assert state.excess == pytest.approx(0.3 * np.exp(-2), rel=0.02)
 
@@ -284,7 +287,7 @@ def test_what_the_night_leaves_is_not_remembered_on_the_way_up(in_reach: bool) -
     state = replace(governor.start(0.1, 0.5, 0.1), excess=-0.05)
     for k in range(1, 11):
         shown = ControllerState(0.5 + 0.01 * k, 0.5, 0.0, 50.0, 0.1, limited=True)
-        state, _ = governor.step(state, shown, 0.1, Excess(-0.01, -0.4, in_reach=in_reach))
+        state, _ = governor.step(state, shown, 0.1, BudgetExcess(-0.01, -0.4, in_reach=in_reach))
         assert not state.held
     # By 1 s: 0.4 of what is due, over H; or age, over H / 2.
     expected = -0.4 + 0.35 * np.exp(-1 / 20) if in_reach else -0.05 * np.exp(-1 / 10)
@@ -294,7 +297,7 @@ def test_what_the_night_leaves_is_not_remembered_on_the_way_up(in_reach: bool) -
 def test_the_target_does_not_run_ahead_of_the_rate_limit() -> None:
     """It stays while the factor goes where it is to go as fast as it may; else it follows."""
     governor = Governor(horizon=20.0)
-    before, too_much = governor.start(0.1, 0.5, 0.1), Excess(0.1, 0.1)
+    before, too_much = governor.start(0.1, 0.5, 0.1), BudgetExcess(0.1, 0.1)
 
     def target(factor: float, limited: bool) -> float:
         shown = ControllerState(factor, 0.5, 0.0, 50.0, 0.1, limited)
@@ -320,7 +323,7 @@ def test_memory_is_kept_in_watts() -> None:
     shown = ControllerState(0.5, 0.5, 0.0, 50.0, 0.1)
     falls, states = [], []
     for scale in (0.1, 1.0):
-        state, aim = governor.step(governor.start(0.1, 0.5, 0.1), shown, 0.1, Excess(0.02, 0.02, scale))
+        state, aim = governor.step(governor.start(0.1, 0.5, 0.1), shown, 0.1, BudgetExcess(0.02, 0.02, scale))
         states.append(state.excess)
         falls.append(aim.shift)
     assert states[0] == states[1] == pytest.approx(0.02 * 0.1 / 20)

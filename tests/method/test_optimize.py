@@ -10,9 +10,10 @@ from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import ModulatedLuminance, SolverName
-from evenlight.method.optimizer.lower_bound import lower_bound
+from evenlight.method.optimizer.lower_bound import _rate_table, lower_bound
 from evenlight.method.optimizer.optimize import Problem, Solution, feasible_blend, optimize, pose
 from evenlight.method.optimizer.request import Request, require_possible
+from evenlight.method.optimizer.slsqp import _slack, _slack_slope
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_power_model
 
@@ -56,7 +57,7 @@ def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, na
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) -> None:
-    problem = make_problem(two_scenes(make_curves, 40), 0.5)
+    problem = make_problem(two_scenes(make_curves, 400), 0.5)
     answer = solve(problem, name).factors
     rng = np.random.default_rng(2)
     for scale in (1e-3, 1e-2):
@@ -295,3 +296,35 @@ def test_the_white_field_may_stand_for_the_content(make_curves, make_weber_limit
         modulated=ModulatedLuminance.WHITE_FIELD,
     )
     np.testing.assert_array_equal(pose(make_curves([0.2, 0.3]), request).luminance, 104.4)
+
+
+def steep(luminance: np.ndarray) -> np.ndarray:
+    """A rate limit that rises by more than the margin from bin to bin of the table."""
+    return (np.asarray(luminance) / 5.0) ** 200
+
+
+def test_the_table_of_the_lower_bound_is_nowhere_below_the_rate_limit(make_curves, make_problem) -> None:
+    """Else the bound would be of a narrower problem. Wherever in a segment of its curve a factor lies."""
+    light = np.linspace(9.76, 60.0, 400)  # anywhere in their bins; the first segment is 140.8 bins wide
+    problem = make_problem(two_scenes(make_curves, 400), 0.5)
+    problem = dataclasses.replace(problem, luminance=light, rate_limit=steep)
+    table, highest = _rate_table(problem)
+    knots = problem.curves.factors
+    for frame, light in enumerate(problem.luminance):
+        place = np.floor(table.place[frame] + table.offset).astype(int)
+        bins = np.clip(place, 0, len(table.highest) - 1)
+        for segment in range(len(knots) - 1):
+            factors = np.linspace(knots[segment], knots[segment + 1], 9)
+            assert table.highest[bins[segment]] >= steep(factors * light).max()
+        assert highest[frame] >= steep(light * np.linspace(knots[0], 1.0, 50)).max()
+
+
+def test_the_derivative_of_the_slack_is_that_of_finite_differences(make_curves, make_problem) -> None:
+    problem = make_problem(two_scenes(make_curves, 8), 0.5)
+    factors = np.random.default_rng(3).uniform(0.3, 0.9, 8)
+    nudge = 1e-6
+    by_difference = np.stack(
+        [(_slack(problem, factors + nudge * e) - _slack(problem, factors - nudge * e)) / (2 * nudge)
+         for e in np.eye(8)], axis=1,
+    )  # fmt: skip
+    np.testing.assert_allclose(_slack_slope(problem, factors), by_difference, rtol=1e-3, atol=1e-6)

@@ -129,7 +129,7 @@ def test_what_is_not_there_is_refused_in_one_line_and_leaves_nothing(dataset, co
             (dataset.parent,),
             "holds data sets in folders of their own: comparison, ramp, rating; give one",
         ),
-        ((dataset, "--seed", "-1"), "--seed must be 0 or more, got -1"),
+        ((dataset, "--seed", "-1"), "seed must be 0 or more, got -1"),
     ):
         outcome = command("analyze", *arguments, "--out", out)
         assert outcome.code == 2

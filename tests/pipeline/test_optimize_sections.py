@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.optimize_command import beyond_the_fitted
-from evenlight.analysis.tracks.optimization import Weighing
+from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.tracks.brightness_track import read_track
 
@@ -80,7 +80,7 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
 
 
 def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, monkeypatch) -> None:
-    drawn: list[Weighing] = []
+    drawn: list[FrameWeighting] = []
     monkeypatch.setattr(
         "evenlight.analysis.tracks.track_results._draw", lambda *given: drawn.append(given[0].weighing)
     )
@@ -96,7 +96,7 @@ def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, m
     assert own["objective"] == pytest.approx(np.mean(pairs), rel=1e-9)
     assert own["objective"] > 0
     assert own["weighted"] is False
-    assert drawn == [Weighing.ALIKE, Weighing.LEFT_OUT]
+    assert drawn == [FrameWeighting.ALIKE, FrameWeighting.LEFT_OUT]
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def test_a_folder_with_data_of_others_is_left_alone(lab, command, tmp_path) -> N
 def test_what_cannot_be_used_is_refused_in_one_line(lab, command, tmp_path) -> None:
     for arguments, said in (
         (("--data", tmp_path / "nowhere"), "no such folder"),
-        (("--seed", "-1"), "--seed must be 0 or more, got -1"),
+        (("--seed", "-1"), "seed must be 0 or more, got -1"),
         (("--display", "nowhere"), "nowhere"),
         (("--data", lab, "--out", lab / "inside"), "lies in the data set"),
     ):

@@ -211,7 +211,7 @@ def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what
     session, end = screen.start(stimuli, long), time.monotonic() + 60
     while count(trials) < 3 and session.poll() is None and time.monotonic() < end:
         time.sleep(0.01)
-    os.truncate(video, len(whole) // 2)  # at once: a file that is written anew is empty for a moment
+    os.truncate(video, len(whole) // 2)  # at once: a file that is written again is empty for a moment
     _, err = session.communicate(timeout=60)
     assert (session.returncode, err.count("\n")) == (2, 1)
     assert "video.mkv is damaged" in err

@@ -53,7 +53,7 @@ class SearchTruth:
     brightest : float
         Largest |ln(factor ours / baseline)|.
     wrong : float
-        Share of the rings found whose gap is told wrongly.
+        Share of the rings found whose gap is identified wrongly.
     """
 
     participants: int = 17

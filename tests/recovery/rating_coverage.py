@@ -10,7 +10,12 @@ import numpy as np
 from paired_truths import PAIRS, TRUTHS, coverage, histograms, intervals, listed, probabilities, true_effects
 from scipy import stats
 
-from evenlight.analysis.inference.exact_tests import Zeros, sign_flip_p_values, sign_test, signed_rank_test
+from evenlight.analysis.inference.exact_tests import (
+    ZeroHandling,
+    sign_flip_p_values,
+    sign_test,
+    signed_rank_test,
+)
 from evenlight.analysis.inference.paired_effects import (
     mean_difference,
     rank_biserial,
@@ -34,7 +39,7 @@ def main() -> None:
         "sign flip": sign_flip_p_values(sets),
         "mid-p": sign_flip_p_values(sets, mid_p=True),
         "ranks, Pratt": np.array([signed_rank_test(d).p_value for d in sets]),
-        "ranks, dropped": np.array([signed_rank_test(d, Zeros.DROPPED).p_value for d in sets]),
+        "ranks, dropped": np.array([signed_rank_test(d, ZeroHandling.DROPPED).p_value for d in sets]),
         "signs": np.array([sign_test(d).p_value for d in sets]),
     }
     deviations = sets.std(axis=1, ddof=1)

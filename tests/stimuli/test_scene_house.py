@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scene_places import place_at
 
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, Camera
 from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
@@ -75,7 +76,7 @@ def test_the_house_is_light_enough_to_draw_in_software(scene):
 
 def test_every_room_has_its_name_and_is_passed(scene):
     passed = {
-        scene.place_at(np.array(path_named(name).camera(t).position))
+        place_at(scene, np.array(path_named(name).camera(t).position))
         for name in PATHS
         for t in np.arange(0, path_named(name).duration, 0.5)
     }
@@ -196,5 +197,5 @@ def test_the_mean_luminance_varies_by_a_log_unit_along_each_path(luminances, nam
 
 def test_eyes_are_at_eye_height_on_the_ground_floor(scene):
     for point in path_named("living_room").keypoints:
-        if scene.place_at(np.array(point.position)) in ("living room", "kitchen", "hallway"):
+        if place_at(scene, np.array(point.position)) in ("living room", "kitchen", "hallway"):
             assert point.position[2] == pytest.approx(EYE_HEIGHT)

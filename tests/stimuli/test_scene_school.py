@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scene_places import place_at
 
 from evenlight.stimuli.scenes.camera_path import path_named
 from evenlight.stimuli.scenes.model import SceneModel
@@ -34,7 +35,7 @@ def scene():
 
 @pytest.mark.parametrize("name", PLACES)
 def test_each_place_is_where_its_name_says(scene, name):
-    assert scene.place_at((*PLACES[name], 1.65)) == name
+    assert place_at(scene, (*PLACES[name], 1.65)) == name
 
 
 def test_the_same_seed_builds_the_same_school_and_another_seed_other_books(scene):
@@ -90,7 +91,7 @@ def test_a_walk_is_no_run(walk):
 def test_what_is_searched_on_a_walk_lies_in_four_to_six_places(scene, walk):
     path = path_named(walk)
     assert 4 <= len(path.places) <= 6
-    assert len({scene.place_at(path.keypoint(name).position) for name in path.places}) >= 3
+    assert len({place_at(scene, path.keypoint(name).position) for name in path.places}) >= 3
 
 
 @pytest.mark.parametrize("material", MATERIALS, ids=lambda material: material.name)

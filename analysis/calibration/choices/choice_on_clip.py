@@ -119,7 +119,7 @@ def require_budget(budget: float) -> None:
     """Raise `InputError` if no clip could be dimmed to a mean brightness factor."""
     lowest = float(brightness_factors()[0])
     if not lowest <= budget <= 1:
-        raise InputError(f"--budget must lie between {lowest:g} and 1, got {budget:g}")
+        raise InputError(f"the budget must lie between {lowest:g} and 1, got {budget:g}")
 
 
 def open_clip(name: str | None) -> VideoSource:

@@ -28,7 +28,7 @@ from evenlight.analysis.figure_style import (
     OURS,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -58,7 +58,7 @@ def limit_choices_figure(
     choices: LimitChoices,
     thresholds: Sequence[Threshold],
     comparison: ClipComparison | None = None,
-    medium: Medium = PAGE,
+    medium: FigureFormat = PAGE,
 ) -> Figure:
     """Draw each choice as a multiple of the fitted curve, and what the optimizer makes of a clip within it.
 
@@ -68,7 +68,7 @@ def limit_choices_figure(
         The curves, and the thresholds that the fitted one was fitted to.
     comparison : ClipComparison, optional
         What they do to a clip; without it the upper part is drawn alone.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):

@@ -87,7 +87,7 @@ def goodness_of_fit(
     starts = bin_starts(counts.n_trials)
     if starts.size < LEAST_BINS:
         return None
-    given = AnswerSets(
+    given = SimulatedDataSets(
         np.log(counts.rates),
         counts.n_trials.astype(np.float64),
         counts.n_yes[None, :].astype(np.float64),
@@ -136,7 +136,9 @@ def bin_starts(n_trials: NDArray[np.int64], least: int = LEAST_IN_BIN) -> NDArra
     return np.array(starts, dtype=np.int64)
 
 
-def _simulated(given: AnswerSets, parameters: Array, rng: np.random.Generator, replicates: int) -> AnswerSets:
+def _simulated(
+    given: SimulatedDataSets, parameters: Array, rng: np.random.Generator, replicates: int
+) -> SimulatedDataSets:
     """Return data sets drawn from a function, catch trials included."""
     probability = probabilities_of(parameters[None, :], given)[0]
     n = given.n_trials.astype(np.int64)
@@ -144,10 +146,10 @@ def _simulated(given: AnswerSets, parameters: Array, rng: np.random.Generator, r
     catch = np.zeros(replicates)
     if given.guess_rate is None:
         catch = rng.binomial(given.catch_trials, parameters[2], replicates).astype(np.float64)
-    return AnswerSets(given.x, given.n_trials, success, catch, given.catch_trials, given.guess_rate)
+    return SimulatedDataSets(given.x, given.n_trials, success, catch, given.catch_trials, given.guess_rate)
 
 
-def _deviance(answers: AnswerSets, probability: Array, starts: NDArray[np.int64]) -> Array:
+def _deviance(answers: SimulatedDataSets, probability: Array, starts: NDArray[np.int64]) -> Array:
     """Return the deviance of each data set, over bins of rates."""
     total = np.add.reduceat(answers.n_trials, starts)
     success = np.add.reduceat(answers.success, starts, axis=1)
@@ -172,7 +174,7 @@ def _seed(counts: RampCounts) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class AnswerSets:
+class SimulatedDataSets:
     """Several data sets with the same rates and numbers of trials.
 
     Attributes
@@ -195,12 +197,12 @@ class AnswerSets:
     guess_rate: float | None
 
 
-def most_probable(answers: AnswerSets, prior: PsychometricPrior, start: Array | None = None) -> Array:
+def most_probable(answers: SimulatedDataSets, prior: PsychometricPrior, start: Array | None = None) -> Array:
     """Return the most probable parameters of each data set.
 
     Parameters
     ----------
-    answers, prior : AnswerSets, PsychometricPrior
+    answers, prior : SimulatedDataSets, PsychometricPrior
         The data sets, and what was known before.
     start : array (4,), optional
         Parameters to set out from.
@@ -228,7 +230,7 @@ def most_probable(answers: AnswerSets, prior: PsychometricPrior, start: Array | 
     return _parameters(free, answers.guess_rate)
 
 
-def probabilities_of(parameters: Array, answers: AnswerSets) -> Array:
+def probabilities_of(parameters: Array, answers: SimulatedDataSets) -> Array:
     """Return the probability of success at each rate, shape (r, m), for parameters of shape (r, 4)."""
     t, w, g, m = (parameters[:, i, None] for i in range(4))
     return np.asarray(g + (1 - g - m) * special.expit(_logit(answers.x, t, w, g, m)))
@@ -240,7 +242,7 @@ def _logit(x: Array, t: Array, w: Array, g: Array, m: Array) -> Array:
     return np.asarray(WIDTH_LOGITS * (x - t) * np.exp(-w) + at_threshold)
 
 
-def _first(answers: AnswerSets, prior: PsychometricPrior) -> Array:
+def _first(answers: SimulatedDataSets, prior: PsychometricPrior) -> Array:
     """Return where to begin without a better idea: the middle of the rates, the priors' means."""
     middle = float(np.average(answers.x, weights=answers.n_trials))
     a, b = prior.guess[0] + answers.catch_yes.mean(), prior.guess[1] + answers.catch_trials
@@ -262,7 +264,9 @@ def _parameters(free: Array, guess_rate: float | None) -> Array:
     return found
 
 
-def _posterior(free: Array, answers: AnswerSets, prior: PsychometricPrior) -> tuple[Array, Array, Array]:
+def _posterior(
+    free: Array, answers: SimulatedDataSets, prior: PsychometricPrior
+) -> tuple[Array, Array, Array]:
     """Return the log-posterior (r,), its gradient (r, 4) and its expected curvature (r, 4, 4)."""
     known = answers.guess_rate
     found = _parameters(free, known)
@@ -309,7 +313,9 @@ def _ln_prior_of_width(w: Array, prior: PsychometricPrior) -> tuple[Array, Array
     return -0.5 * off**2, -off / prior.width_spread, np.full_like(w, prior.width_spread**-2)
 
 
-def _ln_prior_of_guess(g: Array, answers: AnswerSets, prior: PsychometricPrior) -> tuple[Array, Array, Array]:
+def _ln_prior_of_guess(
+    g: Array, answers: SimulatedDataSets, prior: PsychometricPrior
+) -> tuple[Array, Array, Array]:
     """Return the same for the guess rate, after the catch trials; a known one gets a curvature of 1."""
     if answers.guess_rate is not None:
         return np.zeros_like(g), np.zeros_like(g), np.ones_like(g)

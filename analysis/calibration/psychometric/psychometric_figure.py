@@ -26,7 +26,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     lines_at,
@@ -49,7 +49,7 @@ LEAST_IN_DOT = 12  # trials of neighbouring rates that are drawn as one dot
 
 
 def psychometric_figure(
-    fits: Sequence[ThresholdFit], simulated: bool = False, medium: Medium = PAGE
+    fits: Sequence[ThresholdFit], simulated: bool = False, medium: FigureFormat = PAGE
 ) -> Figure:
     """Draw the psychometric functions of all participants, a panel for each screen and factor.
 
@@ -60,7 +60,7 @@ def psychometric_figure(
     ----------
     fits, simulated : sequence of ThresholdFit, bool
         One per participant and level, and whether participants were simulated; the figure says so.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     levels = by_level(fits)
@@ -224,7 +224,7 @@ def _draw_key(figure: Figure, grid: _PanelGrid, top: float, columns: int, scale:
     )
 
 
-def _name_axes(figure: Figure, grid: _PanelGrid, rows: int, medium: Medium, scale: _PanelScale) -> None:
+def _name_axes(figure: Figure, grid: _PanelGrid, rows: int, medium: FigureFormat, scale: _PanelScale) -> None:
     """Write what the axes measure."""
     height = float(figure.get_size_inches()[1])
     words = "rate of change, per initial luminance [%/s]"

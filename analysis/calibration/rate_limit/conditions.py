@@ -287,5 +287,5 @@ def _require_distinct(design: NDArray[np.float64], others: Sequence[Condition]) 
         raise InputError(
             f"the effect of {others[0].words} cannot be separated from the curve's shape: the conditions "
             "share too few luminances; measure them at the same levels, fit them apart, or give a "
-            "lower --degree"
+            "lower degree"
         )

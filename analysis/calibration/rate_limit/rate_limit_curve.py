@@ -148,7 +148,7 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
     if distinct.size < needed:
         raise InputError(
             f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
-            f"got {distinct.size}; measure more levels, or give a lower --degree"
+            f"got {distinct.size}; measure more levels, or choose a lower degree"
         )
     basis = CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
     condition = float(np.linalg.cond(basis.design(distinct)))
@@ -156,7 +156,7 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
         raise InputError(
             f"a rate limit of degree {options.degree} is not known from luminances spread as these are, "
             f"{distinct[0]:.4g} to {distinct[-1]:.4g} cd/m^2: condition number {condition:.1e}, at most "
-            f"{WORST_CONDITION:.0e}; give --form log_log, a lower --degree, or measure levels in between"
+            f"{WORST_CONDITION:.0e}; choose the form log_log, a lower degree, or measure levels in between"
         )
     return basis
 

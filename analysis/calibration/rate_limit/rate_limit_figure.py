@@ -17,7 +17,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     PAGE,
     PARTICIPANT,
-    Medium,
+    FigureFormat,
     axes_at,
     drawable,
     heading_lines,
@@ -37,7 +37,7 @@ def rate_limit_figure(
     limit: RateLimit,
     thresholds: Sequence[Threshold] = (),
     compared: RateLimit | None = None,
-    medium: Medium = PAGE,
+    medium: FigureFormat = PAGE,
 ) -> Figure:
     """Draw a rate limit with its band, the thresholds that it was fitted to, and what it is outside of them.
 
@@ -49,7 +49,7 @@ def rate_limit_figure(
         The curve, and another one, drawn beside it.
     thresholds : sequence of Threshold
         Of all participants, those left out for their flag included; without any, the limit's own points.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):

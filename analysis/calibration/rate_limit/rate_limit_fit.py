@@ -247,7 +247,7 @@ def _require_one_task(thresholds: Sequence[Threshold]) -> None:
     if len(tasks) > 1:
         raise InputError(
             f"thresholds of {' and '.join(tasks)} do not compare (75 % of what?), and make no common rate "
-            f"limit; give --procedure {tasks[0]} or {tasks[1]}"
+            f"limit; choose the procedure {tasks[0]} or {tasks[1]}"
         )
 
 
@@ -288,7 +288,7 @@ def _require_known(limit: RateLimit, degree: int) -> None:
     raise InputError(
         f"a rate limit of degree {degree} is not known from these thresholds: at "
         f"{limit.band_luminance[worst]:.3g} cd/m^2 its band reaches from {lower[worst]:.2g} to "
-        f"{upper[worst]:.2g} cd/m^2/s; give --degree {PAPER_DEGREE} or lower"
+        f"{upper[worst]:.2g} cd/m^2/s; choose the degree {PAPER_DEGREE} or lower"
     )
 
 

@@ -20,7 +20,7 @@ from evenlight.analysis.measurement.played_power.clock_line import (
     line_below,
 )
 from evenlight.analysis.measurement.played_power.power_recording import Flips, Recording, Samples
-from evenlight.analysis.measurement.played_power.sync_edges import LATE_FLIP, Changes, fit_edges
+from evenlight.analysis.measurement.played_power.sync_edges import LATE_FLIP, SyncEdges, fit_edges
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.instrument_logs import FlashMark
 from evenlight.data_schema.recordings.played_power import ClockFit, ClockFlag, ClockMethod
@@ -71,10 +71,10 @@ def fit_clock(recording: Recording) -> ClockFit:
     return arrivals.record(flags)
 
 
-def changes_of(flips: Flips) -> Changes:
+def changes_of(flips: Flips) -> SyncEdges:
     """Return when the synchronisation line changed with the frames shown."""
     at = np.flatnonzero(flips.sync[1:] != flips.sync[:-1]) + 1
-    return Changes(flips.flip[at], flips.sync[at])
+    return SyncEdges(flips.flip[at], flips.sync[at])
 
 
 def _doubts(edges: ClockEstimate, pings: Array) -> tuple[ClockFlag, ...]:

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.recordings.played_power import ClockFit, ClockFlag, ClockMethod
 
-Bools = NDArray[np.bool_]
 MOST_DRIFT = 0.01  # of a clock without a crystal
 
 
@@ -163,7 +162,7 @@ class ClockWindows:
         offset, drift = _least(aim, self._rows, self._ends + slack, 1.0)
         return offset, MOST_DRIFT * drift
 
-    def missed(self) -> Bools:
+    def missed(self) -> Mask:
         """Return which windows a line misses that misses them by as little as possible, added up."""
         n = len(self.at)
         columns = np.column_stack([np.ones(n), MOST_DRIFT * (self.at - self.reference)])

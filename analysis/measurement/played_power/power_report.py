@@ -19,7 +19,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     axes_at,
     heading_lines,
     legend_above,
@@ -236,14 +236,14 @@ def _timing_section(measured: MeasuredPower) -> Section:
     return Section("Time", text, (table,), (), (), power.simulated)
 
 
-def power_figure(measured: MeasuredPower, medium: Medium = PAGE) -> Figure:
+def power_figure(measured: MeasuredPower, medium: FigureFormat = PAGE) -> Figure:
     """Draw power over time for each version, and beside it the means of the passes.
 
     Parameters
     ----------
     measured : MeasuredPower
         What was measured.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     power = measured.power

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.measurement.played_power.clock_line import ClockEstimate, ClockLine, ClockWindows
 from evenlight.analysis.measurement.played_power.power_recording import Samples
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.recordings.played_power import ClockFlag, ClockMethod
-
-Bools = NDArray[np.bool_]
 
 BLIND_REACH = 0.5  # [s] how far from the seed edges are looked for
 FEWEST_EDGES = 3
@@ -33,7 +31,7 @@ class _Edges:
 
     early: Array
     late: Array
-    level: Bools
+    level: Mask
 
     @property
     def middle(self) -> Array:
@@ -45,7 +43,7 @@ class _Edges:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Changes:
+class SyncEdges:
     """Changes of the synchronisation line with the frames, on the computer's clock.
 
     Attributes
@@ -55,7 +53,7 @@ class Changes:
     """
 
     time: Array
-    level: Bools
+    level: Mask
 
     @property
     def step(self) -> float:
@@ -73,7 +71,7 @@ class _Alignment:
     near: bool
 
 
-def fit_edges(samples: Samples, changes: Changes, seed: ClockEstimate) -> ClockEstimate | ClockFlag:
+def fit_edges(samples: Samples, changes: SyncEdges, seed: ClockEstimate) -> ClockEstimate | ClockFlag:
     """Return the meter's clock by edges of its synchronisation input, or why they are of no use.
 
     An edge was between the sample that has the new level and the sample before. Which edge is which change is
@@ -85,7 +83,7 @@ def fit_edges(samples: Samples, changes: Changes, seed: ClockEstimate) -> ClockE
 
     Parameters
     ----------
-    samples, changes : Samples, Changes
+    samples, changes : Samples, SyncEdges
         Each sample once, and the changes of the synchronisation line.
     seed : ClockEstimate
         The clock by pings, markers or arrivals.
@@ -133,7 +131,7 @@ def fit_edges(samples: Samples, changes: Changes, seed: ClockEstimate) -> ClockE
     )
 
 
-def _alignments(edges: _Edges, changes: Changes, seed: ClockEstimate) -> Iterator[_Alignment]:
+def _alignments(edges: _Edges, changes: SyncEdges, seed: ClockEstimate) -> Iterator[_Alignment]:
     """Yield the alignments that many edges speak for, at least half a frame apart."""
     width = float(np.median(edges.width))
     near = BLIND_REACH if seed.bound is None else seed.bound + width / 2 + LATE_FLIP
@@ -163,7 +161,7 @@ def _best(found: Sequence[_Alignment], n_edges: int) -> tuple[_Alignment, set[Cl
     return best, doubts if allowed else doubts | {ClockFlag.DISAGREES}
 
 
-def _frequent_shifts(times: Array, level: Bools, changes: Changes, width: float) -> list[float]:
+def _frequent_shifts(times: Array, level: Mask, changes: SyncEdges, width: float) -> list[float]:
     """Return the shifts that many edges have against a change of their level, the most frequent first."""
     shifts = []
     for rising in (False, True):
@@ -185,7 +183,7 @@ def _frequent_shifts(times: Array, level: Bools, changes: Changes, width: float)
     return found
 
 
-def _matched(times: Array, level: Bools, changes: Changes, tolerance: Array | float) -> NDArray[np.int64]:
+def _matched(times: Array, level: Mask, changes: SyncEdges, tolerance: Array | float) -> NDArray[np.int64]:
     """Return the change that belongs to each edge, -1 where there is none: the nearest one of its level."""
     matched = np.full(len(times), -1)
     for rising in (False, True):
@@ -203,7 +201,7 @@ def _matched(times: Array, level: Bools, changes: Changes, tolerance: Array | fl
 
 
 def _refined(
-    edges: _Edges, changes: Changes, line: ClockLine, inverted: bool
+    edges: _Edges, changes: SyncEdges, line: ClockLine, inverted: bool
 ) -> tuple[ClockLine, NDArray[np.int64], bool] | None:
     """Return the line through the edges, their changes, and whether it knows the drift; None if it fails."""
     certain = True
@@ -234,8 +232,8 @@ def _line_through(computer: Array, device: Array, widths: Array, drift: float) -
 
 
 def _through_windows(
-    edges: _Edges, changes: Changes, matched: NDArray[np.int64], line: ClockLine
-) -> tuple[Bools, ClockLine, float]:
+    edges: _Edges, changes: SyncEdges, matched: NDArray[np.int64], line: ClockLine
+) -> tuple[Mask, ClockLine, float]:
     """Return which edges are used, the line between the samples of all of them, and its bound [s].
 
     The line through the middles is returned where there is no other; half a sample is then its bound.
@@ -254,7 +252,7 @@ def _through_windows(
     return near, centre.inverse(), windows.bound(centre, stretch)
 
 
-def _longest_run(samples: Samples, changes: Changes, line: ClockLine, matched: NDArray[np.int64]) -> int:
+def _longest_run(samples: Samples, changes: SyncEdges, line: ClockLine, matched: NDArray[np.int64]) -> int:
     """Return how many changes in a row, while samples were taken, have no edge."""
     first, last = line.to_computer(samples.device_time[[0, -1]])
     expected = np.flatnonzero((changes.time > first) & (changes.time < last))

@@ -20,7 +20,7 @@ from evenlight.analysis.figure_style import (
     MUTED,
     OURS,
     PAGE,
-    Medium,
+    FigureFormat,
     heading_lines,
     lines_at,
     look,
@@ -43,14 +43,14 @@ PHASE_MARKS = {
 }
 
 
-def luminance_sweep_figure(result: LuminanceSweepFit, medium: Medium = PAGE) -> Figure:
+def luminance_sweep_figure(result: LuminanceSweepFit, medium: FigureFormat = PAGE) -> Figure:
     """Draw a luminance sweep and its fit.
 
     Parameters
     ----------
     result : LuminanceSweepFit
         What is drawn.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):
@@ -150,14 +150,14 @@ def _half(fit: GammaFit, errors: NDArray[np.float64]) -> NDArray[np.float64]:
     return half_width(errors, fit.noise.freedom)
 
 
-def power_sweep_figure(result: PowerSweepFit, medium: Medium = PAGE) -> Figure:
+def power_sweep_figure(result: PowerSweepFit, medium: FigureFormat = PAGE) -> Figure:
     """Draw a power sweep and its fit.
 
     Parameters
     ----------
     result : PowerSweepFit
         What is drawn.
-    medium : Medium
+    medium : FigureFormat
         Where it is shown.
     """
     with look(medium):
@@ -248,7 +248,7 @@ def _draw_slopes(axes: Axes, result: PowerSweepFit) -> None:
     name_panel(axes, "D", "Power for more luminance")
 
 
-def _page_of_panels(medium: Medium, heading: tuple[str, str]) -> tuple[Figure, list[Axes]]:
+def _page_of_panels(medium: FigureFormat, heading: tuple[str, str]) -> tuple[Figure, list[Axes]]:
     """Return a figure with a heading and four panels, two in a row, and the panels in reading order."""
     em = medium.em
     lines, above = heading_lines(*heading, medium.width - 6 * em, em)

@@ -35,7 +35,7 @@ def kitchen(model: SceneModel) -> None:
     _sink_side(model)
     _stove_side(model)
     _dining(model)
-    _odds(model)
+    _add_small_objects(model)
 
 
 def _sink_side(model: SceneModel) -> None:
@@ -165,7 +165,7 @@ def _dining(model: SceneModel) -> None:
         pendant(model, 0.72, stuff.GLAZED, 4000.0, (0.5, 0.12, 0.08))
 
 
-def _odds(model: SceneModel) -> None:
+def _add_small_objects(model: SceneModel) -> None:
     """Hang a clock, a picture, a calendar and an apron; stand a basket and a bin."""
     with model.at((6.42, 4.45, 1.85), 90):
         model.cylinder((0, 0, 0), (0, -0.03, 0), 0.16, stuff.PAINT, segments=32, tint=(0.3, 0.08, 0.06))
