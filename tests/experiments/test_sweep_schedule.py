@@ -61,3 +61,11 @@ def test_what_no_device_makes_is_left_out():
 def test_indices_count_through():
     readings = planned_readings(DESIGN, seed=3)
     assert [reading.index for reading in readings] == list(range(len(readings)))
+
+
+def test_a_reading_that_is_typed_in_is_asked_for_twice_while_the_panel_warms_up() -> None:
+    """At the beginning, and at the end: nobody types one every half minute."""
+    every = of_phase(planned_readings(DESIGN, seed=3), SweepPhase.WARM_UP)
+    by_hand = of_phase(planned_readings(DESIGN, seed=3, by_hand=True), SweepPhase.WARM_UP)
+    assert len(every) > 3
+    assert [reading.due for reading in by_hand] == [every[0].due, every[-1].due]

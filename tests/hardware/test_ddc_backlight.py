@@ -12,7 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.hardware.drivers.ddc_backlight import BRIGHTNESS, COMMAND_INTERVAL, DdcBacklight, checksum
+from evenlight.hardware.drivers.ddc_backlight import (
+    BRIGHTNESS,
+    COMMAND_INTERVAL,
+    REPLY_DELAY,
+    DdcBacklight,
+    checksum,
+)
 from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
@@ -225,3 +231,8 @@ def test_without_its_library_the_extra_to_install_is_named(monkeypatch) -> None:
     with pytest.raises(InstrumentError, match=r"pip install 'evenlight\[instruments\]'") as missing:
         DdcBacklight(5)
     assert missing.value.fault is Fault.NOT_FOUND
+
+
+def test_the_pauses_are_those_that_the_standard_asks_for() -> None:
+    """DDC/CI 1.1: 40 ms for the monitor to have its reply ready, 50 ms between two messages."""
+    assert (REPLY_DELAY, COMMAND_INTERVAL) == (0.04, 0.05)
