@@ -152,7 +152,7 @@ def tasks_in(dataset: Path) -> tuple[str, ...]:
 
 def unknown_tasks_in(dataset: Path) -> tuple[str, ...]:
     """Return the tasks of which a data set has sessions, and that are not registered here."""
-    found = {str(task_of(folder / MANIFEST)) for folder in session_folders(dataset)}
+    found = {task_of(folder / MANIFEST) for folder in session_folders(dataset)}
     return tuple(sorted(found - set(TASKS)))
 
 
@@ -209,10 +209,10 @@ def has_sessions(dataset: Path, task: str) -> bool:
     return any(task_of(folder / MANIFEST) == task for folder in session_folders(dataset))
 
 
-def task_of(manifest: Path) -> object:
+def task_of(manifest: Path) -> str:
     """Return the task that a manifest names, whatever else it holds."""
     content = read_json(manifest, "the manifest of a session")
-    return content.get("task") if isinstance(content, dict) else None
+    return str(content.get("task")) if isinstance(content, dict) else "None"
 
 
 def _require_folder(dataset: Path) -> None:

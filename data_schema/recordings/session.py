@@ -101,7 +101,9 @@ class SessionManifest:
     def types_in(content: Mapping[str, Any]) -> dict[str, type[Any]]:
         """Return the type of `design` in the manifest of a registered task; `mapping` asks for it."""
         task = content.get("task")
-        return {"design": TASKS[task].design} if task in TASKS and task not in BUILT_IN_TASKS else {}
+        if not isinstance(task, str) or task not in TASKS or task in BUILT_IN_TASKS:
+            return {}  # what is no text is refused with the other keys
+        return {"design": TASKS[task].design}
 
 
 class EventKind(enum.Enum):

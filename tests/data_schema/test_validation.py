@@ -312,3 +312,14 @@ def test_a_thousand_problems_are_not_all_shown(dataset: Path) -> None:
     assert len(shown) == 21
     assert shown[-1] == f"problem      {dataset / TRIALS}: and 981 problems more"  # 1000 and the count of 2
     assert lines[-1] == "1001 problems in 1 file; 6 ok, 0 not checked"
+
+
+@pytest.mark.parametrize("task", ["[]", "{}", "7", "null"])
+def test_a_manifest_whose_task_is_no_text_is_a_problem_and_no_crash(
+    task: str, dataset: Path, command: Any, tmp_path: Path
+) -> None:
+    path = dataset / MANIFEST
+    path.write_text(path.read_text().replace('"task": "ramp"', f'"task": {task}'))
+    assert command("validate", dataset).code == 1
+    refused = command("analyze", dataset, "--out", tmp_path / "out", "--quiet")
+    assert (refused.code, refused.err.count("\n")) == (2, 1)

@@ -57,7 +57,7 @@ def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, na
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) -> None:
-    problem = make_problem(two_scenes(make_curves, 400), 0.5)
+    problem = make_problem(two_scenes(make_curves, 40), 0.5)
     answer = solve(problem, name).factors
     rng = np.random.default_rng(2)
     for scale in (1e-3, 1e-2):
