@@ -45,11 +45,11 @@ class Viewing(AbstractContextManager["Viewing"]):
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Return a participant."""
-        raise NotImplementedError
+        raise NotImplementedError  # the task's own; others here have a default
 
     def answer(self, person: Any, planned: Any, rng: np.random.Generator) -> Any:
         """Return what a participant answers to a trial."""
-        raise NotImplementedError
+        raise NotImplementedError  # the task's own
 
     def columns(self, planned: Any) -> dict[str, Any]:
         """Return columns of a trial's row that only who sees it can tell."""

@@ -156,7 +156,7 @@ class ViewingTask(Generic[Planned]):
 
     def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
         """Return the record of an answered trial; the columns are those that all viewing tasks have."""
-        raise NotImplementedError
+        raise NotImplementedError  # each task has its own
 
     def practice(self) -> Sequence[Planned]:
         """Return the trials for practice."""
@@ -188,7 +188,7 @@ class ClipTask(ViewingTask[Clips]):
 
     def answers(self, keys: Keys) -> dict[str, Any]:
         """Return the answer that each key gives."""
-        raise NotImplementedError
+        raise NotImplementedError  # each task has its own
 
     @property
     def minutes(self) -> float:

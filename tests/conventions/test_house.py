@@ -90,3 +90,10 @@ def test_no_module_has_a_name_that_says_nothing() -> None:
     assert len(names) > 50
     assert not empty & set(names)
     assert not {name for name in names if name in sys.stdlib_module_names}
+
+
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "decisions").glob("*.md")), ids=lambda page: page.stem
+)
+def test_a_decision_fits_on_a_screen(page: Path) -> None:
+    assert len(page.read_text().split()) <= 500
