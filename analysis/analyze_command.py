@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.progress import shown_progress
+
 if TYPE_CHECKING:
     from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings
 
@@ -56,7 +58,7 @@ def analyze(
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
         for findings in found.findings.values():
-            typer.echo(f"{findings.name}: {findings.lead}")
+            typer.echo(f"{findings.name}: {findings.cautious_lead}")
         if any(found.simulated.values()):
             typer.echo("simulated participants answered: this says nothing about people")
         typer.echo(f"{out / REPORT} has all results")
@@ -64,15 +66,10 @@ def analyze(
 
 def _analyze_dataset(dataset: Path, options: AnalysisOptions, folder: Path, quiet: bool) -> DatasetFindings:
     """Return what the data set shows, under a progress line."""
-    from rich.console import Console
-
     from evenlight.analysis.dataset_findings import find_in_dataset
 
-    console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        return find_in_dataset(dataset, options, folder)
-    with console.status("analysing") as status:
-        return find_in_dataset(dataset, options, folder, lambda task: status.update(f"analysing {task}"))
+    with shown_progress(quiet) as progress:
+        return find_in_dataset(dataset, options, folder, lambda task: progress.step(f"analysing {task}"))
 
 
 def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tuple[str, ...]:
@@ -88,11 +85,11 @@ def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tu
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
     for findings in found.findings.values():
         write_findings(folder, findings)
-    leads = {task: findings.lead for task, findings in found.findings.items()}
+    leads = {task: findings.cautious_lead for task, findings in found.findings.items()}
     write_report(folder / REPORT, dataset_report(found, origin))
     files = (*files_in(folder), SUMMARY)
     summary = AnalysisSummary(
-        any(found.simulated.values()), leads, found.refused, found.warnings, origin, files
+        any(found.simulated.values()), leads, found.refused, found.warnings, origin, files, found.roll
     )
     write_json_record(folder / SUMMARY, summary)
     return files

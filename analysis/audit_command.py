@@ -7,22 +7,21 @@ from typing import Annotated
 
 import typer
 
+from evenlight.progress import shown_progress
+
 
 def audit(
     out: Annotated[Path, typer.Option(help="Folder for audit_statistics.csv, the figures and report.html.")],
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
 ) -> None:
     """Audit the paper's published numbers: what they can and cannot support."""
-    from rich.console import Console
-
     from evenlight.analysis.audit.audit_findings import TITLE, audit_findings
     from evenlight.analysis.findings import write_findings
     from evenlight.analysis.report import Report, write_report
     from evenlight.data_schema.storage.whole_files import results_folder
 
-    console = Console(stderr=True)
-    console.quiet = quiet or not console.is_terminal
-    with results_folder(out) as folder, console.status("Trying every distribution and every pairing"):
+    with results_folder(out) as folder, shown_progress(quiet) as progress:
+        progress.step("trying every distribution and every pairing")
         findings = audit_findings()
         write_findings(folder, findings)
         write_report(folder / "report.html", Report(TITLE, findings.lead, findings.sections))

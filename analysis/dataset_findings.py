@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
+from evenlight.analysis.integrity.concern import Concern, cautious
+from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.report import Report, Section
-from evenlight.analysis.report_sections import files_section, provenance_section
-from evenlight.analysis.session_loading import TaskData, load_task, tasks_in, unknown_tasks_in
+from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
+from evenlight.analysis.session_loading import TaskData, load_task, undamaged_roll
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION
+from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.recordings.session import TASKS
 
 SIMULATED = (
@@ -119,6 +122,8 @@ class DatasetFindings:
         SHA-256 of what was read, by task.
     participants : dict of str to int
         How many there are, by task.
+    roll : RollCall or None
+        The sessions of the data set, those that are left out too.
     """
 
     findings: dict[str, Findings] = field(default_factory=dict)
@@ -126,13 +131,19 @@ class DatasetFindings:
     simulated: dict[str, bool] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
     participants: dict[str, int] = field(default_factory=dict)
+    roll: RollCall | None = None
+
+    @property
+    def concerns(self) -> tuple[Concern, ...]:
+        """What is wrong with the trials, of all tasks."""
+        return tuple(own for findings in self.findings.values() for own in findings.concerns)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is wrong but does not forbid the use, each once."""
         said = (words for findings in self.findings.values() for words in findings.warnings)
         refused = (f"{task} is left out: {why}" for task, why in self.refused.items())
-        return tuple(dict.fromkeys((*said, *refused)))
+        return tuple(dict.fromkeys((*said, *refused, *(self.roll.warnings if self.roll else ()))))
 
 
 def find_in_dataset(
@@ -159,44 +170,50 @@ def find_in_dataset(
     InputError
         If there is nothing to analyse, a task asked for is not there, or no task can be analysed.
     """
-    present = tasks_in(dataset)
+    roll = undamaged_roll(dataset)
+    present = roll.tasks
     missing = [task for task in options.tasks if task not in present]
     if missing or not present:
-        found = f"holds {', '.join(present)}" if present else _no_session(dataset)
+        found = f"holds {', '.join(present)}" if present else _no_session(dataset, roll)
         wanted = f"expected sessions of {', '.join(missing)}; it " if missing else "it "
         raise InputError(f"{dataset}: {wanted}{found}")
     result = DatasetFindings()
     for task in options.tasks or present:
         report(task)
         try:
-            findings, data = _analysed(dataset, task, options, folder)
+            findings, data = _analysed(dataset, task, options, folder, roll)
         except InputError as error:
             result.refused[task] = str(error)
             continue
+        roll = data.roll or roll
         result.findings[task] = findings
         result.simulated[task], result.inputs[task] = data.simulated, data.sha256
         result.participants[task] = len(data.participant_ids)
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
-    return result
+    return replace(result, roll=roll)
 
 
-def _no_session(dataset: Path) -> str:
+def _no_session(dataset: Path, roll: RollCall) -> str:
     """Return what a folder without sessions holds instead, if that may be what was meant."""
     inside = sorted(path.parent.name for path in dataset.glob(f"*/{DESCRIPTION}"))
     if inside:
         return f"holds data sets in folders of their own: {', '.join(inside)}; give one of them"
-    if unknown := unknown_tasks_in(dataset):
+    if unknown := sorted(
+        {e.task for e in roll.sessions if e.use is SessionUse.LEFT_OUT and e.task} - set(TASKS)
+    ):
         return f"holds sessions of {', '.join(unknown)}, which is not registered (EVENLIGHT_TASKS)"
+    if roll.sessions:
+        return f"holds no session that can be read: {roll.warnings[0]}"
     return "holds no session (sub-*/ses-*/manifest.json)"
 
 
 def _analysed(
-    dataset: Path, task: str, options: AnalysisOptions, folder: Path
+    dataset: Path, task: str, options: AnalysisOptions, folder: Path, roll: RollCall
 ) -> tuple[Findings, TaskData[Any]]:
     """Return what the sessions of a task show, and the data themselves."""
     if task != "ramp":
-        data = load_task(dataset, task, TASKS[task].trial)
+        data = load_task(dataset, task, TASKS[task].trial, roll)
         return task_findings(data, options), data
     from evenlight.analysis.calibration.calibration import calibrate
     from evenlight.analysis.calibration.fit_report import write_calibration
@@ -204,7 +221,7 @@ def _analysed(
     from evenlight.analysis.ramp_loading import load_ramp_data
     from evenlight.data_schema.provenance import provenance_now
 
-    ramps = load_ramp_data(dataset)
+    ramps = load_ramp_data(dataset, roll)
     calibration = calibrate(ramps)
     write_calibration(calibration, folder, provenance_now(inputs={"dataset": ramps.sha256}))
     return ramp_findings(calibration, options.compared), ramps
@@ -229,7 +246,10 @@ def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
     if how is None:
         others = [name for name, analysis in ANALYSES.items() if analysis.findings]
         raise InputError(f"the task must be {', '.join(others[:-1])} or {others[-1]}, got {data.task!r}")
-    return how(data, options)
+    data, concerns = checked(data)
+    found = how(data, options)
+    said = tuple(concern.words for concern in concerns)
+    return replace(found, concerns=concerns, warnings=(*said, *found.warnings))
 
 
 def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
@@ -245,9 +265,10 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
     sections = [section for findings in found.findings.values() for section in findings.sections]
     return Report(
         "What the data show",
-        " ".join(findings.lead for findings in found.findings.values()),
+        cautious(found.concerns, " ".join(findings.lead for findings in found.findings.values())),
         (
-            *((_warnings(found),) if found.warnings else ()),
+            *_warnings(found),
+            *((roll_section(found.roll),) if found.roll else ()),
             *sections,
             provenance_section({"analysis": origin}),
             files_section(_files(found)),
@@ -256,9 +277,12 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
     )
 
 
-def _warnings(found: DatasetFindings) -> Section:
-    """Return what the reader should be warned of first."""
-    return Section("To be looked at", notes=found.warnings, simulated=any(found.simulated.values()))
+def _warnings(found: DatasetFindings) -> tuple[Section, ...]:
+    """Return what the reader should be warned of first; of sessions the roll-call tells."""
+    told = found.roll.warnings if found.roll else ()
+    notes = tuple(words for words in found.warnings if words not in told)
+    simulated = any(found.simulated.values())
+    return (Section("To be looked at", notes=notes, simulated=simulated),) if notes else ()
 
 
 def _files(found: DatasetFindings) -> dict[str, str]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,9 @@ PARTICIPANT = "#7F8791"  # one participant among others
 INK = "#22262B"
 MUTED = "#5F6670"
 FAINT = "#D9DDE2"
+
+QUICK_MARK = "QUICK RUN"  # across figures that are no result
+_MARK: ContextVar[str] = ContextVar("mark", default="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,9 +207,25 @@ def short(value: float) -> str:
 def png_bytes(figure: Figure) -> bytes:
     """Return a figure as a PNG without date or versions: equal figures give equal bytes."""
     stream = io.BytesIO()
+    words = _MARK.get()
+    size = 90 * figure.get_figwidth() / max(len(words), 1)  # letters are about 0.6 of it wide
+    mark = figure.text(
+        0.5, 0.5, words, rotation=20, size=size, color=LIMIT, alpha=0.25, ha="center", va="center"
+    )
     with rc_context({"savefig.dpi": "figure"}):
         figure.savefig(stream, format="png", metadata={"Software": None})
+    mark.remove()
     return stream.getvalue()
+
+
+@contextmanager
+def marked_figures(words: str) -> Iterator[None]:
+    """Write words across every figure that is made meanwhile; nothing where they are empty."""
+    token = _MARK.set(words)
+    try:
+        yield
+    finally:
+        _MARK.reset(token)
 
 
 def write_png(path: Path, figure: Figure) -> None:

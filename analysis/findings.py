@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from evenlight.analysis.integrity.concern import Concern, cautious
 from evenlight.analysis.report import Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
 from evenlight.data_schema.storage.tables import write_rows
@@ -56,6 +57,8 @@ class Findings:
         Of a report.
     warnings : tuple of str
         What is wrong but does not forbid the use.
+    concerns : tuple of Concern
+        What is wrong with the trials themselves; the warnings begin with them.
     """
 
     name: str
@@ -64,6 +67,12 @@ class Findings:
     drawings: tuple[Drawing, ...]
     sections: tuple[Section, ...]
     warnings: tuple[str, ...] = ()
+    concerns: tuple[Concern, ...] = ()
+
+    @property
+    def cautious_lead(self) -> str:
+        """What came out, after what is wrong with the trials."""
+        return cautious(self.concerns, self.lead)
 
     def __repr__(self) -> str:
         n, drawn, parts = len(self.statistics), len(self.drawings), len(self.sections)

@@ -11,10 +11,9 @@ import typer
 
 from evenlight.data_schema.rate_limit import RateLimitForm
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
+from evenlight.progress import Progress, shown_progress
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from evenlight.analysis.calibration.calibration import Calibration
     from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
@@ -57,13 +56,11 @@ def fit(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
     """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse measured power."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from evenlight.analysis.calibration.choices.choice_on_clip import open_clip, require_budget
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
     from evenlight.analysis.measurement.sweeps.sweep_loading import newest_sweeps
-    from evenlight.analysis.ramp_loading import has_ramp_sessions, load_ramp_data
+    from evenlight.analysis.ramp_loading import TASK, load_ramp_data
+    from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.data_schema.errors import InputError
     from evenlight.data_schema.recordings.dataset_layout import POWER_LOG
     from evenlight.data_schema.storage.whole_files import results_folder
@@ -86,17 +83,16 @@ def fit(
     )
     require_budget(budget)
     sweeps = newest_sweeps(dataset)
-    task = None
-    if not sweeps or has_ramp_sessions(dataset):
+    task, roll = None, undamaged_roll(dataset)
+    if not sweeps or TASK in roll.tasks:
         source = None if no_clip else open_clip(clip)
-        task = _Task(load_ramp_data(dataset), options, source, budget)
-    console = Console(stderr=True)
-    off = quiet or not console.is_terminal
-    with results_folder(out) as folder, Progress(console=console, transient=True, disable=off) as progress:
+        task = _Task(load_ramp_data(dataset, roll), options, source, budget)
+        roll = task.data.roll or roll
+    with results_folder(out) as folder, shown_progress(quiet) as progress:
         results = _write_results(task, folder, progress) if task else None
         measured = _write_sweeps(sweeps, folder, needed=task is None) if sweeps else None
     warnings = (*(results.calibration.warnings if results else ()), *(measured.warnings if measured else ()))
-    for warning in warnings:
+    for warning in (*warnings, *roll.warnings):
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
         if results:
@@ -146,22 +142,18 @@ def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.method.preset_files import load_power_model
 
-    bar = progress.add_task("fitting thresholds", total=None)
-    calibration = calibrate(
-        task.data, task.options, lambda done, total: progress.update(bar, completed=done, total=total)
-    )
+    progress.step("fitting thresholds")
+    calibration = calibrate(task.data, task.options, progress.at)
     inputs = {"dataset": task.data.sha256}
     write_calibration(calibration, folder, provenance_now(inputs=inputs))
     write_figures(calibration, folder)
+    progress.step("comparing other curves")
     choices = limit_choices(calibration, task.options)
     comparison = None
     if task.source is not None:
-        bar = progress.add_task(f"analysing {task.source.name}", total=task.source.n_frames)
-        curves = curves_of(
-            task.source,
-            task.data.display,
-            lambda done, total: progress.update(bar, completed=done, total=total),
-        )
+        progress.step(f"analysing {task.source.name}", task.source.n_frames)
+        curves = curves_of(task.source, task.data.display, progress.at)
+        progress.step("trying other curves on it")
         comparison = compare_on_clip(choices, curves, task.budget, load_power_model("surace2025"))
         inputs["clip"] = task.source.sha256()
     origin = provenance_now(inputs=inputs)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
     from evenlight.analysis.plans.ramp_plan import PlanRequest
@@ -126,6 +127,8 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
         quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no table.")] = False,
     ) -> None:
         """Plan an experiment: participants for a wanted precision or power, by simulation."""
+        from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+
         options = {
             "precision": precision, "trials": trials, "design": design, "display": display, "power": power,
             "difference": difference, "share": share, "ratio": ratio, "margin": margin, "spread": spread,
@@ -134,13 +137,14 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
         }  # fmt: skip
         given = {name: value for name, value in options.items() if value is not None}
         _refuse_options_of_others(task, given)
-        if task == "ramp":
-            request = _ramp_request(given, participants or RAMP_PARTICIPANTS, seed, load_design)
-            if quick:
-                request = dataclasses.replace(request, pool=QUICK_POOL, draws=QUICK_DRAWS)
-            _plan_ramps(request, simulate, out, quiet)
-        else:
-            _plan_viewing(task, given, participants, {"seed": seed, "quick": quick, "quiet": quiet}, out)
+        with marked_figures(QUICK_MARK if quick else ""):
+            if task == "ramp":
+                request = _ramp_request(given, participants or RAMP_PARTICIPANTS, seed, load_design)
+                if quick:
+                    request = dataclasses.replace(request, pool=QUICK_POOL, draws=QUICK_DRAWS)
+                _plan_ramps(request, simulate, out, quiet)
+            else:
+                _plan_viewing(task, given, participants, {"seed": seed, "quick": quick, "quiet": quiet}, out)
 
     return plan
 
@@ -183,8 +187,9 @@ def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet:
     from evenlight.data_schema.storage.whole_files import results_folder
 
     with results_folder(out) as folder:
-        with _processes() as mapped, _bar(quiet) as report:
-            plan = plan_ramps(request, simulate, mapped, report)
+        with _processes() as mapped, shown_progress(quiet) as progress:
+            progress.step("simulating experiments")
+            plan = plan_ramps(request, simulate, mapped, progress.at)
         write_plan(folder, plan)
     if not quiet:
         rows = [[cell.format(row) for cell in RAMP_COLUMNS.values()] for row in plan.rows]
@@ -206,8 +211,9 @@ def _plan_viewing(
     quiet = settings["quiet"]
     several = _processes() if task == "search" else nullcontext(map)  # the others take seconds
     with results_folder(out) as folder:
-        with several as mapped, _bar(quiet) as report:
-            plan = plan_viewing(request, mapped, report)
+        with several as mapped, shown_progress(quiet) as progress:
+            progress.step("simulating experiments")
+            plan = plan_viewing(request, mapped, progress.at)
         write_viewing_plan(folder, plan)
     if not quiet:
         columns = VIEWING_COLUMNS.items()
@@ -260,19 +266,6 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
         raise InputError(
             f"{option} takes whole numbers with commas between them, such as 5,10,20; got {text!r}"
         ) from None
-
-
-@contextmanager
-def _bar(quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Yield what moves a progress bar: what is done, and of how much."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    off = quiet or not console.is_terminal
-    with Progress(console=console, transient=True, disable=off) as progress:
-        bar = progress.add_task("simulating experiments", total=None)
-        yield lambda done, total: progress.update(bar, completed=done, total=total)
 
 
 @contextmanager

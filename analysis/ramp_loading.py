@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from evenlight.analysis.session_loading import Session, TaskData, has_sessions, load_task
+from evenlight.analysis.session_loading import Session, TaskData, load_task
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
+from evenlight.data_schema.recordings.roll_call import RollCall
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.method.contrast.luminance import dimmed_luminance, displayed_luminance
 
@@ -20,7 +21,7 @@ RampSession = Session[RampTrial]
 
 
 def ramp_design(manifest: SessionManifest) -> RampDesign:
-    """Return the design of a ramp session; its manifest has made sure that it is one."""
+    """Return the design of a ramp session that has one; its manifest has made sure of its class."""
     return cast(RampDesign, manifest.design)
 
 
@@ -37,8 +38,8 @@ class RampData(TaskData[RampTrial]):
     display: Display
 
 
-def load_ramp_data(dataset: Path) -> RampData:
-    """Return the ramp sessions of a data set.
+def load_ramp_data(dataset: Path, roll: RollCall | None = None) -> RampData:
+    """Return the ramp sessions of a data set, of which the roll-call may have been made already.
 
     Raises
     ------
@@ -46,21 +47,21 @@ def load_ramp_data(dataset: Path) -> RampData:
         As of `load_task`; and if sessions ran on different displays, or a trial is one that design and
         display cannot have shown.
     """
-    data = load_task(dataset, TASK, RampTrial)
+    data = load_task(dataset, TASK, RampTrial, roll)
     display = _one_display(data.sessions, dataset)
     for session in data.sessions:
         _check_levels(session)
-    return RampData(TASK, data.sessions, data.simulated, data.sha256, data.warnings, display=display)
-
-
-def has_ramp_sessions(dataset: Path) -> bool:
-    """Return whether a data set holds anything that `load_ramp_data` would read or refuse."""
-    return has_sessions(dataset, TASK)
+    return RampData(
+        TASK, data.sessions, data.simulated, data.sha256, data.warnings, roll=data.roll, display=display
+    )
 
 
 def _check_levels(session: RampSession) -> None:
     """Refuse trials that the session's design and display cannot have shown."""
+    if session.manifest.design is None:
+        return  # imported: luminances as measured, compared with the display at the import
     manifest, design = session.manifest, ramp_design(session.manifest)
+    display = cast(Display, manifest.display)
     pixel_values = {"white": design.white_pixel_value, "gray": design.gray_pixel_value}
     for trial in session.trials:
         where = f"{session.folder / TRIALS}: trial {trial.trial_index}"
@@ -73,9 +74,9 @@ def _check_levels(session: RampSession) -> None:
             raise InputError(
                 f"{where}: the session's design has no {trial.screen} screen at factor {trial.factor:g}"
             )
-        full = displayed_luminance(pixel_values[trial.screen], manifest.display)
-        emitted = full - manifest.display.reflected_luminance
-        right = float(dimmed_luminance(emitted, trial.factor, manifest.display))
+        full = displayed_luminance(pixel_values[trial.screen], display)
+        emitted = full - display.reflected_luminance
+        right = float(dimmed_luminance(emitted, trial.factor, display))
         if abs(trial.initial_luminance - right) > ROUNDING * right:
             raise InputError(
                 f"{where}: initial_luminance_cd_m2 is {trial.initial_luminance:g}, but {trial.screen} at "
@@ -85,14 +86,24 @@ def _check_levels(session: RampSession) -> None:
 
 def _one_display(sessions: tuple[RampSession, ...], dataset: Path) -> Display:
     """Return the display of all sessions, or refuse a data set of several."""
-    first = sessions[0].manifest
+    first, shown = sessions[0].manifest, _display_of(sessions[0])
     for session in sessions[1:]:
-        other = session.manifest
-        if other.display.fingerprint != first.display.fingerprint:
+        other, display = session.manifest, _display_of(session)
+        if display.fingerprint != shown.fingerprint:
             raise InputError(
                 f"{dataset}: session {other.session_id} of participant {other.participant_id} ran on the "
-                f"display {other.display.name!r}, session {first.session_id} of participant "
-                f"{first.participant_id} on {first.display.name!r} with other photometry; a rate limit holds "
+                f"display {display.name!r}, session {first.session_id} of participant "
+                f"{first.participant_id} on {shown.name!r} with other photometry; a rate limit holds "
                 "for one display: fit them apart"
             )
-    return first.display
+    return shown
+
+
+def _display_of(session: RampSession) -> Display:
+    """Return the display of a session, or refuse one that is unknown."""
+    if session.manifest.display is None:
+        raise InputError(
+            f"{session.folder / MANIFEST}: display is null; expected that of the ramps, for which alone "
+            "their rate limit holds"
+        )
+    return session.manifest.display

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 from evenlight.data_schema.storage.whole_files import write_whole
 
 Cell = str | int | float | None
+MANY_COLUMNS = 8  # from which on a table is set smaller
+LONGEST_WHOLE = 16  # characters of a name that stays on one line
 
 SIMULATED_NOTE = (
     "Simulated: the answers come from simulated participants, drawn at random around the published (yes/no) "
@@ -111,12 +114,15 @@ class Report:
         In order.
     simulated_note : str
         What is said on top if any of them is simulated.
+    banner : str
+        What every page says on top, on screen and on paper; empty for nothing.
     """
 
     title: str
     lead: str
     sections: tuple[Section, ...] = field(default=())
     simulated_note: str = SIMULATED_NOTE
+    banner: str = ""
 
 
 def probability(p: float) -> str:
@@ -149,7 +155,9 @@ def report_html(report: Report) -> str:
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{escape(report.title)}</title>",
-        f"<style>{_STYLE}</style></head><body><main>",
+        f"<style>{_STYLE}{_banner_style(report.banner)}</style></head><body>",
+        f'<p class="banner">{escape(report.banner)}</p>' if report.banner else "",
+        "<main>",
         f"<h1>{escape(report.title)}</h1>",
         f'<p class="lead">{escape(report.lead)}</p>',
         f'<p class="simulated">{escape(report.simulated_note)}</p>' if simulated else "",
@@ -158,6 +166,14 @@ def report_html(report: Report) -> str:
         "</main></body></html>\n",
     ]
     return "\n".join(part for part in parts if part)
+
+
+def _banner_style(banner: str) -> str:
+    """Return what puts a banner at the head of every printed page: the margin box of a page."""
+    if not banner:
+        return ""
+    words = banner.translate({ord(c): f"\\{ord(c):06x}" for c in '"\\<\n'})  # as CSS writes them in a string
+    return f'@page {{ @top-center {{ content: "{words}"; font: bold 9pt sans-serif; color: #882255; }} }}\n'
 
 
 def _contents(sections: tuple[Section, ...]) -> str:
@@ -198,17 +214,37 @@ def _table(table: Table) -> str:
     texts = [[cell_text(cell) for cell in row] for row in table.rows]
     numeric = [_are_numbers([row[k] for row in texts]) for k in range(len(table.columns))]
     kinds = [' class="number"' if is_numeric else "" for is_numeric in numeric]
-    head = "".join(f"<th{kind}>{escape(name)}</th>" for kind, name in zip(kinds, table.columns, strict=True))
-    body = "\n".join(
-        "<tr>"
-        + "".join(f"<td{kind}>{escape(text)}</td>" for kind, text in zip(kinds, row, strict=True))
-        + "</tr>"
-        for row in texts
-    )
+    head = _cells("th", kinds, table.columns)
+    body = "\n".join(f"<tr>{_cells('td', kinds, row)}</tr>" for row in texts)
+    width = "wide many" if len(table.columns) >= MANY_COLUMNS else "wide"
     return (
-        f'<div class="wide"><table><caption>{escape(table.caption)}</caption>'
+        f'<div class="{width}"><table><caption>{escape(table.caption)}</caption>'
         f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
     )
+
+
+def _cells(element: str, kinds: Sequence[str], texts: Sequence[str]) -> str:
+    """Return the cells of a row."""
+    pairs = zip(kinds, texts, strict=True)
+    return "".join(f"<{element}{kind}>{breakable(text)}</{element}>" for kind, text in pairs)
+
+
+def breakable(text: str) -> str:
+    """Return text for a cell, escaped, with places to break in long names (after / and _) and in hashes.
+
+    >>> breakable("pipeline/stimuli/living_room/track.csv"), breakable("living_room")
+    ('pipeline/<wbr>stimuli/<wbr>living_<wbr>room/<wbr>track.csv', 'living_room')
+    """
+    return "".join(_with_breaks(token) for token in re.split(r"(\s+)", text))
+
+
+def _with_breaks(token: str) -> str:
+    """Return a token, escaped, with the places where it may break."""
+    if re.fullmatch(r"[0-9a-f]{32,}", token):
+        parts = re.findall(".{1,16}", token)
+    else:
+        parts = re.split(r"(?<=[/_])", token) if len(token) > LONGEST_WHOLE else [token]
+    return "<wbr>".join(escape(part) for part in parts if part)
 
 
 def cell_text(cell: Cell) -> str:
@@ -224,7 +260,7 @@ def cell_text(cell: Cell) -> str:
     return str(cell)
 
 
-_NUMBER = r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[-+][0-9]+)?( %)?"
+_NUMBER = r"(< |[-+±])?(0|[1-9][0-9]*)(\.[0-9]+)?(e[-+][0-9]+)?( %)?"
 
 
 def _are_numbers(texts: list[str]) -> bool:
@@ -251,6 +287,8 @@ p { max-width: 42rem; margin: 0 0 0.9rem; }
 .simulated, .note { border-left: 4px solid var(--warn); padding: 0.1rem 0 0.1rem 0.9rem; }
 .simulated, .note, .mark { color: var(--warn); }
 .simulated { font-size: 0.95rem; }
+.banner { position: sticky; top: 0; z-index: 1; max-width: none; margin: 0; padding: 0.4rem 1.5rem;
+  text-align: center; background: var(--warn); color: #fff; font: bold 0.9rem/1.4 sans-serif; }
 .mark { font-size: 0.75rem; font-weight: normal; letter-spacing: 0.04em; vertical-align: 0.2em;
   border: 1px solid var(--warn); border-radius: 0.6rem; padding: 0.05rem 0.5rem; margin-left: 0.4rem; }
 nav { margin: 1.6rem 0 0; font-size: 0.9rem; }
@@ -260,25 +298,36 @@ figure { margin: 1.6rem 0; }
 figure img { display: block; width: 100%; height: auto; }
 figcaption { font-size: 0.85rem; line-height: 1.45; color: var(--muted); margin-top: 0.5rem;
   max-width: 46rem; }
-.wide { overflow-x: auto; margin: 1.4rem 0; }
+.wide { position: relative; left: 50%; transform: translateX(-50%); margin: 1.4rem 0; overflow-x: auto;
+  width: min-content; min-width: 100%; max-width: calc(100vw - 3rem); }
 table { border-collapse: collapse; font-size: 0.85rem; line-height: 1.35;
   font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--muted); padding-bottom: 0.5rem; }
 th { text-align: left; font-weight: 600; vertical-align: bottom; border-bottom: 1.5px solid var(--ink); }
 th, td { padding: 0.28rem 1.2rem 0.28rem 0; }
-td { border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: anywhere; }
-.number { text-align: right; white-space: nowrap; }
+td { border-bottom: 1px solid var(--line); vertical-align: top; }
+th:last-child, td:last-child { padding-right: 0; }
+.many table { font-size: 0.78rem; }
+.many th, .many td { padding-right: 0.8rem; }
+@media (max-width: 60rem) {
+  table { font-size: 0.78rem; }
+  .many table { font-size: 0.68rem; }
+  th, td, .many th, .many td { padding-right: 0.5rem; }
+}
+.number { text-align: right; }
+td.number { white-space: nowrap; }
 @page { size: A4; margin: 18mm 16mm; }
 @media print {
   html { font-size: 10.5pt; }
   main { max-width: none; padding: 0; }
-  nav { display: none; }
+  nav, .banner { display: none; }
   h2, h3 { break-after: avoid; margin-top: 1.6rem; }
-  table { font-size: 0.68rem; }
-  th, td { padding-right: 0.7rem; }
+  table { font-size: 0.72rem; }
+  .many table { font-size: 0.62rem; }
+  th, td, .many th, .many td { padding-right: 0.6rem; }
   figure, tr, .note { break-inside: avoid; }
   figure img { max-height: 225mm; width: auto; max-width: 100%; }
   thead { display: table-header-group; }
-  .wide { overflow: visible; break-inside: avoid; }
+  .wide { position: static; transform: none; width: auto; max-width: none; overflow: visible; }
 }
 """

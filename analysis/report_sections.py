@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.report_prose import section
+from evenlight.analysis.wording import first_few
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
 
 
@@ -132,6 +136,23 @@ def contrast_map_section(contrast_map_png: bytes, simulated: bool = False) -> Se
         "A frame, and its visible and lost contrast under the track's factor and under constant dimming."
     )
     return Section("Lost contrast", (text,), (), (Picture(contrast_map_png, caption),), (), simulated)
+
+
+def roll_section(roll: RollCall) -> Section:
+    """Return who took part: the sessions of a data set by task and status, and which cannot be read."""
+    groups = dict.fromkeys((entry.task, entry.status) for entry in roll.sessions)
+    rows: list[tuple[Cell, ...]] = []
+    for task, status in groups:
+        own = [entry for entry in roll.sessions if (entry.task, entry.status) == (task, status)]
+        read = [entry for entry in own if entry.use is SessionUse.READ]
+        rows.append((task, status or None, len(own), len(read), sum(entry.n_trials for entry in read)))
+    columns = ("task", "status", "sessions", "can be read", "trials in them, practice and all")
+    table = Table(f"Sessions of the data set {roll.dataset}.", columns, tuple(rows))
+    present = {entry.participant_id for entry in roll.sessions if entry.session_id}
+    usable = {entry.participant_id for entry in roll.read}
+    sources = first_few(list(dict.fromkeys(entry.source for entry in roll.read if entry.source)))
+    said = section("sessions", (table,), roll=roll, present=len(present), usable=len(usable), sources=sources)
+    return replace(said, notes=roll.warnings)
 
 
 def provenance_section(origins: Mapping[str, Provenance]) -> Section:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.progress import shown_progress
+
 if TYPE_CHECKING:
     from evenlight.analysis.reproduction.reproduction import DatasetSimulator, ReproductionPlan
 
 REPORT = "report.html"
-QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0}
+QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0, "quick": True}
 
 
 def reproduce_command(simulate: DatasetSimulator) -> Callable[..., None]:
@@ -61,8 +63,9 @@ def _made(
 ) -> tuple[str, tuple[str, ...]]:
     """Run the pipeline, write everything, and return what came out and the warnings."""
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
-    from evenlight.analysis.reproduction.reproduction import PIPELINE, run_pipeline
-    from evenlight.analysis.reproduction.reproduction_report import SUMMARY, write_reproduction
+    from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+    from evenlight.analysis.reproduction.reproduction import PIPELINE, STEPS, run_pipeline
+    from evenlight.analysis.reproduction.reproduction_report import SUMMARY, warnings_of, write_reproduction
     from evenlight.data_schema.recordings.dataset_layout import require_apart
     from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 
@@ -70,22 +73,16 @@ def _made(
     if plan.data is not None:
         require_apart(out, plan.data)
     before = earlier_files(out / SUMMARY)
-    with results_folder(out, replacing=(PIPELINE,)) as folder, _progress(quiet) as report:
-        made = run_pipeline(plan, simulate, folder / PIPELINE, report)
-        seal(folder / PIPELINE)
-        lead, files = write_reproduction(made, folder)
+    with results_folder(out, replacing=(PIPELINE,)) as folder, shown_progress(quiet) as progress:
+        numbers = count(1)
+
+        def report(step: str) -> None:
+            progress.step(f"step {next(numbers)} of {STEPS + 1}, {step}")
+
+        with marked_figures(QUICK_MARK if plan.quick else ""):
+            made = run_pipeline(plan, simulate, folder / PIPELINE, report)
+            seal(folder / PIPELINE)
+            report("tables and figures")
+            lead, files = write_reproduction(made, folder)
     remove_stale(out, before, files)
-    return lead, made.tasks.warnings
-
-
-@contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Yield what names the step that is begun, on a terminal."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        yield lambda step: None
-        return
-    with console.status("starting") as status:
-        yield status.update
+    return lead, warnings_of(made)

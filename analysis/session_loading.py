@@ -11,10 +11,11 @@ from typing import Generic, TypeVar
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
-from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, MANIFEST, TRIALS, session_folders
+from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.ramp import Trial as AnyTrial
-from evenlight.data_schema.recordings.session import TASKS, SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse, call_roll
+from evenlight.data_schema.recordings.session import WHOLE, SessionManifest
 from evenlight.data_schema.storage.text_files import read_json, read_text
 
 Trial = TypeVar("Trial", bound=AnyTrial)
@@ -50,7 +51,7 @@ class Session(Generic[Trial]):
         """What is to be said about it: trials that are missing or do not count."""
         manifest, used = self.manifest, len(self.trials)
         remarks = []
-        if manifest.status is not SessionStatus.COMPLETE or used < manifest.n_trials:
+        if manifest.status not in WHOLE or used < manifest.n_trials:
             remarks.append(
                 f"{self.folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
                 "trials; they are used"
@@ -83,6 +84,8 @@ class TaskData(Generic[Trial]):
         What is wrong but does not forbid the use: sessions cut short, a torn last line, trials left out.
     rows : tuple of trials
         Trials that were not read from sessions, as of a table in memory (`task_data_of`).
+    roll : RollCall or None
+        All sessions of the data set, those of other tasks too; None of trials in memory.
     """
 
     task: str
@@ -91,6 +94,7 @@ class TaskData(Generic[Trial]):
     sha256: str
     warnings: tuple[str, ...]
     rows: tuple[Trial, ...] = ()
+    roll: RollCall | None = None
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -104,10 +108,15 @@ class TaskData(Generic[Trial]):
         return tuple(dict.fromkeys(known + [trial.participant_id for trial in self.rows]))
 
     @property
+    def order_known(self) -> bool:
+        """Whether the order of trials is that in which they were shown; not always in imported sessions."""
+        return all(session.manifest.order_known for session in self.sessions)
+
+    @property
     def designed_sequences(self) -> tuple[str, ...]:
-        """The sequences of the sessions' designs, in their order; none of trials without sessions."""
+        """The sequences of the sessions' designs, in their order; none of trials whose design is unknown."""
         designs = (session.manifest.design for session in self.sessions)
-        viewed = (design for design in designs if not isinstance(design, RampDesign))
+        viewed = (design for design in designs if not isinstance(design, RampDesign | None))
         return tuple(dict.fromkeys(name for design in viewed for name in design.sequences))
 
 
@@ -136,28 +145,25 @@ def task_data_of(task: str, trials: Iterable[Trial], simulated: bool = False) ->
     return TaskData(task, (), simulated, sha256="", warnings=(), rows=rows)
 
 
-def tasks_in(dataset: Path) -> tuple[str, ...]:
-    """Return the tasks of which a data set has sessions, in the order of `TASKS`.
+def undamaged_roll(dataset: Path) -> RollCall:
+    """Return the roll-call of a data set, or refuse one with a session that cannot be read or told apart.
 
     Raises
     ------
     InputError
-        If there is no such folder, or trials without a manifest.
+        If there is no such folder, trials without a manifest, or a manifest that cannot be read.
     """
-    _require_folder(dataset)
-    _require_manifests(dataset)
-    found = {task_of(folder / MANIFEST) for folder in session_folders(dataset)}
-    return tuple(task for task in TASKS if task in found)
+    roll = call_roll(dataset)
+    for entry in roll.sessions:
+        if entry.use is SessionUse.DAMAGED:
+            raise InputError(f"{dataset / entry.folder}: {entry.why}")
+    return roll
 
 
-def unknown_tasks_in(dataset: Path) -> tuple[str, ...]:
-    """Return the tasks of which a data set has sessions, and that are not registered here."""
-    found = {task_of(folder / MANIFEST) for folder in session_folders(dataset)}
-    return tuple(sorted(found - set(TASKS)))
-
-
-def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
+def load_task(dataset: Path, task: str, cls: type[Trial], roll: RollCall | None = None) -> TaskData[Trial]:
     """Return the sessions of a task.
+
+    A session that cannot be used is left out, as its roll-call says.
 
     Parameters
     ----------
@@ -167,6 +173,8 @@ def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
         Which one, a key of `data_schema.recordings.session.TASKS`.
     cls : type
         The class of its trials.
+    roll : RollCall, optional
+        That of the data set, from `undamaged_roll`.
 
     Raises
     ------
@@ -174,22 +182,22 @@ def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
         If there is no trial that counts, a session has trials but no manifest, a record is not as it should
         be, or simulated and recorded sessions are mixed; the message names the file, and the line.
     """
-    _require_folder(dataset)
-    _require_manifests(dataset)
+    roll = roll or undamaged_roll(dataset)
     warnings: list[str] = []
-    sessions = []
-    for folder in session_folders(dataset):
-        if task_of(folder / MANIFEST) == task:
-            session, remarks = _read_session(folder, cls)
-            sessions.append(session)
+    sessions, flagged = [], 0
+    for entry in roll.read:
+        if entry.task == task:
+            session, remarks = _read_session(dataset / entry.folder, cls)
+            flagged += session.n_flagged
             warnings += remarks
-    if not any(session.trials for session in sessions):
-        flagged = sum(session.n_flagged for session in sessions)
-        none = f"whose {flagged} trials are all flagged (dropped frames)" if flagged else "without any trial"
-        found = f"{len(sessions)} {none}" if sessions else "no session"
-        raise InputError(
-            f"{dataset}: expected {task} sessions (sub-*/ses-*/{MANIFEST} and {TRIALS}), found {found}"
-        )
+            if session.trials:
+                sessions.append(session)
+                warnings += session.remarks
+            else:
+                left_out = f"{session.n_practice} of practice, {session.n_flagged} flagged (dropped frames)"
+                roll = roll.without(entry.folder, f"it has no trial that counts ({left_out})")
+    if not sessions:
+        raise InputError(_nothing_to_read(dataset, task, roll, flagged))
     files = [session.folder / name for session in sessions for name in (MANIFEST, TRIALS)]
     digests = (f"{path.relative_to(dataset).as_posix()} {sha256_of_file(path)}\n" for path in files)
     return TaskData(
@@ -198,41 +206,21 @@ def load_task(dataset: Path, task: str, cls: type[Trial]) -> TaskData[Trial]:
         simulated=_all_or_none_simulated(sessions, dataset, task),
         sha256=sha256_of_bytes("".join(digests).encode()),
         warnings=tuple(warnings),
+        roll=roll,
     )
 
 
-def has_sessions(dataset: Path, task: str) -> bool:
-    """Return whether a data set holds anything that `load_task` would read or refuse."""
-    trials = dataset.glob(f"sub-*/ses-*/{TRIALS}")
-    if any(not (path.parent / MANIFEST).exists() for path in trials):
-        return True
-    return any(task_of(folder / MANIFEST) == task for folder in session_folders(dataset))
-
-
-def task_of(manifest: Path) -> str:
-    """Return the task that a manifest names, whatever else it holds."""
-    content = read_json(manifest, "the manifest of a session")
-    return str(content.get("task")) if isinstance(content, dict) else "None"
-
-
-def _require_folder(dataset: Path) -> None:
-    """Refuse what is no folder."""
-    if not dataset.is_dir():
-        raise InputError(f"{dataset}: no such folder; expected a data set ({DESCRIPTION}, sub-* folders)")
-
-
-def _require_manifests(dataset: Path) -> None:
-    """Refuse trials without a manifest, which nothing else would read or miss."""
-    for trials in sorted(dataset.glob(f"sub-*/ses-*/{TRIALS}")):
-        if not (trials.parent / MANIFEST).exists():
-            raise InputError(
-                f"{trials.parent}: holds {TRIALS} but no {MANIFEST}; restore the manifest, or move the "
-                "session out of the data set"
-            )
+def _nothing_to_read(dataset: Path, task: str, roll: RollCall, flagged: int) -> str:
+    """Return what a data set has instead of sessions of a task that can be read."""
+    own = sum(entry.task == task for entry in roll.sessions)
+    none = f"whose {flagged} trials are all flagged (dropped frames)" if flagged else "without any trial"
+    found = f"{own} {none}" if own else "no session"
+    why = f"; {roll.warnings[0]}" if roll.warnings else ""
+    return f"{dataset}: expected {task} sessions (sub-*/ses-*/{MANIFEST} and {TRIALS}), found {found}{why}"
 
 
 def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[str]]:
-    """Return a session and what is to be said about it."""
+    """Return a session, and whether its last line was torn."""
     path = folder / MANIFEST
     manifest = record_from_mapping(SessionManifest, read_json(path, "the manifest of a session"), str(path))
     trials, warnings = _read_trials(folder / TRIALS, cls)
@@ -253,7 +241,7 @@ def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[
         n_repeated=sum(trial.usable and trial.attempt > 1 for trial in trials),
         n_flagged=sum(not trial.practice and not trial.usable for trial in trials),
     )
-    return session, warnings + session.remarks
+    return session, warnings
 
 
 def _require_own(trial: AnyTrial, manifest: SessionManifest, path: Path) -> None:

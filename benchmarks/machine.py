@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import platform
-from pathlib import Path
 
+from evenlight.analysis.reproduction.measured_times import processor_name
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.graphics import offscreen_context
 
@@ -13,7 +13,7 @@ from evenlight.stimuli.scenes.graphics import offscreen_context
 def machine() -> dict[str, str]:
     """Return what speed depends on: processor, cores, memory, system, Python, graphics."""
     return {
-        "processor": _processor(),
+        "processor": processor_name(),
         "cores": str(_cores()),
         "memory": _memory(),
         "system": f"{platform.system()} {platform.release().partition('-')[0]}",
@@ -27,16 +27,6 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _processor() -> str:
-    """Return the processor's name."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def _memory() -> str:

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import typer
-from rich.console import Console
 
 from benchmarks.measured import RunSettings, Subject
 from benchmarks.results import measure_all
+from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
 from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.progress import shown_progress
 
 
 def subjects(names: Sequence[str]) -> dict[str, Subject]:
@@ -35,10 +36,12 @@ def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) ->
     quiet : bool
         No progress, no closing lines.
     """
-    console = Console(stderr=True)
-    console.quiet = quiet or not console.is_terminal
-    with results_folder(out) as folder, console.status("measuring") as status:
-        settings = RunSettings(quick, seed, lambda words: status.update(f"measuring: {words}"))
+    with (
+        results_folder(out) as folder,
+        shown_progress(quiet) as progress,
+        marked_figures(QUICK_MARK if quick else ""),
+    ):
+        settings = RunSettings(quick, seed, lambda words: progress.step(f"measuring: {words}"))
         measured = measure_all(subjects(names), settings, folder)
     if quiet:
         return

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.recordings.roll_call import RollCall
 
 MOST_PARTICIPANTS = 1000  # a plan that needs more is no plan
 
@@ -18,10 +19,12 @@ MOST_PARTICIPANTS = 1000  # a plan that needs more is no plan
 class Origin(enum.Enum):
     """Where a number comes from."""
 
-    PUBLISHED = "published"  # printed in the paper, or follows from what is printed
+    PUBLISHED = "published"  # printed in the paper, or a difference or ratio of what is printed
+    AUTHORS = "authors' program"  # not in the paper: from the program that its authors published
     SIMULATED = "simulated"  # from answers of simulated participants
     RECORDED = "recorded"  # from answers of people, or from readings of an instrument
-    COMPUTED = "computed"  # by the model, from a video or a scene, without participants
+    COMPUTED = "computed"  # without participants: by the model, or from printed numbers
+    MEASURED = "measured here"  # a time that the machine took which made the report
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,8 @@ class AnalysisSummary:
         "it does not write",
         default=(),
     )
+    roll: RollCall | None = described("sessions of the data set, those that were not read too", default=None)
+    quick: bool = described("true for a quick run, whose numbers are no result", default=False)
 
     def __post_init__(self) -> None:
         check_limits(self)

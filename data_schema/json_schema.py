@@ -43,13 +43,15 @@ without a default must be there; an unknown key is refused. Numbers are finite: 
 _DATA_SET = """\
 ## Layout of a data set
 
-BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run` and `evenlight simulate`.
+BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run`, `evenlight simulate` and
+`evenlight import`.
 
 | file | what it holds |
 |---|---|
 | `dataset_description.json`, `README` | what the data set is, version of BIDS, provenance |
 | `participants.tsv`, `participants.json` | one row per participant (`sub-01`), and what the columns mean |
-| `sub-XX/ses-YY/manifest.json` | the [session manifest](#session-manifest), written before the first trial |
+| `sub-XX/ses-YY/manifest.json` | the [session manifest](#session-manifest), written before the first trial; \
+of an imported session null for what its file does not tell |
 | `sub-XX/ses-YY/trials.jsonl` | one trial per line, written as it is answered: \
 [ramp](#ramp-trial), [rating](#rating-trial), \
 [comparison](#comparison-trial) or [search trial](#search-trial) |
@@ -65,11 +67,11 @@ BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run
 | `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants |
 
 Between the files: `participant_id` and `session_id` of manifest and trials are those of the folders; each
-`trial_index` is there once; a session of status `complete` has `n_trials` usable trials (neither practice nor
-flagged), but for those that stayed flagged; the table in `beh/` holds the same trials; `participants.tsv`
-lists every `sub-*` folder, and may list participants who have no session yet; each `index` of a sweep's
-readings is there once, and a sweep of status `complete` has `n_readings` of them. `.bidsignore` names the
-files that are not part of BIDS.
+`trial_index` is there once; a session of status `complete` or `imported` has `n_trials` usable trials
+(neither practice nor flagged), but for those that stayed flagged; the table in `beh/` holds the same trials;
+`participants.tsv` lists every `sub-*` folder, and may list participants who have no session yet; each `index`
+of a sweep's readings is there once, and a sweep of status `complete` has `n_readings` of them.
+`.bidsignore` names the files that are not part of BIDS.
 """
 
 

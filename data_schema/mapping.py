@@ -141,6 +141,12 @@ def _hints(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 
+def nullable_fields(cls: type[Any]) -> frozenset[str]:
+    """Return the fields of a record that may be None: not there, or unknown."""
+    kinds = type_hints(cls).items()
+    return frozenset(name for name, kind in kinds if types.NoneType in typing.get_args(kind))
+
+
 def types_in(cls: type[Any], data: object) -> dict[str, Any]:
     """Return the types of a record's fields, those that depend on its content among them."""
     if hasattr(cls, "types_in") and isinstance(data, Mapping):

@@ -127,15 +127,19 @@ def check_limits(record: Any) -> None:
     """
     for field in _limited(record.__class__):
         value = getattr(record, field.name)
-        if value is None:
-            continue
-        if "unit" in field.metadata:
-            _check_quantity(field, value)
-            continue
-        pattern = field.metadata["pattern"]
-        for text in value if isinstance(value, tuple) else (value,):
-            if not re.fullmatch(pattern, text):
-                raise ValueError(f"{file_key(field)} must match {pattern}, got {text!r}")
+        if value is not None:
+            check_value(field, value)
+
+
+def check_value(field: dataclasses.Field[Any], value: Any) -> None:
+    """Raise `ValueError` as `check_limits` does, for the value of one field."""
+    if "unit" in field.metadata:
+        _check_quantity(field, value)
+        return
+    pattern = field.metadata.get("pattern")
+    for text in value if isinstance(value, tuple) else (value,):
+        if pattern and not re.fullmatch(pattern, text):
+            raise ValueError(f"{file_key(field)} must match {pattern}, got {text!r}")
 
 
 @functools.cache

@@ -141,7 +141,7 @@ KINDS = (
     RecordKind(PowerModel, _TOML, "power.toml power_model.toml *.power.toml", "a power sweep, or by hand"),
     RecordKind(ContrastModel, _TOML, "contrast_model.toml *.contrast_model.toml", "a researcher"),
     RecordKind(Rig, _TOML, "rig.toml *.rig.toml", "an experimenter"),
-    RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment"),
+    RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment, or `evenlight import`"),
     *_designs(BUILT_IN_TASKS),
     *_trials(BUILT_IN_TASKS),
     RecordKind(SessionEvent, _LINES, "events.jsonl", "an experiment"),

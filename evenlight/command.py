@@ -25,6 +25,7 @@ from evenlight.analysis import (
 from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
+from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 from evenlight.experiments import play_command, run_command
 from evenlight.experiments import simulate_command as experiment_commands
@@ -85,6 +86,13 @@ def _ramp_design(name_or_path: str) -> RampDesign:
     return load_design(name_or_path)
 
 
+def _display(name_or_path: str) -> Display:
+    """Return a display, of a preset's name or a file."""
+    from evenlight.method.preset_files import load_display
+
+    return load_display(name_or_path)
+
+
 def _fit_sweep(folder: Path) -> list[str]:
     """Write the results of a sweep into its folder, and return what is to be said of them."""
     from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
@@ -119,6 +127,7 @@ app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 app.add_typer(measure_command.measure, name="measure")
 app.command()(bench_command.bench)
 app.command()(validate_command.validate)
+app.command("import")(import_command.import_command(_display))
 app.command()(export_command.export)
 
 

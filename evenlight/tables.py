@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ from evenlight.analysis.ramp_loading import RampData
 from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.mapping import mapping_from_record, nullable_fields, record_from_mapping
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
@@ -35,14 +36,10 @@ if TYPE_CHECKING:
 
 # Columns that statistics do not read, and that another laboratory's table need not have.
 NOT_READ: dict[str, dict[str, Any]] = {
-    "rating": {"repetition": 1, "mean_factor": 1.0},
-    "comparison": {"repetition": 1, "mean_factor": 1.0, "baseline_factor": 1.0},
-    "search": {
-        "ring_place": 1, "ring_azimuth_deg": 0.0, "ring_altitude_deg": 0.0, "ring_gap_arcmin": 1.0,
-        "ring_contrast": 0.0, "shown_contrast": 0.0, "background_luminance_cd_m2": 1.0, "gap_pixels": 1.0,
-        "time_limit_s": 30.0, "ring_orientation_deg": 0, "reported_orientation_deg": None,
-    },
-}  # fmt: skip
+    "rating": {"repetition": 1},
+    "comparison": {"repetition": 1},
+    "search": {"time_limit_s": 30.0},
+}
 LUMINANCE_TOLERANCE = 0.01  # of a measured luminance
 IDENTIFIERS = ("participant_id", "session_id", "sequence", "keypoint")  # text, also where it is a number
 ANSWERS = {True: "yes", False: "no", "1": "yes", "0": "no"}  # True is 1
@@ -104,8 +101,8 @@ class Analysis:
 
     @property
     def lead(self) -> str:
-        """What came out, in a sentence or two."""
-        return self.findings.lead
+        """What came out, in a sentence or two; before it, what is wrong with the answers, if anything is."""
+        return self.findings.cautious_lead
 
     @property
     def statistics(self) -> pd.DataFrame:
@@ -196,10 +193,10 @@ def analyze(
     table : DataFrame, or what pandas makes one of
         One row for each answer. All have `participant_id` (letters and digits) and `sequence`. Ratings:
         `version` ("ours" or "baseline") and `rating`; optional `place_in_pair` (1 if shown before the other
-        version; else the order of rows). Comparisons: `ours_interval` (1 or 2) and `response` ("first" or
-        "second"). Searches: `keypoint`, `version`, `factor` (brightness factor there), `found`,
-        `search_time_s`; optional `time_limit_s` (30), `ring_orientation_deg` and `reported_orientation_deg`.
-        Other columns of `trials.tsv` may be there.
+        version) or `trial_index`, from which it follows; else unknown. Comparisons: `ours_interval` (1 or 2)
+        and `response` ("first" or "second"). Searches: `keypoint`, `version`, `found`, `search_time_s`;
+        optional `factor` (brightness factor there), `time_limit_s` (30), `ring_orientation_deg`,
+        `reported_orientation_deg`. Other columns of `trials.tsv` may be there.
     task : {"rating", "comparison", "search"} or a registered task, optional
         Else the columns tell.
     simulated : bool
@@ -227,8 +224,6 @@ def analyze(
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)
-    if task == "search" and not any("reported_orientation_deg" in row for row in rows):
-        rows = [row | {"reported_orientation_deg": 0 if row.get("found") else None} for row in rows]
     cls, defaults = viewing[task], NOT_READ.get(task, {})
     trials = [_record(cls, row, number, defaults, simulated) for number, row in enumerate(rows)]
     options = AnalysisOptions(seed=seed, margin=margin, slowing=slowing)
@@ -268,7 +263,8 @@ def _record(
         key for key, field in known.items()
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
     }  # fmt: skip
-    filled = {"session_id": "01", "trial_index": number, "response_time_s": None, **defaults}
+    unknown = {key: None for key, field in known.items() if field.name in nullable_fields(cls)}
+    filled = {"session_id": "01", "trial_index": number, **unknown, **defaults}
     values = {key: value for key, value in filled.items() if key in required}
     values |= {key: value for key, value in row.items() if key in known}
     values |= {"simulated": simulated}
@@ -324,12 +320,14 @@ def _task_of(columns: set[str]) -> str:
 
 
 def _with_places(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return ratings with their place in the pair, from the order of rows where it is not given."""
-    seen: dict[tuple[Any, Any], list[Any]] = {}
-    placed = []
-    for row in rows:
-        versions = seen.setdefault((row.get("participant_id"), row.get("sequence")), [])
-        if row.get("version") not in versions:
-            versions.append(row.get("version"))
-        placed.append({"place_in_pair": versions.index(row.get("version")) + 1} | row)
-    return placed
+    """Return ratings with their place in the pair, as `trial_index` tells it; without that it is unknown."""
+    if not all(isinstance(row.get("trial_index"), Real) for row in rows):
+        return rows
+    first: dict[tuple[Any, Any], Any] = {}
+    for row in sorted(rows, key=lambda row: row["trial_index"]):
+        first.setdefault((row.get("participant_id"), row.get("sequence")), row.get("version"))
+    versions = (first[row.get("participant_id"), row.get("sequence")] for row in rows)
+    return [
+        {"place_in_pair": 1 if row.get("version") == version else 2} | row
+        for row, version in zip(rows, versions, strict=True)
+    ]

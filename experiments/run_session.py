@@ -13,6 +13,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS, session_folder
+from evenlight.data_schema.recordings.dataset_writing import enrol
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import (
     TASKS,
@@ -24,7 +25,6 @@ from evenlight.data_schema.recordings.session import (
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
 from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
-from evenlight.experiments.sessions.dataset import enrol
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import Staging, open_stage, smallest_factor
@@ -126,7 +126,7 @@ def run_session(
         display, design, stimuli, seed or kind of participant; if something cannot be shown on the display.
     """
     began = _began(request) if request.resume else None
-    design = began.design if began else request.design or TASKS[request.task].design()
+    design = (began and began.design) or request.design or TASKS[request.task].design()
     stimuli = _stimuli(request, design)
     manifest = began or _new_manifest(request, design, stimuli)
     _refuse_other_than_began(request, manifest, stimuli)
@@ -225,6 +225,8 @@ def _began(request: SessionRequest) -> SessionManifest:
     manifest = read_json_record(SessionManifest, folder / MANIFEST)
     if manifest.task != request.task:
         raise InputError(f"{folder}: this session is of the task {manifest.task!r}, not {request.task!r}")
+    if manifest.status is SessionStatus.IMPORTED:
+        raise InputError(f"{folder}: this session was imported; nothing is resumed, give another --session")
     return manifest
 
 
@@ -238,7 +240,11 @@ def _refuse_other_than_began(
     seed = manifest.provenance.seed
     differing = (
         ("--simulate", manifest.simulated, request.staging.simulated),
-        ("--rig (its display)", manifest.display.fingerprint, request.display.fingerprint),
+        (
+            "--rig (its display)",
+            manifest.display and manifest.display.fingerprint,
+            request.display.fingerprint,
+        ),
         ("--design", manifest.design, request.design or manifest.design),
         ("--rig", manifest.rig and _essence(manifest.rig), _essence(request.rig)),
         ("--seed", seed, seed if request.seed is None else _session_seed(request)),

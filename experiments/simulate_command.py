@@ -10,6 +10,7 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.progress import shown_progress
 
 MAX_PARTICIPANTS = 9999
 
@@ -44,16 +45,11 @@ def simulate(
             f"--stimuli goes with {', '.join(list(TASKS)[1:-1])} and {list(TASKS)[-1]}, which need it; got "
             f"the task {task} {'with' if stimuli else 'without'} it"
         )
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    off = quiet or not console.is_terminal
     simulated = _ramps if stimuli is None else _viewing(task, stimuli)
     run = simulated(participants, seed, display, design)
-    with Progress(console=console, transient=True, disable=off) as progress:
-        bar = progress.add_task("simulating participants", total=participants)
-        run(out, lambda done: progress.update(bar, completed=done))
+    with shown_progress(quiet) as progress:
+        progress.step("simulating participants", participants)
+        run(out, progress.at)
     if not quiet:
         typer.echo(f"{participants} simulated participants in {out}")
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
-    from evenlight.data_schema.frame import Frame
-    from evenlight.stimuli.video.video_source import VideoSource
+    pass
 
 
 def render(
@@ -30,7 +28,8 @@ def render(
     from evenlight.stimuli.video.video_file import write_video
 
     source = built_in_sequence(sequence, size_in(size), duration, fps)
-    with _shown_progress(source, quiet) as frames:
+    with shown_progress(quiet) as progress:
+        frames = counted(progress, source.frames(), f"rendering {source.name}", source.n_frames)
         write_video(out, frames, source.format.frames_per_second, bits=10)
 
 
@@ -42,16 +41,3 @@ def size_in(text: str | None) -> tuple[int, int] | None:
     if match is None:
         raise InputError(f"--size {text}: give width and height in pixels, as 640x360")
     return int(match[1]), int(match[2])
-
-
-@contextmanager
-def _shown_progress(source: VideoSource, quiet: bool) -> Iterator[Iterator[Frame]]:
-    """Yield the frames of a source, with a progress bar on the terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
-        yield iter(
-            progress.track(source.frames(), total=source.n_frames, description=f"rendering {source.name}")
-        )

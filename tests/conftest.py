@@ -1,5 +1,6 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
+import math
 import os
 import shutil
 import signal
@@ -17,6 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from evenlight import command as command_line
+from evenlight import progress
 from evenlight.analysis import figure_style
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance
@@ -221,8 +223,9 @@ def heeded_interruptions() -> None:
 
 
 @pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
-    """Run `evenlight` with some arguments, in this process."""
+def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Run `evenlight` with some arguments, in this process; on a slow machine too it tells no progress."""
+    monkeypatch.setattr(progress, "INTERVAL", math.inf)
 
     def run(*arguments: object) -> Outcome:
         capsys.readouterr()

@@ -200,19 +200,19 @@ def _points(shares: list[Share], numbers: tuple[int, int]) -> list[PlottedPoint]
             points.append(
                 PlottedPoint("shares", f"{100 * level:.0f} % interval", name, None, chosen / answers,
                              x_quantity="sequence", x_unit="1", y_quantity="share of choices of ours",
-                             y_unit="1", origin=Origin.PUBLISHED, low=low, high=high, n=answers)
+                             y_unit="1", origin=Origin.COMPUTED, low=low, high=high, n=answers)
             )  # fmt: skip
     for answers in numbers:
         curve = difference_power(answers, CURVE)
         points += [
             PlottedPoint("power", f"{answers} answers", "", float(x), float(y), x_quantity="true share",
-                         x_unit="1", y_quantity="power", y_unit="1", origin=Origin.PUBLISHED, n=answers)
+                         x_unit="1", y_quantity="power", y_unit="1", origin=Origin.COMPUTED, n=answers)
             for x, y in zip(CURVE, curve, strict=True)
         ]  # fmt: skip
         found = smallest_share_found(answers, POWER)
         points.append(
             PlottedPoint("power", f"80 % power, {answers} answers", "", found, POWER,
                          x_quantity="true share", x_unit="1", y_quantity="power", y_unit="1",
-                         origin=Origin.PUBLISHED, n=answers)
+                         origin=Origin.COMPUTED, n=answers)
         )  # fmt: skip
     return points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 from evenlight.analysis.audit.conventions import (
     CONVENTIONS,
     SCORES,
+    Convention,
+    Digits,
     PrintedMean,
     conventions_that_allow,
-    possible_histograms,
 )
 from evenlight.analysis.audit.rows import ALL, AuditRows, audit_section, between, row
-from evenlight.analysis.audit.table_ratings import OTHER_NUMBERS, VERSIONS, SequenceRatings, printed_cell
+from evenlight.analysis.audit.table_ratings import VERSIONS, SequenceRatings, printed_cell
 from evenlight.analysis.findings import Drawing
 from evenlight.analysis.published import SEQUENCES
 from evenlight.analysis.report import Section, Table
@@ -23,6 +24,8 @@ from evenlight.analysis.wording import in_words, spaced
 from evenlight.data_schema.analysis_results import Statistic
 
 ENUMERATED = "every histogram of ratings from 1 to 5, compared in whole numbers"
+TRIED = range(2, 31)  # numbers of ratings; the paper names 17 people
+ROUNDED = (Digits.ROUNDED,)
 CELLS = tuple((sequence, version) for sequence in SEQUENCES for version in VERSIONS)
 
 
@@ -33,14 +36,28 @@ def distribution_statistics(ratings: Sequence[SequenceRatings]) -> tuple[Statist
         allowed = sum(convention in conventions_that_allow(printed_cell(*cell)) for cell in CELLS)
         what = f"cells allowed: {convention}"
         rows.append(row("conventions", ALL, what, allowed, n=len(CELLS), method=ENUMERATED))
-    for n in OTHER_NUMBERS:
-        cells = [printed_cell(*cell) for cell in CELLS]
-        fitting = sum(len(possible_histograms(PrintedMean(c.mean, c.sem, n))) > 0 for c in cells)
-        method = f"any of the {len(CONVENTIONS)} conventions"
-        rows.append(
-            row("numbers_of_people", ALL, f"cells possible for {n} people", fitting, n=n, method=method)
-        )
-    return tuple(rows)
+    return (*rows, *(s for n in TRIED for s in _rows_of_number(n)))
+
+
+def _rows_of_number(n: int) -> list[Statistic]:
+    """Return which cells so many ratings can be behind, and under how many conventions."""
+    allowed = {cell: len(conventions_of(cell, n)) for cell in CELLS}
+    what, method = f"conventions under which {n} ratings fit", f"of {len(CONVENTIONS)}; {ENUMERATED}"
+    cells = [row("numbers_of_ratings", ", ".join(c), what, k, n=n, method=method) for c, k in allowed.items()]
+    fitting = sum(k > 0 for k in allowed.values())
+    what, method = f"cells possible for {n} people", f"any of the {len(CONVENTIONS)} conventions"
+    return [*cells, row("numbers_of_people", ALL, what, fitting, n=n, method=method)]
+
+
+def conventions_of(cell: tuple[str, str], n: int) -> tuple[Convention, ...]:
+    """Return the conventions under which some n ratings would be printed as a cell of the table."""
+    printed = printed_cell(*cell)
+    return conventions_that_allow(PrintedMean(printed.mean, printed.sem, n))
+
+
+def numbers_that_fit(cell: tuple[str, str], digits: Collection[Digits] = tuple(Digits)) -> set[int]:
+    """Return which numbers of ratings fit a cell, where every digit was treated in one of some ways."""
+    return {n for n in TRIED if any({c.mean, c.sem} <= set(digits) for c in conventions_of(cell, n))}
 
 
 def _cell_rows(ratings: SequenceRatings, version: str) -> list[Statistic]:
@@ -75,18 +92,39 @@ def distribution_section(rows: AuditRows, n: int, drawing: Drawing) -> Section:
     fitting = {s.n: int(s.value or 0) for s in rows.statistics if s.table == "numbers_of_people"}
     allowed = {s.what.partition(": ")[2]: s.value or 0.0 for s in rows.statistics if s.table == "conventions"}
     known = [f"{s}, {v}" for s, v in CELLS if s != "gym"]
+    alone = [cell for cell in CELLS if numbers_that_fit(cell) & set(range(n + 1)) == {n}]
     return audit_section(
         "ratings",
         rows,
-        (_cell_table(rows, n), _convention_table(rows)),
+        (_number_table(), _cell_table(rows, n), _convention_table(rows)),
         (drawing,),
         n=n,
-        people=OTHER_NUMBERS,
+        tried=TRIED,
+        fits_all=[str(people) for people, cells in fitting.items() if cells == len(CELLS)],
         next_best=max(cells for people, cells in fitting.items() if people != n),
+        alone=[f"{spaced(s)}, {v}" for s, v in alone],
+        fewer={c: [str(k) for k in sorted(numbers_that_fit(c)) if k < n] for c in CELLS},
+        rounded={c: [str(k) for k in sorted(numbers_that_fit(c, ROUNDED))] for c in CELLS},
         histograms=[int(rows.number("distributions", g, "distributions that agree")) for g in known],
         cell_count=len(CELLS),
         best=[name for name, cells in allowed.items() if cells == max(allowed.values())],
         printed=printed_cell,
+    )
+
+
+def _number_table() -> Table:
+    """Return the table of the numbers of ratings that fit, cell by cell and all together."""
+    ways = (tuple(Digits), ROUNDED)
+    fitting = [[numbers_that_fit(cell, way) for way in ways] for cell in CELLS]
+    lines = [
+        (in_words(cell[0]), cell[1], *(", ".join(map(str, sorted(numbers))) or "none" for numbers in two))
+        for cell, two in zip(CELLS, fitting, strict=True)
+    ]
+    joint = (", ".join(map(str, sorted(set.intersection(*k)))) or "none" for k in zip(*fitting, strict=True))
+    return Table(
+        f"Numbers of ratings, {TRIED[0]} to {TRIED[-1]}, of which some would be printed like the cell",
+        ("sequence", "version", "n that fit, digits rounded or cut off", "n that fit, digits rounded"),
+        (*lines, ("All cells, one n", "", *joint)),
     )
 
 

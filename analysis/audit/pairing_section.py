@@ -146,6 +146,7 @@ def pairing_section(rows: AuditRows, n: int, drawing: Drawing) -> Section:
         (drawing,),
         main_test=MAIN_TEST.value,
         tests=len(SEQUENCES),
+        pairs=n,
         above=ABOVE,
         below=BELOW,
         largest=LARGEST,

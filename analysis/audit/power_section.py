@@ -47,6 +47,7 @@ READINGS: tuple[tuple[str, str, Callable[[TablePower], float | None]], ...] = (
     ("P(L), of 750 cd/m²", "s", lambda p: p.factor_of_peak),
     ("between the samples, of 750 cd/m²", "^", lambda p: p.factor_of_samples),
 )
+READ_WITH = (Origin.COMPUTED, Origin.AUTHORS, Origin.AUTHORS)  # the paper prints neither samples nor a peak
 
 
 def power_section(rows: AuditRows, drawing: Drawing) -> Section:
@@ -101,7 +102,7 @@ def _factor_table(rows: AuditRows) -> Table:
             lines.append((in_words(sequence), version, printed, *cells))
     return Table(
         "What each printed power stands for: the brightness factor read in three ways, beside the nominal "
-        "one",
+        "one. The peak of 750 cd/m² and the samples are from the authors' program; the paper has neither",
         ("sequence", "version", "printed, W", "L, cd/m²", "nominal", "of Table 3's full", "of 750 cd/m²",
          "between samples", "saved, %"),
         tuple(lines),
@@ -203,15 +204,15 @@ def _draw_line(axes: Axes, powers: tuple[TablePower, ...], em: float) -> None:
 def _points(powers: tuple[TablePower, ...]) -> list[PlottedPoint]:
     """Return everything that is drawn."""
     line = nominal_line()
-    drawn: list[tuple[str, str, str, float | None, float | None]] = [
-        ("factors", f"{power.version}, {name}", power.sequence, None, value)
-        for power in powers
-        if power.version != "full"
-        for name, value in (("nominal", power.nominal_factor), *((n, read(power)) for n, _, read in READINGS))
-    ]
-    drawn += [("powers", p.version, p.sequence, p.nominal_factor, p.power) for p in powers]
+    drawn: list[tuple[str, str, str, float | None, float | None, Origin]] = []
+    for power in (p for p in powers if p.version != "full"):
+        series = ("factors", f"{power.version}, nominal", power.sequence)
+        drawn.append((*series, None, power.nominal_factor, Origin.PUBLISHED))
+        for (name, _, read), origin in zip(READINGS, READ_WITH, strict=True):
+            drawn.append(("factors", f"{power.version}, {name}", power.sequence, None, read(power), origin))
+    drawn += [("powers", p.version, p.sequence, p.nominal_factor, p.power, Origin.PUBLISHED) for p in powers]
     drawn += [
-        ("powers", "line through the baseline's", "", x, y)
+        ("powers", "line through the baseline's", "", x, y, Origin.COMPUTED)
         for x, y in ((0.0, line.base), (1.0, line.at_full))
     ]
     axes = {
@@ -219,6 +220,6 @@ def _points(powers: tuple[TablePower, ...]) -> list[PlottedPoint]:
         "powers": ("nominal brightness factor", "1", "power", "W"),
     }
     return [
-        PlottedPoint(panel, series, label, x, y, *axes[panel], origin=Origin.PUBLISHED)
-        for panel, series, label, x, y in drawn
+        PlottedPoint(panel, series, label, x, y, *axes[panel], origin=origin)
+        for panel, series, label, x, y, origin in drawn
     ]

@@ -12,7 +12,7 @@ import numpy as np
 from evenlight.analysis.audit.rows import ALL, row
 from evenlight.analysis.measurement.sweeps.power_fit import LineFit, fit_line, points_of
 from evenlight.analysis.published import SEQUENCES, published, published_values
-from evenlight.data_schema.analysis_results import Statistic
+from evenlight.data_schema.analysis_results import Origin, Statistic
 
 PRINTED_STEP = 0.001  # [W] of the table
 CURRENT_STEP = 0.01  # [A] of the samples behind P(L)
@@ -166,7 +166,7 @@ def power_statistics() -> tuple[Statistic, ...]:
     bend = "height of the best parabola over its chord, as a share of the power that light adds"
     rows += [
         row("power_model", ALL, what, value, unit=unit, ci_low=ends[0], ci_high=ends[1], interval=0.95, n=n,
-            method=how)
+            method=how, origin=Origin.AUTHORS)
         for what, value, ends, unit in (
             ("slope, refitted", fit.slope, fit.slope_interval, "W m^2/cd"),
             ("base power, refitted", fit.base_power, fit.base_power_interval, "W"),
@@ -174,7 +174,7 @@ def power_statistics() -> tuple[Statistic, ...]:
     ]  # fmt: skip
     rows.append(
         row("power_model", ALL, "bend of the samples against a straight line", fit.bend, p_value=fit.bend_p,
-            n=n, method=bend)
+            n=n, method=bend, origin=Origin.AUTHORS)
     )  # fmt: skip
     through = "straight line through the baseline's powers over their nominal factors"
     for what, value in (
@@ -200,10 +200,11 @@ def _rows_of(power: TablePower) -> list[Statistic]:
     resolution = f"read between the samples, whose current is known to {1000 * CURRENT_STEP:g} mA"
     return [
         *rows,
-        row("power", group, "nominal brightness factor", power.nominal_factor, method="Table 2"),
+        row("power", group, "nominal brightness factor", power.nominal_factor, method="Table 2",
+            origin=Origin.PUBLISHED),
         row("power", group, OF_FULL, power.factor_of_full, method=ON_LINE),
-        row("power", group, OF_PEAK, power.factor_of_peak, method=ON_LINE),
-        row("power", group, OF_SAMPLES, between, method=resolution,
+        row("power", group, OF_PEAK, power.factor_of_peak, method=ON_LINE, origin=Origin.AUTHORS),
+        row("power", group, OF_SAMPLES, between, method=resolution, origin=Origin.AUTHORS,
             flag="" if between is not None else "beyond the samples"),
         row("power", group, "power saved against full brightness", 100 * power.saving, unit="%",
             method="Table 3"),

@@ -104,7 +104,7 @@ def _histogram_points(ratings: Sequence[SequenceRatings]) -> list[PlottedPoint]:
     """Return the people that gave each rating, in every possible distribution."""
     return [
         PlottedPoint(f"{r.sequence}, {version}", f"possibility {number}", "", float(score), float(count),
-                     "rating", "1", "people", "1", Origin.PUBLISHED, n=r.n)
+                     "rating", "1", "people", "1", Origin.COMPUTED, n=r.n)
         for r in ratings
         for version, histograms in (("baseline", r.baseline), ("ours", r.ours))
         for number, histogram in enumerate(histograms, start=1)
@@ -219,6 +219,6 @@ def _range_points(
         drawn += [(r, name, "p, as if unpaired", p) for name, p in zip(names, r.unpaired, strict=True)]
     return [
         PlottedPoint(r.sequence, series, label, None, float(np.sqrt(p.low * p.high)), "test", "1",
-                     "two-sided p", "1", Origin.PUBLISHED, low=p.low, high=p.high, n=r.n)
+                     "two-sided p", "1", Origin.COMPUTED, low=p.low, high=p.high, n=r.n)
         for r, label, series, p in drawn
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The rows of the audit: every number in it follows from published ones, and its text reads them here."""
+"""The rows of the audit: numbers that are printed, or follow from such; its text reads them here."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ ALL = "all"
 
 
 def row(table: str, group: str, what: str, value: float | None, unit: str = "1", **more: Any) -> Statistic:
-    """Return a row of the audit; a pure number, unless `unit` says otherwise."""
-    return Statistic(table, group, what, value, unit, Origin.PUBLISHED, **more)
+    """Return a row of the audit: computed and a pure number, unless `origin` and `unit` say otherwise."""
+    return Statistic(table, group, what, value, unit, **{"origin": Origin.COMPUTED, **more})
 
 
 class AuditRows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from evenlight.analysis.calibration.level_estimates import (
@@ -25,6 +25,8 @@ from evenlight.analysis.calibration.psychometric.signal_detection import (
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, ThresholdFit, fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_thresholds
+from evenlight.analysis.integrity.concern import LEVEL, Concern, ConcernKind, ordered
+from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
@@ -72,6 +74,8 @@ class Calibration:
         How each participant leans to one of two intervals; empty in yes/no.
     procedure : Procedure
         The task whose answers were fitted.
+    concerns : tuple of Concern
+        What is wrong with the trials; the warnings begin with them.
     """
 
     data: RampData
@@ -82,6 +86,7 @@ class Calibration:
     levels: tuple[LevelEstimates, ...] = ()
     interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
     procedure: Procedure = Procedure.YES_NO
+    concerns: tuple[Concern, ...] = ()
 
     def __repr__(self) -> str:
         who, n = len(self.data.participant_ids), len(self.thresholds)
@@ -90,10 +95,7 @@ class Calibration:
     @property
     def participants(self) -> dict[str, ParticipantSummary]:
         """How consistently each participant answered."""
-        own: dict[str, list[ThresholdFit]] = {}
-        for fit in self.thresholds:
-            own.setdefault(fit.threshold.participant_id, []).append(fit)
-        return {who: _participant(fits) for who, fits in own.items()}
+        return _participants(self.thresholds)
 
     @property
     def excluded_participants(self) -> dict[str, str]:
@@ -111,15 +113,18 @@ class Calibration:
         """What a reader of the results should know."""
         asked = self.procedure is Procedure.YES_NO
         catches = (NO_CATCH_TRIALS,) if asked and not self.criteria else ()
-        return (
-            self.data.warnings
+        said = (
+            tuple(concern.words for concern in self.concerns)
+            + self.data.warnings
             + catches
             + false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds))
+            + _without_thresholds(self.data.participant_ids, self.thresholds)
             + _single_levels(self.thresholds)
             + _unsteady(self.participants)
             + _small_samples(self.thresholds)
             + self.rate_limit.notes
         )
+        return tuple(dict.fromkeys(said))
 
 
 def calibrate(
@@ -144,8 +149,12 @@ def calibrate(
         If the thresholds that can be used lie at too few luminances.
     """
     options = options or RateLimitOptions()
+    data, concerns = checked(data)
     trials, procedure = trials_of_one_task(data.trials, options.procedure)
     thresholds = tuple(fit_thresholds_of(trials, report=report))
+    if not data.order_known:
+        thresholds = tuple(fit.without_drift for fit in thresholds)
+    concerns = ordered((*concerns, *_drifts(_participants(thresholds))))
     limit = fit_thresholds([fit.threshold for fit in thresholds], data.display, options, "calibration")
     reference = limit.reference
     if reference is not None:
@@ -165,6 +174,7 @@ def calibrate(
         levels=estimate_levels(thresholds),
         interval_biases=interval_biases(trials),
         procedure=procedure,
+        concerns=concerns,
     )
 
 
@@ -191,6 +201,15 @@ def trials_of_one_task(
     return tuple(trial for trial in trials if trial.procedure is procedure), procedure
 
 
+def _without_thresholds(
+    participant_ids: tuple[str, ...], thresholds: tuple[ThresholdFit, ...]
+) -> tuple[str, ...]:
+    """Return a warning for each participant who has trials, and no ramp to fit."""
+    fitted = {fit.threshold.participant_id for fit in thresholds}
+    why = "catch trials only, or the other task than the one that is fitted"
+    return tuple(f"participant {who} has no threshold: {why}" for who in participant_ids if who not in fitted)
+
+
 def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
     """Return a warning for each participant with thresholds at one level only, among others with more."""
     counts = Counter(fit.threshold.participant_id for fit in thresholds)
@@ -199,6 +218,14 @@ def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
         for who, count in counts.items()
         if count == 1
     )
+
+
+def _participants(thresholds: Iterable[ThresholdFit]) -> dict[str, ParticipantSummary]:
+    """Return how consistently each participant answered."""
+    own: dict[str, list[ThresholdFit]] = {}
+    for fit in thresholds:
+        own.setdefault(fit.threshold.participant_id, []).append(fit)
+    return {who: _participant(fits) for who, fits in own.items()}
 
 
 def _participant(fits: Sequence[ThresholdFit]) -> ParticipantSummary:
@@ -213,15 +240,30 @@ def _participant(fits: Sequence[ThresholdFit]) -> ParticipantSummary:
     )
 
 
+def _drifts(participants: dict[str, ParticipantSummary]) -> tuple[Concern, ...]:
+    """Return whose thresholds moved from the beginning of the trials to their end, beyond chance of any."""
+    level = LEVEL / max(len(participants), 1)
+    return tuple(
+        Concern(ConcernKind.HALVES, _drift_in_words(who, person))
+        for who, person in participants.items()
+        if person.drift_p is not None and person.drift_p < level
+    )
+
+
+def _drift_in_words(who: str, person: ParticipantSummary) -> str:
+    """Return how a participant's thresholds moved."""
+    return (
+        f"participant {who}: thresholds at the end of the trials are {person.drift_ratio:.2f} x those at "
+        f"their beginning (p = {person.drift_p:.2g})"
+    )
+
+
 def _unsteady(participants: dict[str, ParticipantSummary]) -> tuple[str, ...]:
     """Return a warning for each participant whose answers drift or do not follow the functions fitted."""
     warnings = []
     for who, person in participants.items():
         if person.drift_p is not None and person.drift_ratio and person.drift_p < CLEAR_P:
-            warnings.append(
-                f"participant {who}: thresholds at the end of the trials are {person.drift_ratio:.2f} x "
-                f"those at their beginning (p = {person.drift_p:.2g})"
-            )
+            warnings.append(_drift_in_words(who, person))
         if person.deviance_p is not None and person.deviance_p < CLEAR_P:
             warnings.append(
                 f"participant {who}: the answers do not look like those of logistic functions (summed "

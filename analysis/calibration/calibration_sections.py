@@ -98,6 +98,8 @@ def _participant_table(calibration: Calibration) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for who in calibration.data.participant_ids:
         own = [t for t in thresholds if t.participant_id == who]
+        if not own:
+            continue  # a warning of the calibration names them
         used = [t for t in own if t.flag not in UNUSABLE]
         ratios = [
             t.threshold / float(rate_limit_at(fit.limit, t.luminance))

@@ -34,9 +34,10 @@ from evenlight.analysis.calibration.psychometric.psychometric_figure import psyc
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect, condition_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import rate_limit_figure
 from evenlight.analysis.figure_style import PAGE, FigureFormat, short, write_png
+from evenlight.analysis.integrity.concern import cautious
 from evenlight.analysis.report import Report, Section, write_report
 from evenlight.analysis.report_prose import prose
-from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit
@@ -99,10 +100,12 @@ def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
         Its figures by the names of their files.
     """
     calibration, simulated = results.calibration, results.calibration.data.simulated
+    roll = calibration.data.roll
     return Report(
         "Calibration of the rate limit",
         _lead(results),
         (
+            *((roll_section(roll),) if roll else ()),
             calibration_section(calibration, pictures["psychometric.png"]),
             population_section(calibration.levels, simulated),
             rate_limit_section(calibration, pictures["rate_limit.png"], published=False),
@@ -136,7 +139,7 @@ def _lead(results: FitResults) -> str:
         comparison=results.comparison,
         gains=[100 * outcome.gain for outcome in results.comparison.outcomes] if results.comparison else (),
     )
-    return words[0].replace(" %", "\u00a0%")
+    return cautious(results.calibration.concerns, words[0].replace(" %", "\u00a0%"))
 
 
 def _warnings(calibration: Calibration) -> tuple[Section, ...]:
@@ -168,7 +171,7 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
 
 def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, Any]:
     """Return the content of `fit_summary.json`."""
-    curve = calibration.rate_limit
+    curve, roll = calibration.rate_limit, calibration.data.roll
     return {
         "simulated": calibration.data.simulated,
         "n_participants": len(calibration.data.participant_ids),
@@ -196,7 +199,8 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
         "participants": {who: mapping_from_record(p) for who, p in calibration.participants.items()},
         "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
         "interval_biases": {who: mapping_from_record(b) for who, b in calibration.interval_biases.items()},
-        "warnings": list(calibration.warnings),
+        "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],
+        "roll": mapping_from_record(roll) if roll else None,
         "provenance": mapping_from_record(provenance),
     }
 

@@ -69,6 +69,7 @@ def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -
             thresholds_section(calibration),
         ),
         warnings=calibration.warnings,
+        concerns=calibration.concerns,
     )
 
 

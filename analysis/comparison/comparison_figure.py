@@ -92,10 +92,10 @@ def _heading(found: ComparisonResults) -> tuple[str, str]:
     exact = found.pooled.exact is not None or all(
         s.estimate is None or s.estimate.exact for s in found.sequences
     )
-    bars = "mid-p of the binomial" if exact else "by the scatter of participants"
+    bars = "Clopper and Pearson" if exact else "over participants"
     return (
         "Which of the two changed in brightness?",
-        f"{found.people} {who}. Bars: 95 % confidence intervals ({bars}; all answers: by the scatter of "
+        f"{found.people} {who}. Bars: 95 % confidence intervals ({bars}; all answers: over "
         f"participants). Band: 0.5 ± {found.margin:g}, the margin within which a share counts as a coin's.",
     )
 

@@ -120,7 +120,8 @@ def _share_table(found: ComparisonResults) -> Table:
         if share is None:
             rows.append((name, None, None, None, None, None, None, "no answer"))
             continue
-        holm, first = (own.p_holm, own.order.ours_first) if own else (None, None)
+        holm = own.p_holm if own else None
+        first = own.order.ours_first if own and own.order.trials else None
         rows.append((name, *_share_cells(share), p_text(holm), first, share.flag))
     return Table(
         "How often the modulated version was taken for the one that changed, with 95 % confidence intervals. "
@@ -171,7 +172,8 @@ def pooled_section(found: ComparisonResults) -> Section:
     """Return what all answers together show: the model, the order, and guessing."""
     fitted, first = found.model.intercept, found.first
     columns = ("", "count", "share", "95 % CI", "p", "remark")
-    row = ("first of the two chosen", *_share_cells(first), first.flag)
+    cells = (*_share_cells(first), first.flag) if first else (*[None] * 4, found.order.flag)
+    row = ("first of the two chosen", *cells)
     text = section(
         "comparison_pooled",
         (Table("Bias to an interval, whichever version it held.", columns, (row,)),),

@@ -51,7 +51,7 @@ class AnswerLimits:
     answers_equivalent, answers_different : int or None
         How many answers show that with 80 %, and find a share at the margin; None beyond 10 000.
     coverage : (float, float)
-        Lowest and highest coverage of the 95 % mid-p interval, over true shares from 0.2 to 0.8.
+        Lowest and highest coverage of the 95 % interval (Clopper and Pearson), for shares of 0.2 to 0.8.
     """
 
     answers: int
@@ -74,7 +74,7 @@ def answer_limits(answers: int, margin: float) -> AnswerLimits:
     13
     """
     few = int(lower_critical(answers))
-    coverage = interval_coverage(answers, MIDDLE_SHARES, mid_p=True)
+    coverage = interval_coverage(answers, MIDDLE_SHARES, mid_p=False)
     return AnswerLimits(
         answers=answers,
         margin=margin,
@@ -103,8 +103,8 @@ def limit_rows(limits: AnswerLimits) -> tuple[Statistic, ...]:
         (f"power to show a share of 0.5 within ±{margin:g}", limits.equivalence_power, ""),
         ("answers that show it with 80 % power", limits.answers_equivalent, BEYOND),
         (f"answers that find {HALF + margin:g} with 80 % power", limits.answers_different, BEYOND),
-        ("lowest coverage of the mid-p interval for shares of 0.2 to 0.8", limits.coverage[0], ""),
-        ("highest coverage of the mid-p interval for shares of 0.2 to 0.8", limits.coverage[1], ""),
+        ("lowest coverage of the 95 % interval for shares of 0.2 to 0.8", limits.coverage[0], ""),
+        ("highest coverage of the 95 % interval for shares of 0.2 to 0.8", limits.coverage[1], ""),
     )
     return tuple(
         Statistic(

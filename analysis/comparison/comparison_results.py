@@ -34,6 +34,7 @@ from evenlight.analysis.comparison.comparison_shares import (
 from evenlight.analysis.inference.binomial_tests import ALPHA
 from evenlight.analysis.inference.cumulative_link import OrdinalData, OrdinalFit, fit_ordinal
 from evenlight.analysis.inference.exact_tests import holm
+from evenlight.analysis.integrity.version_order import confounded_order
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few, spaced
 from evenlight.data_schema.errors import InputError
@@ -54,19 +55,27 @@ class IntervalOrder:
     ----------
     ours_first, trials : int
         How often, of how many.
+    unknown : int
+        Trials beside them of which it is not known.
     """
 
     ours_first: int
     trials: int
+    unknown: int = 0
 
     @property
     def constant(self) -> bool:
-        """Whether ours came always in the same interval."""
-        return self.trials > 0 and self.ours_first in (0, self.trials)
+        """Whether ours came always in the same interval, as far as that is known."""
+        return self.trials + self.unknown > 0 and self.ours_first in (0, self.trials)
 
     @property
     def flag(self) -> str:
         """What the order makes of a share; empty where both orders are frequent enough."""
+        if self.unknown:
+            return (
+                f"the interval of ours is unknown in {self.unknown} of {self.trials + self.unknown} "
+                "trials: its choice cannot be told from a leaning to one interval"
+            )
         rarer = min(self.ours_first, self.trials - self.ours_first)
         if rarer >= RARE * self.trials:
             return ""
@@ -80,8 +89,9 @@ class IntervalOrder:
 
 def order_of(trials: Iterable[ComparisonTrial]) -> IntervalOrder:
     """Return how often ours came first."""
-    intervals = [trial.ours_interval for trial in trials]
-    return IntervalOrder(sum(interval == OURS_FIRST for interval in intervals), len(intervals))
+    intervals = [None if trial.response is None else trial.ours_interval for trial in trials]
+    first, unknown = intervals.count(OURS_FIRST), intervals.count(None)
+    return IntervalOrder(first, len(intervals) - unknown, unknown)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +129,10 @@ class ComparisonResults:
         Within which a share counts as equivalent to one half.
     sequences : tuple of SequenceShare
         In the order of the design.
-    pooled, first : ShareEstimate
-        Of all answers: share of the modulated version, and of the first of the two.
+    pooled : ShareEstimate
+        Of all answers: share of the modulated version.
+    first : ShareEstimate or None
+        Of all answers whose order is known: share of the first of the two; None without any.
     differences : SequenceDifferences or None
         Between sequences; None for a single one.
     consistency : Consistency or None
@@ -137,7 +149,7 @@ class ComparisonResults:
     margin: float
     sequences: tuple[SequenceShare, ...]
     pooled: ShareEstimate
-    first: ShareEstimate
+    first: ShareEstimate | None
     differences: SequenceDifferences | None
     consistency: Consistency | None
     order: IntervalOrder
@@ -182,17 +194,20 @@ def compare(data: TaskData[ComparisonTrial], seed: int, margin: float) -> Compar
     names = sequences_in(data)
     answered = [name for name in names if any(trial.sequence == name for trial in trials)]
     sequences, order = _sequence_shares(trials, names, margin), order_of(trials)
+    ordered = [trial for trial in trials if trial.response is not None]
     return ComparisonResults(
         data=data,
         margin=margin,
         sequences=sequences,
         pooled=_flagged(estimate_share(count_choices(trials), margin), order),
-        first=_flagged(estimate_share(count_choices(trials, chose_first), margin), order),
+        first=_flagged(estimate_share(count_choices(ordered, chose_first), margin), order)
+        if ordered
+        else None,
         differences=sequence_differences(trials, answered, np.random.default_rng(seed)),
         consistency=consistency_of(count_choices(trials)),
         order=order,
         model=choice_model(trials),
-        warnings=(*data.warnings, *_warnings(trials, names), *_order_warnings(sequences, order)),
+        warnings=(*data.warnings, *_warnings(trials, names), *_order_warnings(data, sequences, order)),
     )
 
 
@@ -219,10 +234,18 @@ def _flagged(share: ShareEstimate, order: IntervalOrder) -> ShareEstimate:
     return dataclasses.replace(share, flag="; ".join(flags))
 
 
-def _order_warnings(sequences: Sequence[SequenceShare], order: IntervalOrder) -> tuple[str, ...]:
-    """Return where ours came always, or nearly always, in the same interval."""
+def _order_warnings(
+    data: TaskData[ComparisonTrial], sequences: Sequence[SequenceShare], order: IntervalOrder
+) -> tuple[str, ...]:
+    """Return where ours came always, or nearly always, in the same interval; what the gate says is said."""
+    if confounded_order(data):
+        return ()
     over_all = [f"over all sequences {order.flag}"] if order.flag else []
-    own = [f"comparison of {spaced(s.name)}: {s.order.flag}" for s in sequences if s.order.flag]
+    own = [
+        f"comparison of {spaced(s.name)}: {s.order.flag}"
+        for s in sequences
+        if s.order.flag and not s.order.unknown
+    ]
     return (*over_all, *own)
 
 
@@ -260,7 +283,8 @@ def choice_model(trials: Sequence[ComparisonTrial]) -> OrdinalFit:
     trials : sequence of ComparisonTrial
         All of them, at least one.
     """
-    order = np.array([[1.0 if trial.ours_interval == OURS_FIRST else -1.0] for trial in trials])
+    leaning = {OURS_FIRST: 1.0, None: 0.0}
+    order = np.array([[leaning.get(trial.ours_interval, -1.0)] for trial in trials])
     known = np.ptp(order) > 0
     who = sorted({trial.participant_id for trial in trials})
     place = {name: k for k, name in enumerate(who)}

@@ -17,26 +17,27 @@ from scipy import special
 from evenlight.analysis.inference.binomial_tests import (
     ALPHA,
     HALF,
-    LEVEL,
     BinomialInference,
     Interval,
     clopper_pearson,
     infer_share,
 )
+from evenlight.analysis.inference.clustered_shares import clustered_interval
+from evenlight.analysis.inference.exact_intervals import joined, sign_flip_interval
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.ramp import Response
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
-EXACT = "two-sided exact binomial test of 0.5; mid-p interval"
+EXACT = "two-sided exact binomial test of 0.5; interval of Clopper and Pearson"
 CLUSTERED = (
-    "n: participants, whose answers go together: exact sign-flip test; interval of the share by their "
-    "scatter, but no less than that of independent answers, Student's t"
+    "n: participants, whose answers go together: exact sign-flip test; interval: shares that it does not "
+    "reject, joined with Clopper and Pearson's at the effective number of answers (Korn & Graubard 1998)"
 )
-ONE_WAY = "n: participants, each counted as one answer: exact binomial, mid-p interval; exact sign-flip test"
+ONE_WAY = "n: participants, each counted as one answer: exact binomial test, interval of Clopper and Pearson"
 ONE_PERSON = "one participant: says nothing about other people"
-ALL_ALIKE = "all participants have the same share: their scatter gives no interval"
+TOO_FEW = "fewer than 6 participants: the exact test rejects no share"
 ALL_ONE_WAY = "every answer was the same: exact interval with participants as the sample"
 OURS_FIRST = 1  # interval
 
@@ -174,7 +175,7 @@ def estimate_share(choices: Choices, margin: float) -> ShareEstimate:
         found = infer_share(int(choices.chosen.sum()), choices.total, margin)
         return ShareEstimate(
             choices=choices,
-            interval=found.mid_p,
+            interval=found.clopper_pearson,
             narrow=clopper_pearson(found.chosen, found.answers, 1 - 2 * ALPHA),
             p_value=found.p_value,
             margin=margin,
@@ -185,18 +186,22 @@ def estimate_share(choices: Choices, margin: float) -> ShareEstimate:
         )
     p_value = sign_flip_test(choices.scores).p_value
     scatter = standard_error(choices)
-    if scatter is None or scatter == 0:
-        return _without_scatter(choices, margin, p_value, alone)
+    if scatter is None:
+        return ShareEstimate(choices, None, None, p_value, margin, None, CLUSTERED, alone, None)
     error = max(scatter, float(independent_error(choices.share, choices.total)))
+    if error == 0:
+        return _all_one_way(choices, margin, p_value)
+    exact = sign_flip_interval(choices.chosen, choices.answers, HALF)
+    inside = max(0.0, exact[0]), min(1.0, exact[1])
     return ShareEstimate(
         choices=choices,
-        interval=_t_interval(choices, error, LEVEL),
-        narrow=_t_interval(choices, error, 1 - 2 * ALPHA),
+        interval=joined(inside, clustered_interval(choices.chosen, choices.answers), HALF),
+        narrow=_narrow_interval(choices, error),
         p_value=p_value,
         margin=margin,
         equivalence_p=float(equivalence_p(choices.share - HALF, error, len(choices.participants), margin)),
         method=CLUSTERED,
-        flag="",
+        flag=TOO_FEW if math.isinf(exact[0]) else "",
         exact=None,
     )
 
@@ -228,10 +233,9 @@ def independent_error(share: ArrayLike, answers: int) -> Array:
     return np.asarray(np.sqrt(shares * (1 - shares) / answers))
 
 
-def _t_interval(choices: Choices, error: float, level: float) -> Interval:
-    """Return the interval of Student's t, within [0, 1]."""
-    degrees = len(choices.participants) - 1
-    half = float(special.stdtrit(degrees, (1 + level) / 2)) * error
+def _narrow_interval(choices: Choices, error: float) -> Interval:
+    """Return the 90 % interval of Student's t, within [0, 1], which decides equivalence."""
+    half = float(special.stdtrit(len(choices.participants) - 1, 1 - ALPHA)) * error
     return max(0.0, choices.share - half), min(1.0, choices.share + half)
 
 
@@ -252,16 +256,13 @@ def equivalence_p(distance: ArrayLike, error: ArrayLike, people: int, margin: fl
     return np.asarray(special.stdtr(people - 1, -t))
 
 
-def _without_scatter(choices: Choices, margin: float, p_value: float, alone: str) -> ShareEstimate:
-    """Return the share of participants who do not differ: no standard error, hence no t.
+def _all_one_way(choices: Choices, margin: float, p_value: float) -> ShareEstimate:
+    """Return the share of answers that were all the same: each participant counts as one answer.
 
-    If all answers were the same, each participant counts as one answer: answers that go together entirely.
+    Answers that go together entirely are the worst case; the exact test of them is the sign-flip test's.
     """
     people = len(choices.participants)
-    if choices.share in (0.0, 1.0) and not alone:
-        found = infer_share(round(choices.share) * people, people, margin)
-        narrow = clopper_pearson(found.chosen, people, 1 - 2 * ALPHA)
-        return ShareEstimate(
-            choices, found.mid_p, narrow, p_value, margin, found.equivalence_p, ONE_WAY, ALL_ONE_WAY, None
-        )
-    return ShareEstimate(choices, None, None, p_value, margin, None, CLUSTERED, alone or ALL_ALIKE, None)
+    found = infer_share(round(choices.share) * people, people, margin)
+    narrow = clopper_pearson(found.chosen, people, 1 - 2 * ALPHA)
+    ends, equal = found.clopper_pearson, found.equivalence_p
+    return ShareEstimate(choices, ends, narrow, p_value, margin, equal, ONE_WAY, ALL_ONE_WAY, None)

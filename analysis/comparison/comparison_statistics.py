@@ -76,10 +76,10 @@ def _share_rows(
                   n=n, method="farther end of the 90 % interval", flag=share.flag),
     ]  # fmt: skip
     if exact is not None:
-        ends = exact.clopper_pearson
+        ends = exact.mid_p
         rows.append(
-            Statistic("shares", group, "ours chosen, interval of Clopper and Pearson", value, "1", origin,
-                      ends[0], ends[1], LEVEL, None, None, n, "holds the true share at least so often",
+            Statistic("shares", group, "ours chosen, mid-p interval", value, "1", origin,
+                      ends[0], ends[1], LEVEL, None, None, n, "holds the true share so often on average",
                       share.flag)
         )  # fmt: skip
     why = "" if exact else DEPENDENT
@@ -107,6 +107,10 @@ def _mid_p_row(found: ComparisonResults, origin: Origin) -> Statistic:
 def _first_row(found: ComparisonResults, origin: Origin) -> Statistic:
     """Return how often the first of the two was chosen."""
     first = found.first
+    if first is None:
+        return Statistic(
+            "order", "all", "first of the two chosen", None, "1", origin, n=0, flag=found.order.flag
+        )
     low, high = first.interval or (None, None)
     return Statistic(
         "order", "all", "first of the two chosen", first.choices.share, "1", origin, low, high,

@@ -108,8 +108,10 @@ def exact_p(chosen: int, answers: int) -> float:
     return float(stats.binomtest(chosen, answers, HALF).pvalue)
 
 
-def clopper_pearson(chosen: int, answers: int, level: float = LEVEL) -> Interval:
+def clopper_pearson(chosen: float, answers: float, level: float = LEVEL) -> Interval:
     """Return the interval of Clopper and Pearson (1934): all p that neither one-sided exact test rejects.
+
+    With an effective number of answers neither number need be whole.
 
     >>> low, high = clopper_pearson(0, 1)
     >>> low, round(high, 9)  # 1 - high = 2.5 %

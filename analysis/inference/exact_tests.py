@@ -219,17 +219,19 @@ def subset_sum_probabilities(weights: Integers) -> Array:
     return probabilities
 
 
-def subset_counts(scores: Integers) -> tuple[Array, int]:
+def subset_counts(scores: Integers, sizes: Integers | None = None) -> tuple[Array, int]:
     """Return how many subsets of some whole numbers have each size and sum.
 
     Parameters
     ----------
     scores : array of int, (n,)
         Of either sign.
+    sizes : array of int, (n,), optional
+        What each adds to the size of a subset, at least 1; without it 1.
 
     Returns
     -------
-    array, (n + 1, sums)
+    array, (total size + 1, sums)
         Number of subsets by size and by sum; exact up to 2^53, then to 16 digits.
     int
         The sum of the first column: that of all scores below 0.
@@ -239,12 +241,13 @@ def subset_counts(scores: Integers) -> tuple[Array, int]:
     (-1, [[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0]])
     """
     lowest, highest = int(scores[scores < 0].sum()), int(scores[scores > 0].sum())
-    counts = np.zeros((scores.size + 1, highest - lowest + 1))
+    each = np.ones_like(scores) if sizes is None else sizes
+    counts = np.zeros((int(each.sum()) + 1, highest - lowest + 1))
     counts[0, -lowest] = 1.0
-    for score in scores:
+    for score, size in zip(scores, each, strict=True):
         # Nothing is rolled over the edge: the columns reach from the sum of all scores below 0 to that of all
         # above, and hold every sum on the way.
-        counts[1:] += np.roll(counts[:-1], int(score), axis=1)
+        counts[size:] += np.roll(counts[:-size], int(score), axis=1)
     return counts, lowest
 
 

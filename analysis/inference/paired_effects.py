@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, special
 
-from evenlight.data_schema.arrays import Array
+from evenlight.analysis.inference.exact_intervals import joined, shared_interval, sign_flip_interval
+from evenlight.data_schema.arrays import Array, Integers
 
 LEVEL = 0.95
 LARGE_D_Z = 1.5  # beyond it 17 ratings 1 to 5 do not tell their own spread: coverage below 92 % is met
@@ -66,6 +67,32 @@ def mean_difference(differences: ArrayLike, step: float = 1.0) -> Effect:
         return Effect(mean, flag="one pair: no interval")
     half = _t_quantile(n) * _adjusted_sd(values, step) / math.sqrt(n)
     return Effect(mean, mean - half, mean + half, _alike(values))
+
+
+def exact_mean_difference(scores: Integers, step: float) -> Effect:
+    """Return the mean difference with an interval that excludes 0 exactly where `sign_flip_test` has p < 5 %.
+
+    It holds all differences that the sign-flip test does not reject, and those of `mean_difference`: where
+    nearly all pairs are alike, the former would hold them alone.
+
+    Parameters
+    ----------
+    scores : array of int, (n,)
+        Differences in steps.
+    step : float
+        As in `mean_difference`.
+
+    >>> effect = exact_mean_difference(np.array([1, 2, 3, 4, 5, 6]), 1.0)
+    >>> effect.ci_low, round(effect.ci_high, 2)
+    (1.0, 6.0)
+    """
+    effect = mean_difference(step * scores, step)
+    if effect.ci_low is None or effect.ci_high is None:
+        return effect
+    low, high = sign_flip_interval(scores)
+    return Effect(
+        effect.value, *joined((step * low, step * high), (effect.ci_low, effect.ci_high)), effect.flag
+    )
 
 
 def within(effect: Effect, lowest: float, highest: float) -> Effect:
@@ -159,7 +186,7 @@ def superiority(differences: ArrayLike) -> Effect:
     """Return P(better) + ½ P(alike), the probability that a participant's first of a pair is the better one.
 
     0.5 is no effect. Interval: the score interval of a paired difference of shares, P(better) - P(worse),
-    by Tango (1998), moved from [-1, 1] to [0, 1].
+    by Tango (1998), joined with that of the sign test, moved from [-1, 1] to [0, 1].
 
     Parameters
     ----------
@@ -171,7 +198,8 @@ def superiority(differences: ArrayLike) -> Effect:
     """
     values = np.asarray(differences, dtype=np.float64)
     better, worse = int(np.sum(values > 0)), int(np.sum(values < 0))
-    low, high = _tango_interval(better, worse, values.size)
+    by_signs = shared_interval(better, worse, values.size)
+    low, high = joined(by_signs, _tango_interval(better, worse, values.size))
     flag = "all pairs alike" if better == worse == 0 else ""
     return Effect(0.5 + (better - worse) / (2 * values.size), (1 + low) / 2, (1 + high) / 2, flag)
 

@@ -8,6 +8,7 @@ from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.paired_effects import Effect
+from evenlight.analysis.integrity.version_order import confounded_order
 from evenlight.analysis.rating.rating_figure import rating_figure, rating_points
 from evenlight.analysis.rating.rating_order import ContrastTest
 from evenlight.analysis.rating.rating_pairs import ALL
@@ -31,7 +32,7 @@ def rating_findings(data: TaskData[RatingTrial], seed: int = 1) -> Findings:
     seed : int
         Of the permutations, and of the experiments that are drawn for the smallest difference.
     """
-    results = rating_results(data, seed)
+    results, confound = rating_results(data, seed), confounded_order(data)
     caption = (
         f"Detail ratings of {results.people}: how often each rating was given to each version, and how the "
         "two differ for the same people (left of 0 the baseline is rated higher). Means with 95 % confidence "
@@ -40,10 +41,10 @@ def rating_findings(data: TaskData[RatingTrial], seed: int = 1) -> Findings:
     drawing = Drawing("rating", png_bytes(rating_figure(results)), caption, rating_points(results))
     return Findings(
         name="rating",
-        lead=lead_of(results),
+        lead=lead_of(results, confound),
         statistics=rating_statistics(results),
         drawings=(drawing,),
-        sections=rating_sections(results, drawing.picture),
+        sections=rating_sections(results, drawing.picture, confound),
         warnings=(*data.warnings, *_warnings(results)),
     )
 
@@ -65,19 +66,24 @@ def _warnings(results: RatingResults) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def lead_of(results: RatingResults) -> str:
-    """Return what came out, in a sentence or two."""
+def lead_of(results: RatingResults, confound: str = "") -> str:
+    """Return what came out, in a sentence or two, and whether it may be the order of the versions."""
     tested = any(p is not None for p in results.adjusted)
     different = len(results.different) if tested else None
-    values = {"overall": results.overall, "rated": len(results.rated), "different": different}
+    values = {
+        "overall": results.overall,
+        "rated": len(results.rated),
+        "different": different,
+        "confound": confound,
+    }
     return prose("rating_lead", results=results, **values)[0]
 
 
-def rating_sections(results: RatingResults, picture: Picture) -> tuple[Section, ...]:
+def rating_sections(results: RatingResults, picture: Picture, confound: str = "") -> tuple[Section, ...]:
     """Return the sections, in the order in which they are read."""
     sections = (
         _versions_section(results, picture),
-        _effects_section(results),
+        _effects_section(results, confound),
         _model_section(results),
         _order_section(results),
     )
@@ -113,7 +119,7 @@ def _versions_section(results: RatingResults, picture: Picture) -> Section:
     )
 
 
-def _effects_section(results: RatingResults) -> Section:
+def _effects_section(results: RatingResults, confound: str) -> Section:
     """Return which sequences differ, by how much, and what so many ratings can show."""
     limits = [result.smallest for result in results.pairs if result.smallest is not None]
     overall = results.overall.smallest if len(results.pairs) > 1 else None
@@ -121,6 +127,7 @@ def _effects_section(results: RatingResults) -> Section:
         "rating_effects",
         (_effects_table(results), _tests_table(results)),
         different=[in_words(name) for name in results.different],
+        confound=confound,
         reach=list(dict.fromkeys(_two_digits(end) for end in (min(limits), max(limits)))) if limits else [],
         overall=_two_digits(overall),
         why_none=list(dict.fromkeys(result.why_no_smallest for result in results.pairs)),

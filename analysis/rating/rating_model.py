@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -17,6 +17,7 @@ from evenlight.analysis.inference.cumulative_link import (
     shown_effect,
 )
 from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.rating.rating_order import NO_PAIR
 from evenlight.analysis.rating.rating_pairs import PairedRatings
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
 
@@ -100,7 +101,19 @@ def rating_model(trials: Sequence[RatingTrial], sequences: Sequence[str]) -> Rat
     """
     fit = fit_ordinal(ordinal_data(trials, sequences, slope_column=0), profiled=(VERSION, PLACE))
     alike = fit_ordinal(ordinal_data(trials, sequences), profiled=(VERSION,))
-    return RatingModel(fit, alike, _interaction(trials, sequences, fit))
+    interaction = _interaction(trials, sequences, fit)
+    if all(trial.place_in_pair is None for trial in trials):
+        fit, alike = _without_place(fit), _without_place(alike)
+    return RatingModel(fit, alike, interaction)
+
+
+def _without_place(fit: OrdinalFit) -> OrdinalFit:
+    """Return a fit that says of the effect of the place why it has none: nobody knows the order."""
+    version, place, *others = fit.effects
+    effects = (version, replace(place, flag=NO_PAIR), *others)
+    lost = any(effect.flag == FitFlag.NOT_ESTIMABLE.value for effect in effects)
+    flags = tuple(flag for flag in fit.flags if lost or flag is not FitFlag.NOT_ESTIMABLE)
+    return replace(fit, effects=effects, flags=flags)
 
 
 def ordinal_data(
@@ -124,7 +137,7 @@ def ordinal_data(
     """
     who = {name: number for number, name in enumerate(dict.fromkeys(t.participant_id for t in trials))}
     version = np.array([0.5 if t.version is Version.OURS else -0.5 for t in trials])
-    place = np.array([t.place_in_pair - 1.5 for t in trials])
+    place = np.array([0.0 if t.place_in_pair is None else t.place_in_pair - 1.5 for t in trials])
     dummies = [np.array([float(t.sequence == name) for t in trials]) for name in sequences[1:]]
     products = [version * (dummy - 1 / len(sequences)) for dummy in dummies] if interaction else []
     names = (VERSION, PLACE, *sequences[1:], *(f"{VERSION} x {s}" for s in sequences[1:] if interaction))

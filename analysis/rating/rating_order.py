@@ -27,7 +27,7 @@ from evenlight.analysis.rating.rating_pairs import common_denominator, whole_sco
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
-NO_PAIR = "nobody has rated both versions one after the other"
+NO_PAIR = "nobody has rated both versions in an order that is known"
 PERMUTATIONS = 9999
 SAME_ORDER = "nobody saw both orders"
 ONE_PERSON = "one participant: the order cannot be told from what the versions do in single sequences"
@@ -116,7 +116,7 @@ def ordered_pairs(trials: Iterable[RatingTrial]) -> tuple[OrderedPair, ...]:
         found.setdefault(key, {})[trial.version] = trial
     pairs = []
     for (who, _, sequence, _), own in found.items():
-        if len(own) == 2 and len({trial.place_in_pair for trial in own.values()}) == 2:
+        if {trial.place_in_pair for trial in own.values()} == {1, 2}:
             ours, baseline = own[Version.OURS], own[Version.BASELINE]
             pairs.append(
                 OrderedPair(
@@ -257,7 +257,7 @@ def _contrast_table(seen: SeenOrders, values: Sequence[Fraction]) -> _ContrastTa
 def _cannot(table: _ContrastTable) -> str:
     """Return why there is no effect of the order; empty if there may be one."""
     if not table.values.size:
-        return SAME_ORDER
+        return NO_PAIR
     if not any(np.ptp(row[~np.isnan(row)]) > 0 for row in table.orders):
         return SAME_ORDER
     return ONE_PERSON if len(table.orders) == 1 else ""

@@ -16,7 +16,7 @@ from evenlight.analysis.inference.exact_tests import (
 )
 from evenlight.analysis.inference.paired_effects import (
     Effect,
-    mean_difference,
+    exact_mean_difference,
     rank_biserial,
     standardized_difference,
     superiority,
@@ -214,7 +214,7 @@ def pair_result(pairs: PairedRatings, rng: np.random.Generator) -> PairResult:
     spread = DifferenceSpread(values.size, float(values.std(ddof=1)) if several else 0.0, step)
     return PairResult(
         pairs=pairs,
-        mean=within(mean_difference(values, step), -LARGEST, LARGEST),
+        mean=within(exact_mean_difference(scores, step), -LARGEST, LARGEST),
         d_z=standardized_difference(values, step),
         superiority=superiority(values),
         rank_biserial=rank_biserial(values, step),

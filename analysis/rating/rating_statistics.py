@@ -23,6 +23,7 @@ from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATI
 POINTS = "rating points"
 ADJUSTED_T = "Student's t with two pseudo pairs (after Agresti & Min 2005)"
 SIGN_FLIP = "exact sign-flip test of the mean difference"
+MAY_DISAGREE = "another method than that of p: they may disagree"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,28 +144,30 @@ TESTED_EFFECTS = (
     TestedEffect(
         "mean difference",
         POINTS,
-        f"primary: {SIGN_FLIP}, Holm over the sequences; interval: {ADJUSTED_T}",
+        f"primary: {SIGN_FLIP}, Holm over the sequences; interval: what it does not reject, joined with "
+        f"{ADJUSTED_T}",
         lambda result: result.mean,
         lambda result: result.flip,
     ),
     TestedEffect(
         "mean difference, mid-p",
         POINTS,
-        f"for comparison: {SIGN_FLIP} with mid-p (Lancaster 1961); interval: {ADJUSTED_T}",
-        lambda result: result.mean,
+        f"for comparison: {SIGN_FLIP} with mid-p (Lancaster 1961)",
+        lambda result: Effect(result.mean.value, flag=result.mean.flag),
         lambda result: result.flip_mid_p,
     ),
     TestedEffect(
-        "rank-biserial correlation",
+        "signed-rank sum",
         "1",
-        "for comparison: exact signed-rank test, zeros ranked; interval: U-statistic with two pseudo pairs",
-        lambda result: result.rank_biserial,
+        "for comparison: exact signed-rank test, zeros ranked (Pratt)",
+        lambda result: Effect(None if result.ranks is None else result.ranks.statistic),
         lambda result: result.ranks,
     ),
     TestedEffect(
         "probability of superiority",
         "1",
-        "for comparison: exact sign test; interval: score (Tango 1998), ties count one half",
+        "for comparison: exact sign test; interval: what it does not reject, joined with the score interval "
+        "(Tango 1998); ties count one half",
         lambda result: result.superiority,
         lambda result: result.signs,
     ),
@@ -192,6 +195,9 @@ def _untested_rows(result: PairResult, origin: Origin) -> Iterator[Statistic]:
     row = StatisticRow("differences", group, "Cohen's d_z, ours less baseline", "1",
               "mean over SD (n - 1) of the differences; interval: noncentral t")  # fmt: skip
     yield statistic(row, result.d_z, n, origin)
+    row = StatisticRow("differences", group, "rank-biserial correlation, ours less baseline", "1",
+              "signed ranks over all ranks; interval: U-statistic with two pseudo pairs")  # fmt: skip
+    yield statistic(row, result.rank_biserial, n, origin)
     row = StatisticRow("differences", group, "signed-rank sum, zeros dropped", "1",
               "for comparison: exact signed-rank test, zeros dropped (Wilcoxon); p not adjusted")  # fmt: skip
     effect = Effect(None, flag=result.caution) if dropped is None else Effect(dropped.statistic)
@@ -275,7 +281,7 @@ def order_rows(order: OrderEffects, origin: Origin) -> Iterator[Statistic]:
     """Return the effects of the order."""
     within = (
         f"beside people and sequences; {PERMUTATIONS} permutations of the orders among participants; "
-        f"interval: {ADJUSTED_T}"
+        f"interval: {ADJUSTED_T} ({MAY_DISAGREE})"
     )
     wanted = {
         "shown second less shown first": order.place,
@@ -285,7 +291,10 @@ def order_rows(order: OrderEffects, origin: Origin) -> Iterator[Statistic]:
         row = StatisticRow("order", "all", what, POINTS, within)
         yield statistic(row, test.effect, test.n, origin, test.p_value)
     adjusted = holm([test.p_value for test in order.by_sequence.values()])
-    between = "exact permutation test between the two orders; interval: Welch's t with pseudo answers"
+    between = (
+        "exact permutation test between the two orders; interval: Welch's t with pseudo answers "
+        f"({MAY_DISAGREE})"
+    )
     for (name, test), p_adjusted in zip(order.by_sequence.items(), adjusted, strict=True):
         row = StatisticRow("order", name, "ours less baseline, ours first less ours second", POINTS, between)
         yield statistic(row, test.effect, test.n, origin, test.p_value, p_adjusted)

@@ -243,7 +243,7 @@ def slope_findings(calibration: Findings, limit: RateLimit) -> Findings:
         low, high = _band(limit, luminance)
         rows += [
             Statistic(
-                "slopes", group, "slope at threshold", rate, "cd/m^2/s", Origin.PUBLISHED, method=place
+                "slopes", group, "slope at threshold", rate, "cd/m^2/s", Origin.AUTHORS, method=place
             ),
             Statistic(
                 "slopes", group, "rate limit", ours, "cd/m^2/s", origin, low, high,

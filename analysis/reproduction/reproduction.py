@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
 from evenlight.analysis.reproduction.adaptation_lag import AdaptationInput, LuminanceMaps, adaptation_input
-from evenlight.analysis.session_loading import tasks_in
+from evenlight.analysis.session_loading import undamaged_roll
 from evenlight.analysis.tracks.frame_samples import FrameSamples, Image, thumbnails_of
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_results import run_optimization
@@ -48,6 +48,7 @@ PUBLISHED_LIMIT = "surace2025"
 VIEWING_TASKS = ("rating", "comparison", "search")
 PIPELINE = "pipeline"  # folder of what the pipeline makes on its way
 STIMULI, DATA, CALIBRATION = "stimuli", "data", "calibration"
+STEPS = 2 + len(BUDGETS) + len(EXAMPLES) + len(VIEWING_TASKS)  # the calibration, and the walk
 
 
 class DatasetSimulator(Protocol):
@@ -75,6 +76,8 @@ class ReproductionPlan:
         Recorded data, which take the place of simulated ones task by task.
     display : str
         Name or file of the display, where no recorded calibration says which it is.
+    quick : bool
+        Whether it is less than a reproduction takes, only to see that it runs.
     """
 
     seed: int = 1
@@ -85,6 +88,7 @@ class ReproductionPlan:
     walk_frames_per_second: float = 5.0
     data: Path | None = None
     display: str = "varjo-xr3"
+    quick: bool = False
 
     def __post_init__(self) -> None:
         require_seed(self.seed)
@@ -136,9 +140,10 @@ def run_pipeline(
     report : callable, optional
         Called with each step that is begun.
     """
-    recorded = tasks_in(plan.data) if plan.data else ()
+    roll = undamaged_roll(plan.data) if plan.data else None
+    recorded = roll.tasks if roll else ()
     report("calibration")
-    tasks = _analysed(plan, simulate, folder, "ramp", recorded)
+    tasks = replace(_analysed(plan, simulate, folder, "ramp", recorded), roll=roll)
     limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
     panel = Panel(_display(plan, limit), load_power_model(PUBLISHED_LIMIT), limit)
     tracked = partial(_tracked, plan, panel, folder / STIMULI, report)

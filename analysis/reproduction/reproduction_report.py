@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,18 +10,17 @@ import numpy as np
 
 from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.findings import Findings, write_drawing, write_statistics
-from evenlight.analysis.published import SEQUENCES, published
-from evenlight.analysis.report import Cell, Report, Section, Table, write_report
+from evenlight.analysis.integrity.concern import cautious
+from evenlight.analysis.report import Report, Section, Table, write_report
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.report_sections import files_section, provenance_section
+from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
 from evenlight.analysis.reproduction.adaptation_findings import adaptation_findings
-from evenlight.analysis.reproduction.online_findings import RATIO, online_findings
+from evenlight.analysis.reproduction.glance import glance_findings
+from evenlight.analysis.reproduction.measured_times import measured_times
+from evenlight.analysis.reproduction.online_findings import online_findings
 from evenlight.analysis.reproduction.online_run import TargetSweep, online_run, target_sweep
 from evenlight.analysis.reproduction.reproduced_tables import (
-    DIFFERENCE,
     detail_quality_findings,
-    find,
-    interval_in_words,
     power_findings,
     slope_findings,
 )
@@ -31,8 +30,7 @@ from evenlight.analysis.reproduction.reproduced_tracks import (
     sequence_findings,
 )
 from evenlight.analysis.reproduction.reproduction import PIPELINE, Reproduction
-from evenlight.analysis.wording import in_words
-from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
+from evenlight.data_schema.analysis_results import AnalysisSummary, Origin
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.storage.text_files import write_json_record
@@ -53,19 +51,19 @@ SIMULATED = (
     "judging whose figures are choices (docs/decisions/simulated-viewers.md): that they prefer one "
     "version, or do not, is no evidence that people do."
 )
+QUICK = "Quick run, on small pictures and few frames, to see that everything runs: no number here is a result"
 MEANINGS = {
-    Origin.PUBLISHED: "printed in the paper, or from the program that its authors published",
+    Origin.PUBLISHED: "printed in the paper",
+    Origin.AUTHORS: "from the program that its authors published",
     Origin.SIMULATED: "from answers of simulated participants: show how the analysis works",
     Origin.RECORDED: "from answers of people, or from readings of instruments",
     Origin.COMPUTED: "by the model, from rendered sequences, without participants",
+    Origin.MEASURED: "a time, taken on this machine while the report was made",
 }
 # What rests on no answer but on the rate limit alone; the rest says itself where it comes from.
 COMPUTED = ("thresholded_contrast", "examples", "sequences", "adaptation", "power", "online")
 ON_LIMIT = ("examples", "sequences", "adaptation", "power", "online")
 LED_BY = ("rating", "search", "comparison", "adaptation", "online")  # whose findings the first page gives
-NAME = "at_a_glance"
-LAG = "integral of |static - dynamic response| over time: per pixel"  # what the paper integrates
-Line = tuple[str, Statistic, Statistic | None, float | None]  # place, published, ours, no effect
 
 
 def write_reproduction(made: Reproduction, folder: Path) -> tuple[str, tuple[str, ...]]:
@@ -79,6 +77,8 @@ def write_reproduction(made: Reproduction, folder: Path) -> tuple[str, tuple[str
         Gets `tables/`, `figures/`, `report.html` and `reproduction.json`.
     """
     parts = _parts_of(made)
+    if made.plan.quick:
+        parts = tuple(_quick(part) for part in parts)
     for part in parts:
         write_part(folder, part)
     origin = _origin(made)
@@ -88,14 +88,28 @@ def write_reproduction(made: Reproduction, folder: Path) -> tuple[str, tuple[str
     files = (*own, SUMMARY)
     summary = AnalysisSummary(
         simulated=any(made.tasks.simulated.values()),
-        leads={part.name: part.lead for part in parts},
+        leads={part.name: part.cautious_lead for part in parts},
         refused=made.tasks.refused,
-        warnings=made.tasks.warnings,
+        warnings=warnings_of(made),
         provenance=origin,
         files=files,
+        roll=made.tasks.roll,
+        quick=made.plan.quick,
     )
     write_json_record(folder / SUMMARY, summary)
     return report.lead, files
+
+
+def warnings_of(made: Reproduction) -> tuple[str, ...]:
+    """Return what is wrong with a reproduction but does not forbid its use."""
+    return (*((QUICK,) if made.plan.quick else ()), *made.tasks.warnings)
+
+
+def _quick(part: Findings) -> Findings:
+    """Return a part of a quick run, whose every number and every caption says so."""
+    rows = (replace(row, flag="; ".join(filter(None, ("quick run", row.flag)))) for row in part.statistics)
+    drawings = (replace(one, caption=f"Quick run, no result: {one.caption}") for one in part.drawings)
+    return replace(part, statistics=tuple(rows), drawings=tuple(drawings))
 
 
 def write_part(folder: Path, part: Findings) -> None:
@@ -128,7 +142,8 @@ def _parts_of(made: Reproduction) -> tuple[Findings, ...]:
         found["search"], adaptation_findings([sequence.tracks for sequence in made.sequences]),
         power_findings(made.sequences, made.plan.data), _online_findings(made, by_name[SWEPT].curves),
     )  # fmt: skip
-    return _glance_findings({part.name: part for part in parts}), *parts
+    times = measured_times(made.sequences, made.panel, made.walk)
+    return glance_findings({part.name: part for part in parts}, times, made.panel.rate_limit), *parts
 
 
 def _online_findings(made: Reproduction, swept: LossCurves) -> Findings:
@@ -160,13 +175,16 @@ def reproduction_report(made: Reproduction, parts: Sequence[Findings], origin: P
     named = {part.name: part for part in parts}
     return Report(
         TITLE,
-        f"{named['sequences'].lead} {named['power'].lead}",  # what participants say follows with its origin
+        # What is wrong with the answers comes first, what they say follows with its origin.
+        cautious(made.tasks.concerns, f"{named['sequences'].lead} {named['power'].lead}"),
         (
             *first.sections, _what_came_out(made, parts), _how_to_read(made),
             *(own for part in others for own in _sections(made, part)),
+            *((roll_section(made.tasks.roll),) if made.tasks.roll else ()),
             provenance_section({"reproduction": origin}), files_section(_files(parts)),
         ),
         SIMULATED,
+        QUICK if made.plan.quick else "",
     )  # fmt: skip
 
 
@@ -226,115 +244,3 @@ def _files(parts: Sequence[Findings]) -> dict[str, str]:
     files[f"{PIPELINE}.sha256"] = "what a later run knows that folder by; only such a folder is replaced"
     files["reproduction.json"] = "software, seed, inputs, warnings, files"
     return files
-
-
-def _glance_findings(parts: Mapping[str, Findings]) -> Findings:
-    """Return the paper's headline numbers with ours beside them."""
-    lines = [
-        *_quality(parts),
-        *_adaptation(parts["adaptation"]),
-        *_power(parts["power"]),
-        *_online(parts["online"]),
-    ]
-    rows = [row for _, theirs, own, _ in lines for row in (theirs, own) if row is not None]
-    cells = tuple(_cells(line) for line in lines)
-    table = Table(
-        "Numbers that the paper prints, or that follow from two of them, and ours.",
-        ("what", "where", "published", "ours", "95 % confidence interval", "direction", "origin of ours"),
-        cells,
-    )
-    simulated = any(row.origin is Origin.SIMULATED for row in rows)
-    return Findings(
-        NAME, "", tuple(rows), (), (section("reproduction/glance", (table,), simulated=simulated),)
-    )
-
-
-def _printed(group: str, what: str, value: float, unit: str, places: str) -> Statistic:
-    """Return a row of what the paper prints."""
-    return Statistic(NAME, group, what, value, unit, Origin.PUBLISHED, method=places)
-
-
-def _own(row: Statistic | None, what: str) -> Statistic | None:
-    """Return one of our rows as a row of this table."""
-    return None if row is None else replace(row, table=NAME, what=what)
-
-
-def _quality(parts: Mapping[str, Findings]) -> Iterator[Line]:
-    """Yield how much better ours is rated, and how often it is chosen."""
-    own = parts["detail_quality"].statistics
-    for name in SEQUENCES:
-        key = f"detail_quality.{name}"
-        gain = published(f"{key}.ours_mean").number - published(f"{key}.baseline_mean").number
-        what, place = "rating, ours less constant", published(f"{key}.ours_mean").place
-        theirs = _printed(name, what, gain, "rating points", f"{place}, difference of two means")
-        yield place, theirs, _own(_row(own, name, DIFFERENCE), what), 0.0
-    for name in SEQUENCES:
-        chosen = published(f"detail_quality.{name}.chosen_percent")
-        what = "share that chose ours as the one that changed"
-        theirs = _printed(name, what, chosen.number / 100, "1", chosen.place)
-        yield chosen.place, theirs, _own(_row(own, name, "ours chosen"), what), None
-
-
-def _row(rows: Sequence[Statistic], group: str, what: str) -> Statistic | None:
-    """Return a row that is not a published one."""
-    return find([row for row in rows if row.origin is not Origin.PUBLISHED], group, what)
-
-
-def _power(part: Findings) -> Iterator[Line]:
-    """Yield the share of power that ours saves."""
-    for name in SEQUENCES:
-        printed = {version: published(f"power.{name}.{version}") for version in ("ours", "full")}
-        what, place = "power saved, share of full brightness", printed["ours"].place
-        theirs = _printed(name, what, 1 - printed["ours"].number / printed["full"].number, "1", place)
-        ours, full = (_row(part.statistics, name, f"average power, {v}") for v in ("ours", "full brightness"))
-        saved = None
-        if ours is not None and full is not None and ours.value is not None and full.value:
-            saved = replace(ours, table=NAME, what=what, value=1 - ours.value / full.value, unit="1",
-                            ci_low=None, ci_high=None, interval=None)  # fmt: skip
-        yield place, theirs, saved, 0.0
-
-
-def _online(part: Findings) -> Iterator[Line]:
-    """Yield how much steadier contrast loss is under the online controller."""
-    ours, constant = published("online.sd_ours"), published("online.sd_baseline")
-    what = "SD of contrast loss, controller over constant"
-    theirs = _printed("house", what, ours.number / constant.number, "1", ours.place)
-    row = _row(part.statistics, "house", RATIO)
-    yield ours.place, theirs, _own(row, what), 1.0
-
-
-def _adaptation(part: Findings) -> Iterator[Line]:
-    """Yield how much further adaptation lags without a rate limit than within it."""
-    for name in SEQUENCES:
-        printed = [published(f"adaptation.{name}.{track}") for track in ("unconstrained", "constrained")]
-        what, place = "lag of the cones, without rate limit over within it", printed[0].place
-        theirs = _printed(name, what, printed[0].number / printed[1].number, "1", place)
-        free, held = (
-            _row(part.statistics, name, f"{LAG}, {track}")
-            for track in ("without a rate limit", "within the rate limit")
-        )
-        own = None
-        if free is not None and held is not None and free.value is not None and held.value:
-            own = replace(free, table=NAME, what=what, value=free.value / held.value, unit="1")
-        yield place, theirs, own, 1.0
-
-
-def _cells(line: Line) -> tuple[Cell, ...]:
-    """Return a line of the table."""
-    place, theirs, ours, none = line
-    name = "Walk through the house" if theirs.group == "house" else in_words(theirs.group)
-    what = f"{name}: {theirs.what}"
-    if ours is None:
-        return what, place, theirs.value, None, None, None, None
-    way = _direction(theirs, ours, none)
-    return what, place, theirs.value, ours.value, interval_in_words(ours), way, ours.origin.value
-
-
-def _direction(theirs: Statistic, ours: Statistic, none: float | None) -> str | None:
-    """Return whether ours lies on the same side of "no effect" as what is printed, and whether clearly so."""
-    if none is None or theirs.value is None or ours.value is None:
-        return None
-    same = "same" if (theirs.value - none) * (ours.value - none) > 0 else "opposite"
-    if ours.ci_low is not None and ours.ci_high is not None:
-        return f"{same}, unclear" if ours.ci_low <= none <= ours.ci_high else same
-    return same

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
+from evenlight.analysis.integrity.version_order import confounded_order
 from evenlight.analysis.search.search_brightness_figure import (
     brightness_figure,
     brightness_points,
@@ -45,15 +46,16 @@ def search_findings(data: TaskData[SearchTrial], seed: int = 1, slowing: float =
     if not slowing > 0:
         raise InputError(f"the slowing to be excluded must be above 0, e.g. 0.25 for 25 %, got {slowing:g}")
     found, warnings = search_results(data, slowing)
+    confound = confounded_order(data)
     times, brightness, curves = _times(found), _brightness(found), _curves(found)
     drawn = tuple(drawing for drawing in (times, brightness, curves) if drawing is not None)
     return Findings(
         name="search",
-        lead=lead_of(found),
+        lead=lead_of(found, confound),
         statistics=statistics_of(found),
         drawings=drawn,
         sections=(
-            times_section(found, times.picture),
+            times_section(found, times.picture, confound),
             brightness_section(found, tuple(d.picture for d in (brightness, curves) if d is not None)),
             pairs_section(found),
             averages_section(found),

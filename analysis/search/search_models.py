@@ -30,6 +30,7 @@ LEAST_SCATTER = 0.005  # of ln(time): half a per cent, less than any clock of a 
 VERSION, BRIGHTNESS = "ours", "ln brightness ratio"
 VISIT, ORDER = "second half", "ten trials later"
 ONE_PERSON = "one participant: interval and p are for this person's searches alone"
+FACTORS_UNKNOWN = "the brightness factors of the versions are unknown"
 NOT_BOTH = "no location was searched in both versions: there is no ratio"
 
 
@@ -145,8 +146,11 @@ def brightness_fit(table: SearchTable) -> TimesFit:
     At equal brightness the versions are the same picture, so that the effect of ours beside it is a check of
     the model rather than a finding.
     """
-    ours = _ours(table)
-    return _fit(table, {BRIGHTNESS: ours * table.ln_ratio, VERSION: ours}, BRIGHTNESS)
+    known = table.of_known_brightness
+    if table.times.size and not known.times.size:
+        return _without_numbers(known, (BRIGHTNESS, VERSION), (), FitFlag.NONE, FACTORS_UNKNOWN)
+    ours = _ours(known)
+    return _fit(known, {BRIGHTNESS: ours * known.ln_ratio, VERSION: ours}, BRIGHTNESS)
 
 
 def effects_by_location(table: SearchTable) -> dict[int, FixedEffect]:
@@ -173,7 +177,7 @@ def informative(table: SearchTable) -> SearchTable:
         return table
     places = _places(table)
     found_at = np.bincount(places, weights=table.found) > 0
-    both = [place.ln_ratio is not None for place in table.locations]
+    both = [place.in_both for place in table.locations]
     return table.some(found_at[places] & np.array(both)[table.location])
 
 
@@ -307,9 +311,12 @@ def _sides(table: SearchTable, margin: float) -> tuple[SideEffect, ...]:
     The model has an effect of ours on the first side, and what is added to it on the others; the effect on
     each is a contrast, with the random slope of the version that its test needs.
     """
+    table = table.of_known_brightness
     sides = table.sides[table.location]
     masks = {side: sides == side for side in BrightnessEffect}
     present = {side: mask for side, mask in masks.items() if mask.any()}
+    if not present:
+        return ()
     added = {f"added where {side.value}": _ours(table) * mask for side, mask in list(present.items())[1:]}
     sums = {side.value: (VERSION, *list(added)[max(k - 1, 0) : k]) for k, side in enumerate(present)}
     fit = _fit(table, {VERSION: _ours(table), **added}, VERSION, sums)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
+from evenlight.analysis.inference.exact_intervals import joined, shared_interval
 from evenlight.analysis.search.search_trials import SearchTable
 from evenlight.data_schema.arrays import Array
 
@@ -145,7 +146,8 @@ def _before(table: SearchTable, one: NDArray[np.int64], other: NDArray[np.int64]
 def detections(pairs: SearchPairs) -> Detections:
     """Return the exact test of McNemar, and the difference of the shares found.
 
-    Pairs must be of different people.
+    The interval of Bonett and Price is joined with that of the test, so that it holds 0 where the test does
+    not reject it. Pairs must be of different people.
 
     Parameters
     ----------
@@ -155,7 +157,7 @@ def detections(pairs: SearchPairs) -> Detections:
     n = pairs.first.size
     ours = int(np.count_nonzero(pairs.found_ours & ~pairs.found_baseline))
     baseline = int(np.count_nonzero(pairs.found_baseline & ~pairs.found_ours))
-    low, high = difference_interval(n, ours, baseline)
+    low, high = joined(shared_interval(ours, baseline, n), difference_interval(n, ours, baseline))
     return Detections(n, ours, baseline, (ours - baseline) / n, low, high, mcnemar_p(ours, baseline))
 
 

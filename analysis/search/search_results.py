@@ -18,7 +18,13 @@ from evenlight.analysis.search.search_locations import (
     line_over_locations,
     location_results,
 )
-from evenlight.analysis.search.search_models import BRIGHTNESS, SearchModels, effect_of, search_models
+from evenlight.analysis.search.search_models import (
+    BRIGHTNESS,
+    FACTORS_UNKNOWN,
+    SearchModels,
+    effect_of,
+    search_models,
+)
 from evenlight.analysis.search.search_pairs import (
     HazardRatio,
     SearchPairs,
@@ -169,8 +175,9 @@ def search_results(
     table, warnings = search_table(data)
     pairs, once = matched_pairs(table), first_sessions(table)
     models = search_models(table, math.log1p(slowing))
-    ln_ratios = np.array([place.ln_ratio or 0.0 for place in table.locations])
-    line = line_over_locations(models.by_location, ln_ratios)
+    ln_ratios = np.array([place.ln_ratio for place in table.locations], dtype=np.float64)
+    known = {k: effect for k, effect in models.by_location.items() if np.isfinite(ln_ratios[k])}
+    line = line_over_locations(known, ln_ratios) if known else FACTORS_UNKNOWN
     slope = effect_of(models.brightness, BRIGHTNESS)
     people = int(np.unique(table.participant).size)
     groups = _groups(table, pairs)

@@ -39,10 +39,10 @@ def _section(
     return replace(section(f"search_{name}", tables, pictures, **values), simulated=found.simulated)
 
 
-def times_section(found: SearchResults, picture: Picture) -> Section:
-    """Return how soon the rings were found at each location."""
+def times_section(found: SearchResults, picture: Picture, confound: str = "") -> Section:
+    """Return how soon the rings were found at each location, and whether it may be the order of versions."""
     flags = [(result.location.name, flag) for result in found.locations for flag in _cell_flags(result)]
-    values = {"lead": lead_of(found), "flags": flags, "unpaired": found.unpaired}
+    values = {"lead": lead_of(found, confound), "flags": flags, "unpaired": found.unpaired}
     return _section(found, "times", (_location_table(found),), (picture,), **values)
 
 
@@ -208,11 +208,12 @@ def _correct_table(found: SearchResults) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for ours, version in ((True, "ours"), (False, "baseline")):
         gaps = found.orientation[ours]
-        cells = [(f"{s.count} of {s.n}", range_text((s.ci_low, s.ci_high)))
+        cells = [(f"{s.count} of {s.n}" if s.n else None, range_text((s.ci_low, s.ci_high)))
                  for s in (found.shares[ours], gaps.correct)]  # fmt: skip
         guessed = gaps.pressed_without_seeing
         rows.append(
             (version, *cells[0], *cells[1], None if guessed is None else f"{100 * guessed:.1f} %",
+             "the gaps' directions are unknown" if not found.table.gaps_known else
              "" if gaps.above_chance or guessed is None else "not shown to be above chance")
         )  # fmt: skip
     return Table(
@@ -246,7 +247,7 @@ def averages_section(found: SearchResults) -> Section:
             ("left out, as in an average of those found", models.dropped),
             ("counted as found at the limit", models.capped),
             ("gaps identified wrongly count as undetected too", models.wrong),
-        )
+        )[: 4 if found.table.gaps_known else 3]
     )
     ways = Table(
         "The same time ratio, ours to baseline, by the treatment of undetected rings.",

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
+from evenlight.analysis.inference.clustered_shares import clustered_interval
 from evenlight.analysis.search.search_trials import BrightnessEffect, SearchTable
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.search import ORIENTATIONS
@@ -58,11 +58,7 @@ class Orientation:
 
 
 def clustered_share(successes: NDArray[np.bool_], people: NDArray[np.int64]) -> ClusteredShare:
-    """Return a share with Wilson's interval at the effective number of trials.
-
-    Trials of one person are alike: their number is divided by how much more the people's counts scatter than
-    counts of a coin would, and reduced for the few people that tell it (Korn & Graubard, 1998). With 17
-    people who differ, Wilson's interval of all trials would cover 72 to 94 %; this one covers 94 to 96 %.
+    """Return a share with an interval by people, whose trials are alike (`clustered_interval`).
 
     Parameters
     ----------
@@ -74,33 +70,12 @@ def clustered_share(successes: NDArray[np.bool_], people: NDArray[np.int64]) -> 
     n, count = successes.size, int(np.count_nonzero(successes))
     if n == 0:
         return ClusteredShare(0, 0, None, None, None)
-    share = count / n
     groups = np.unique(people, return_inverse=True)[1]
     if groups.max() == 0:
-        return ClusteredShare(count, n, share, None, None)
-    from statsmodels.stats.proportion import proportion_confint  # a second to import
-
-    effective = effective_number(successes, groups)
-    low, high = proportion_confint(share * effective, effective, 0.05, method="wilson")
-    return ClusteredShare(count, n, share, max(float(low), 0.0), min(float(high), 1.0))
-
-
-def effective_number(successes: NDArray[np.bool_], groups: NDArray[np.int64]) -> float:
-    """Return how many independent trials would tell a share as well as those of at least two people.
-
-    >>> alike = np.array([True, True, False, False])  # each person always the same: two trials at most
-    >>> effective_number(alike, np.array([0, 0, 1, 1])) < 2
-    True
-    """
-    n, share = successes.size, float(np.mean(successes))
-    trials = np.bincount(groups)
-    people = trials.size
-    excess = np.bincount(groups, weights=successes) - share * trials
-    variance = people / (people - 1) * float(excess @ excess) / n**2
-    if variance == 0:
-        return float(n)
-    fewer = special.stdtrit(n - 1, 0.975) / special.stdtrit(people - 1, 0.975)
-    return min(share * (1 - share) / variance * float(fewer) ** 2, float(n))
+        return ClusteredShare(count, n, count / n, None, None)
+    low, high = clustered_interval(np.bincount(groups[successes], minlength=groups.max() + 1),
+                                   np.bincount(groups))  # fmt: skip
+    return ClusteredShare(count, n, count / n, low, high)
 
 
 def detection_share(table: SearchTable, ours: bool) -> ClusteredShare:
@@ -111,7 +86,7 @@ def detection_share(table: SearchTable, ours: bool) -> ClusteredShare:
 
 def orientation(table: SearchTable, ours: bool) -> Orientation:
     """Return how often the gaps of rings found in a version were identified correctly."""
-    own = (table.ours == ours) & table.found
+    own = (table.ours == ours) & table.found & table.gaps_known
     correct = clustered_share(table.correct[own], table.participant[own])
     guessed = None if correct.value is None else min((1 - correct.value) / (1 - CHANCE), 1.0)
     return Orientation(correct, guessed, correct.ci_low is not None and correct.ci_low > CHANCE)
@@ -170,5 +145,6 @@ def _curve(own: SearchTable, panel: str, version: str, limit: float) -> FoundOve
         np.array([np.nan if end is None else end for end in ends])
         for ends in zip(*((s.value, s.ci_low, s.ci_high) for s in shares), strict=True)
     )
+    low[0], high[0] = low[0] * 0.0, high[0] * 0.0  # at time 0 nothing can be found; nan stays
     locations = int(np.unique(own.location).size)
     return FoundOverTime(panel, version, locations, own.times.size, times, value, low, high)

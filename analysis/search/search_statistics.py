@@ -22,7 +22,10 @@ from evenlight.data_schema.analysis_results import Origin, Statistic
 PRIMARY = "the primary test"
 SECONDARY = "secondary, not adjusted"
 NO_SPREAD = "at its lower end: no difference between participants is seen"
-CLUSTERED = "Wilson's interval at the effective number of searches (people differ); n: searches"
+CLUSTERED = (
+    "Clopper-Pearson interval at the effective number of searches (Korn & Graubard 1998), of all or nothing "
+    "at the number of participants; n: searches"
+)
 EXCHANGED = f"exact p: the versions exchanged person by person; {SECONDARY}"
 OVER_PEOPLE = (
     f"interval and p: Student's t over people, standard error at least that of independent pairs; {SECONDARY}"
@@ -39,11 +42,12 @@ ORDER_EFFECTS = {
     VISIT: "time ratio, second half / first half",
     ORDER: "time ratio, ten trials later in a half",
 }
-NOT_VARIED = "does not vary in these data"
+NOT_VARIED = "does not vary in these data, or is unknown"
 LEVEL = 0.95
 RATIO = "time ratio, ours / baseline"
 MODEL = "log-normal times, undetected rings censored; n: searches in the model"
 NOT_SEARCHED = "nobody searched there in this version"
+UNKNOWN = "it is unknown"
 NOT_BOTH = "nobody searched there in both versions"
 NOBODY = "nobody found the ring"
 ONE_FOUND = "one ring found: no standard error"
@@ -228,6 +232,8 @@ def _share_rows(found: SearchResults) -> list[Statistic]:
             _share_row("orientation", f"gaps identified correctly, {version}", told.correct, found.origin)
         )
         rows.append(_guessed_row(version, told, found.origin))
+    if not found.table.gaps_known:
+        rows = [replace(row, flag=UNKNOWN) if row.table == "orientation" else row for row in rows]
     return rows
 
 
@@ -263,7 +269,7 @@ def _bias_rows(found: SearchResults) -> list[Statistic]:
             ("undetected rings left out, as in the paper's average", models.dropped),
             ("undetected rings as found at the limit", models.capped),
             ("gaps identified wrongly count as undetected", models.wrong),
-        )
+        )[: 4 if found.table.gaps_known else 3]
     ]
 
 
@@ -276,7 +282,7 @@ def location_rows(found: SearchResults) -> tuple[Statistic, ...]:
             ("ours", result.ours, result.location.ours),
             ("baseline", result.baseline, result.location.baseline),
         ):
-            flag = "" if cell else NOT_SEARCHED
+            flag = NOT_SEARCHED if cell is None else "" if factor is not None else UNKNOWN
             rows.append(
                 Statistic("locations", name, f"brightness factor, {version}", factor, "1", Origin.COMPUTED,
                           flag=flag)
@@ -318,7 +324,10 @@ def _cell_rows(name: str, version: str, cell: LocationCell, origin: Origin) -> l
 def _detection_row(result: LocationResult, origin: Origin) -> Statistic:
     """Return the comparison of the shares found at a location."""
     test, what = result.detections, "rings found, ours - baseline"
-    method = "within people; exact test of McNemar, Holm over locations; interval: Bonett and Price"
+    method = (
+        "within people; exact test of McNemar, Holm over locations; interval: what the test does not reject, "
+        "joined with that of Bonett and Price"
+    )
     if test is None:
         return Statistic("locations", result.location.name, what, None, "1", origin, flag=NOT_BOTH)
     return Statistic(

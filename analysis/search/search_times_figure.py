@@ -161,7 +161,7 @@ def _draw_columns(axes: Axes, locations: Sequence[LocationResult], places: list[
                 continue
             lost = cell.averages.undetected
             _beside(axes, place, 1.0, count + across, f"{lost} / {cell.averages.n}", LOST if lost else MUTED)
-            _beside(axes, place, 1.0, factor + across, f"{value:.2f}", INK)
+            _beside(axes, place, 1.0, factor + across, "–" if value is None else f"{value:.2f}", INK)
 
 
 def _above(axes: Axes, row: float, offset: tuple[float, float], words: str, colour: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +54,16 @@ class Location:
     sequence, keypoint : str
         Camera path, and the point on it.
     ours, baseline : float or None
-        Brightness factor b of either version there; None of a version that nobody saw there.
+        Brightness factor b of either version there; None if unknown, or nobody saw that version there.
+    in_both : bool
+        Whether both versions were searched there.
     """
 
     sequence: str
     keypoint: str
     ours: float | None
     baseline: float | None
+    in_both: bool = True
 
     @property
     def name(self) -> str:
@@ -95,13 +98,16 @@ class SearchTable:
     times : array (n,)
         Until found, or the time limit [s].
     found, correct : array (n,) of bool
-        Whether the key was pressed in time, and whether the gap was then identified correctly.
+        Whether the key was pressed in time, and whether the gap was then identified correctly (as
+        found, where that is unknown).
     limits : array (n,)
         The time limit [s].
     visit : array (n,)
         How often that location had been seen before: the block, from 0.
     order : array (n,)
         Place in the block, from the middle of all [tens of trials].
+    gaps_known : bool
+        Whether it is known of all rings which way the gap pointed.
     """
 
     locations: tuple[Location, ...]
@@ -117,16 +123,23 @@ class SearchTable:
     limits: Array
     visit: Array
     order: Array
+    gaps_known: bool = True
 
     @property
     def ln_ratio(self) -> Array:
-        """ln(factor of ours / of the baseline) at each trial's location; 0 where one of them is not known."""
-        return np.array([place.ln_ratio or 0.0 for place in self.locations])[self.location]
+        """ln(factor of ours / of the baseline) at each trial's location; nan where one is not known."""
+        return np.array([place.ln_ratio for place in self.locations], dtype=np.float64)[self.location]
 
     @property
     def sides(self) -> NDArray[np.object_]:
-        """Side of each location; about equal where one of the factors is not known."""
-        return np.array([side_of(place.ln_ratio or 0.0) for place in self.locations], dtype=np.object_)
+        """Side of each location; None where one of the factors is not known."""
+        ratios = [place.ln_ratio for place in self.locations]
+        return np.array([None if ratio is None else side_of(ratio) for ratio in ratios], dtype=np.object_)
+
+    @property
+    def of_known_brightness(self) -> SearchTable:
+        """The trials at locations where both factors are known."""
+        return self.some(~np.isnan(self.ln_ratio))
 
     @property
     def model_times(self) -> Array:
@@ -135,16 +148,12 @@ class SearchTable:
 
     def some(self, chosen: Mask) -> SearchTable:
         """Return the table of some of the trials; lists of people and locations stay whole."""
-        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
-        return SearchTable(self.locations, self.participants, **arrays)
+        return replace(self, **{name: getattr(self, name)[chosen] for name in _ARRAYS})
 
     def without_wrong(self) -> SearchTable:
         """Return the table in which a ring whose gap was identified wrongly counts as undetected."""
         times = np.where(self.correct, self.times, self.limits)
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        return SearchTable(
-            self.locations, self.participants, **(arrays | {"times": times, "found": self.correct})
-        )
+        return replace(self, times=times, found=self.correct)
 
 
 _ARRAYS = ("participant", "location", "spot", "session", "ours", "times", "found", "correct", "limits",
@@ -179,7 +188,10 @@ def search_table(data: TaskData[SearchTrial]) -> tuple[SearchTable, tuple[str, .
             f"search: {short} times are shorter than {SHORTEST_TIME:g} s, which nobody needs; models of "
             "ln(time) take that instead"
         )
-    return table_of_trials(trials, locations), tuple(warnings)
+    table = table_of_trials(trials, locations)
+    if not data.order_known:
+        table = replace(table, order=np.zeros_like(table.order))
+    return table, tuple(warnings)
 
 
 def first_sessions(table: SearchTable) -> SearchTable:
@@ -217,6 +229,7 @@ def table_of_trials(trials: Sequence[SearchTrial], locations: tuple[Location, ..
         limits=np.array([trial.time_limit for trial in trials]),
         visit=(block - block.min()).astype(np.float64),
         order=index / 10,
+        gaps_known=all(trial.ring_orientation is not None for trial in trials),
     )
 
 
@@ -251,7 +264,12 @@ def _locations(trials: Sequence[SearchTrial], sequences: list[str]) -> tuple[Loc
     """Return where people searched, by sequence, from the most brightened to the most dimmed."""
     keys = dict.fromkeys((trial.sequence, trial.keypoint) for trial in trials)
     places = [
-        Location(*key, _factor(trials, key, Version.OURS), _factor(trials, key, Version.BASELINE))
+        Location(
+            *key,
+            _factor(trials, key, Version.OURS),
+            _factor(trials, key, Version.BASELINE),
+            len({t.version for t in trials if (t.sequence, t.keypoint) == key}) == len(Version),
+        )
         for key in keys
     ]
 
@@ -264,7 +282,8 @@ def _locations(trials: Sequence[SearchTrial], sequences: list[str]) -> tuple[Loc
 
 def _factor(trials: Sequence[SearchTrial], key: tuple[str, str], version: Version) -> float | None:
     """Return the geometric mean of a version's factors at a location; it is one factor, as a rule."""
-    logs = [math.log(t.factor) for t in trials if (t.sequence, t.keypoint) == key and t.version is version]
+    own = (t for t in trials if (t.sequence, t.keypoint) == key and t.version is version)
+    logs = [math.log(trial.factor) for trial in own if trial.factor is not None]
     return math.exp(math.fsum(logs) / len(logs)) if logs else None
 
 
@@ -276,7 +295,7 @@ def _factor_warnings(trials: Sequence[SearchTrial], locations: Iterable[Location
     for trial in trials:
         name = f"{trial.sequence}/{trial.keypoint}"
         mean = middle[name, trial.version]
-        if mean is not None and abs(math.log(trial.factor / mean)) > SAME_FACTOR:
+        if mean and trial.factor and abs(math.log(trial.factor / mean)) > SAME_FACTOR:
             other.add(name)
     if not other:
         return []

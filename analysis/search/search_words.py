@@ -18,8 +18,8 @@ ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means
 
 
-def lead_of(found: SearchResults) -> str:
-    """Return what came out, in a few sentences."""
+def lead_of(found: SearchResults, confound: str = "") -> str:
+    """Return what came out, in a few sentences, and whether it may be the order of the versions."""
     table, models = found.table, found.models
     return prose(
         "search_lead",
@@ -33,6 +33,7 @@ def lead_of(found: SearchResults) -> str:
         alike=sum(side.locations for side in models.sides if side.side is BrightnessEffect.ALIKE),
         about_equal=ABOUT_EQUAL,
         slowing=found.slowing,
+        confound=confound,
         alpha=ALPHA,
         ratio=ratio_text,
         counted=_counted,

@@ -13,6 +13,7 @@ from evenlight.analysis.calibration.calibration_sections import (
 )
 from evenlight.analysis.calibration.fit_report import write_calibration, write_figures
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.integrity.concern import cautious
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import Report, write_report
 from evenlight.analysis.report_sections import (
@@ -77,7 +78,7 @@ def _report(
     fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
     return Report(
         "From ramps to a brightness track",
-        meaning_of(summary),
+        cautious(calibration.concerns, meaning_of(summary)),
         (
             introduction_section(),
             calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),

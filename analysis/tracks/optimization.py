@@ -24,6 +24,7 @@ from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, clip_of, joined_curves, joints, pose
 from evenlight.method.optimizer.optimize import optimize as optimize_problem
 from evenlight.method.optimizer.solvers import make_solver
+from evenlight.progress import shown_progress
 
 
 class FrameWeighting(enum.Enum):
@@ -109,7 +110,10 @@ def optimize_curves(
     whole = joined_curves(curves) if job.others else curves[0]
     problem = pose(whole, job.request, joints(curves))
     start = None if job.start is None else start_factors(job.start, curves)
-    solution = optimize_problem(problem, make_solver(job.solver, np.random.default_rng(job.seed), start))
+    solver = make_solver(job.solver, np.random.default_rng(job.seed), start)
+    with shown_progress(job.quiet) as progress:
+        progress.step(f"optimizing {whole.video}")
+        solution = optimize_problem(problem, solver)
     if job.calm > 0:
         solution = replace(solution, factors=calmed(problem, solution.factors, job.calm))
     solved = time.perf_counter()

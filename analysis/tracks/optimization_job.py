@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.data_schema.arrays import Array
@@ -26,6 +24,7 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curve
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.optimizer.request import Request
+from evenlight.progress import counted, shown_progress
 from evenlight.stimuli.video.frame_conversion import coarser
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -92,13 +91,15 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
     InputError
         If the curves of an earlier run are given, and are of another video, display or model.
     """
-    with _progress(job) as frames:
+    source = job.source
+    with shown_progress(job.quiet) as progress:
+        frames = counted(progress, source.frames(), f"analysing {source.name}", source.n_frames)
         shown, display = _with_field_of_view(frames, job)
         watched = samples.watch(job.watch(shown))
         if job.curves is None:
             return analyze_frames(
                 watched,
-                job.source.name,
+                source.name,
                 display,
                 job.model,
                 factors=brightness_factors(job.min_factor),
@@ -169,19 +170,6 @@ def _with_field_of_view(frames: Iterator[Frame], job: OptimizationJob) -> tuple[
             soft_wrap=True,
         )
     return coarser(frames, shape, display.gamma), replace(display, pixels_per_degree=density * share)
-
-
-@contextmanager
-def _progress(job: OptimizationJob) -> Iterator[Iterator[Frame]]:
-    """Yield the video's frames under a progress bar with the time left."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    off = job.quiet or not console.is_terminal
-    with Progress(*columns, console=console, disable=off, transient=True) as progress:
-        source = job.source
-        yield iter(
-            progress.track(source.frames(), total=source.n_frames, description=f"analysing {source.name}")
-        )
 
 
 def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:

@@ -20,12 +20,19 @@ from evenlight.data_schema.recordings.dataset_layout import (
     MANIFEST,
     PARTICIPANTS,
     SWEEPS,
+    TRIALS,
 )
-from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.recordings.roll_call import (
+    SESSION,
+    SUBJECT,
+    SessionUse,
+    call_roll,
+    folders_named,
+    leads_out,
+)
+from evenlight.data_schema.recordings.session import TASKS, SessionManifest
 from evenlight.data_schema.storage.text_files import read_json, read_text
 
-SUBJECT = re.compile("sub-[0-9A-Za-z]+")
-SESSION = re.compile("ses-[0-9A-Za-z]+")
 PERSONAL = re.compile("name|birth|dob|mail|phone|address|initials", re.IGNORECASE)
 
 
@@ -43,8 +50,8 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
     """
     yield _check_description(dataset)
     simulated: dict[str, bool] = {}
-    for folder in _folders(dataset, SUBJECT):
-        sessions = _folders(folder, SESSION)
+    for folder in folders_named(dataset, SUBJECT):
+        sessions = folders_named(folder, SESSION)
         if not sessions:
             yield CheckedFile.blamed(folder, "participant", "holds no session folder (ses-*)")
         for session in sessions:
@@ -52,6 +59,7 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
                 if isinstance(checked.record, SessionManifest):
                     simulated[folder.name] = checked.record.simulated
                 yield checked
+    yield from _check_roll(dataset)
     sweeps = sorted(path for path in (dataset / SWEEPS).glob("*") if path.is_dir())
     for sweep in sweeps:
         yield from check_sweep(sweep)
@@ -61,20 +69,27 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
         yield check_column_descriptions(columns.with_suffix(".json"), ["participant_id"])
 
 
-def _folders(parent: Path, pattern: re.Pattern[str]) -> list[Path]:
-    """Return the folders of a name, in order."""
-    return sorted(path for path in parent.iterdir() if path.is_dir() and pattern.fullmatch(path.name))
+def _check_roll(dataset: Path) -> Iterator[CheckedFile]:
+    """Yield the sessions that no reader takes until they are put right, or that are not known here."""
+    for entry in call_roll(dataset).sessions:
+        folder = dataset / entry.folder
+        if entry.use is SessionUse.WRONG:
+            yield CheckedFile.blamed(folder, "session", entry.why)
+        elif entry.task not in (None, *TASKS):
+            yield CheckedFile(folder, "session", notes=[f"{folder}: it is left out: {entry.why}"])
+        elif leads_out(folder / TRIALS, dataset):
+            yield CheckedFile(folder, "session", notes=[f"{folder}: it is a link out of the data set"])
 
 
 def _check_description(dataset: Path) -> CheckedFile:
-    """Return the description of a data set, as BIDS asks for it."""
+    """Return the description of a data set, as BIDS asks for it, or Psych-DS of an export."""
     path = dataset / DESCRIPTION
     checked = CheckedFile(path, "description of a data set")
     try:
         content = read_json(path, "the description of a data set")
         if not isinstance(content, dict):
             raise InputError(f"{path}: expected Name, BIDSVersion and more, got {shown(content)}")
-        for key in ("Name", "BIDSVersion"):
+        for key in ("name", "description") if "@context" in content else ("Name", "BIDSVersion"):
             if not isinstance(content.get(key), str) or not content[key]:
                 checked.blame(f"{key}: expected text, got {shown(content.get(key))}")
         if "provenance" in content:
@@ -105,7 +120,7 @@ def _check_participants(dataset: Path, simulated: dict[str, bool]) -> CheckedFil
             checked.blame(
                 f"simulated: expected {str(true).lower()!r}, as in {MANIFEST}, got {listed_as!r}", line
             )
-    _compare_names(checked, listed, [folder.name for folder in _folders(dataset, SUBJECT)])
+    _compare_names(checked, listed, [folder.name for folder in folders_named(dataset, SUBJECT)])
     return checked
 
 

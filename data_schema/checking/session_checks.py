@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,11 @@ from evenlight.data_schema.recordings.dataset_layout import (
     behaviour_file,
 )
 from evenlight.data_schema.recordings.ramp import TrialFlag
-from evenlight.data_schema.recordings.session import TASKS, SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.session import TASKS, WHOLE, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.sweep import SweepManifest
 from evenlight.data_schema.recordings.viewing import Version
-from evenlight.data_schema.storage.tables import columns_of, csv_rows, plain_cell
-from evenlight.data_schema.storage.text_files import read_json
+from evenlight.data_schema.storage.tables import columns_of, csv_rows, optional_columns, plain_cell
+from evenlight.data_schema.storage.text_files import read_json, read_text
 
 ROUNDING = 1e-6  # relative, of a luminance
 
@@ -65,8 +67,9 @@ def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile
         return CheckedFile(folder / TRIALS, "")
     if not (folder / TRIALS).is_file():
         checked = CheckedFile(folder / TRIALS, kind.words)
-        if manifest and manifest.status is SessionStatus.COMPLETE and manifest.n_trials:
-            checked.blame(f"no such file; the session is complete with {manifest.n_trials} trials")
+        if manifest and manifest.status in WHOLE and manifest.n_trials:
+            state = manifest.status.value
+            checked.blame(f"no such file; the session is {state} with {manifest.n_trials} trials")
         else:
             checked.notes.append(f"{checked.path}: no such file; the session has no trial yet")
         return checked
@@ -112,8 +115,8 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
             got, right = getattr(trial, key), getattr(manifest, key)
             if got != right:
                 checked.blame(f"{key}: expected {right!r}, as in {MANIFEST}, got {got!r}", line)
-        brightest = manifest.display.peak_luminance + manifest.display.reflected_luminance
-        highest = _brightest_of(trial)
+        panel, highest = manifest.display, _brightest_of(trial)
+        brightest = panel.peak_luminance + panel.reflected_luminance if panel else math.inf
         if highest > brightest * (1 + ROUNDING):
             checked.blame(
                 f"luminance: expected at most {brightest:g} cd/m^2, which the session's display reaches, "
@@ -123,11 +126,12 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
         _compare_with_stimuli(checked, line, trial, manifest)
     count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
     flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
-    if manifest.status is SessionStatus.COMPLETE and not planned - flagged <= count <= planned:
-        checked.blame(f"expected {planned} usable trials, because the session is complete, got {count}")
+    if manifest.status in WHOLE and not planned - flagged <= count <= planned:
+        state = manifest.status.value
+        checked.blame(f"expected {planned} usable trials, because the session is {state}, got {count}")
     elif count > planned:
         checked.blame(f"expected at most {planned} trials, as in {MANIFEST}, got {count}")
-    elif manifest.status is not SessionStatus.COMPLETE:
+    elif manifest.status not in WHOLE:
         checked.notes.append(
             f"{checked.path}: the session is {manifest.status.value}, with {count} of {planned} trials"
         )
@@ -138,12 +142,14 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
 def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest: SessionManifest) -> None:
     """Note where a trial of a viewing experiment is not of the sequences that the manifest has."""
     sequence, stimuli = getattr(trial, "sequence", None), {each.name: each for each in manifest.stimuli}
-    if sequence is None:
+    known = tuple(stimuli) or getattr(manifest.design, "sequences", ())  # neither, if it was imported
+    if sequence is None or not known:
         return
-    if sequence not in stimuli:
+    if sequence not in known:
         checked.blame(
-            f"sequence: expected one of {', '.join(stimuli)}, as in {MANIFEST}, got {sequence!r}", line
+            f"sequence: expected one of {', '.join(known)}, as in {MANIFEST}, got {sequence!r}", line
         )
+    if sequence not in stimuli:
         return
     stimulus, version = stimuli[sequence], getattr(trial, "version", Version.OURS)
     expected = {"baseline_factor": stimulus.baseline_factor}
@@ -151,8 +157,8 @@ def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest:
     if version is Version.BASELINE:
         expected["factor"] = stimulus.baseline_factor
     for key, right in expected.items():
-        got = getattr(trial, key, right)
-        if abs(got - right) > ROUNDING:
+        got = getattr(trial, key, None)
+        if got is not None and abs(got - right) > ROUNDING:
             checked.blame(
                 f"{key}: expected {right:g}, as {sequence!r} has it in {MANIFEST}, got {got:g}", line
             )
@@ -161,7 +167,7 @@ def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest:
 def _brightest_of(trial: Any) -> float:
     """Return the highest luminance that a trial names, 0 if it names none [cd/m^2]."""
     names = ("initial_luminance", "final_luminance", "background_luminance")
-    return max(float(getattr(trial, name, 0.0)) for name in names)
+    return max(float(getattr(trial, name, None) or 0.0) for name in names)
 
 
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:
@@ -171,13 +177,17 @@ def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile)
     if known is None:
         return
     if not path.is_file():
-        if manifest.status is SessionStatus.COMPLETE and trials.records:
+        if manifest.status in WHOLE and trials.records:
             yield CheckedFile.blamed(
                 path, "exported trials", f"no such file; {TRIALS} is to be exported there"
             )
         return
     yield _check_exported_rows(path, known.trial, trials)
-    yield check_column_descriptions(path.with_suffix(".json"), columns_of(known.trial))
+    described = columns_of(known.trial)
+    with suppress(InputError):  # which the table has told
+        header = read_text(path, "exported trials").partition("\n")[0].split("\t")
+        described = [column for column in described if column in header]
+    yield check_column_descriptions(path.with_suffix(".json"), described)
 
 
 def _check_exported_rows(path: Path, cls: type[Any], trials: CheckedFile) -> CheckedFile:
@@ -198,14 +208,16 @@ def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
     """Return a table of records with tabs between its cells, as BIDS has them."""
     checked = CheckedFile(path, "exported trials")
     columns, names, kinds = columns_of(cls), list(keys_of(cls)[0].values()), type_hints(cls)
-    note = checked.problems.append
+    note, optional = checked.problems.append, optional_columns(cls)  # a table of before they were there
     try:
-        for line, cells in csv_rows(path, columns, "exported trials", "\t", lambda error: note(str(error))):
+        rows = csv_rows(path, columns, "exported trials", "\t", lambda error: note(str(error)), optional)
+        for line, cells in rows:
             where = f"{path}, line {line}"
             try:
                 row = {
                     key: plain_cell(kinds[name], cell, f"{where}: {key}")
                     for key, name, cell in zip(columns, names, cells, strict=True)
+                    if cell or key not in optional
                 }
                 checked.records.append((line, record_from_mapping(cls, row, where)))
             except InputError as error:

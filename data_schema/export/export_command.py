@@ -20,11 +20,11 @@ def export(
     dataset: Annotated[Path, typer.Argument(help="Data set of sessions.")],
     out: Annotated[Path, typer.Option(help="Folder of the exported data set, to be made.")],
     to: Annotated[
-        DatasetStandard, typer.Option(help="Psych-DS; or BIDS without the files that only Evenlight reads.")
+        DatasetStandard, typer.Option(help="Layout; either holds all that Evenlight reads.")
     ] = DatasetStandard.PSYCH_DS,
     quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
 ) -> None:
-    """Export a data set in the layout of a standard, to share it."""
+    """Check a data set and export it in the layout of a standard, to share it."""
     from evenlight.data_schema.export.bids import export_bids
     from evenlight.data_schema.export.psych_ds import export_psych_ds
 

@@ -2,7 +2,8 @@
 
 Written from the specification, schema 1.5.0: a `dataset_description.json` of schema.org's
 vocabulary with every column under `variableMeasured`, and tables named by key and value, ending in
-`_data.csv`, in the folder `data/`.
+`_data.csv`, in the folder `data/`. Files that it does not define are allowed beside `data/`, and stand in
+`.psychds-ignore`: there lie the sessions, as Evenlight reads them.
 """
 
 from __future__ import annotations
@@ -11,13 +12,18 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from evenlight.data_schema.export.bids import exported_tables, refuse_personal_data, refuse_used_folder
-from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, PARTICIPANTS
+from evenlight.data_schema.export.bids import IGNORED, README, copy_files, exported_files, tables_in
+from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, PARTICIPANTS, SIMULATED_TRUTH, SWEEPS
 from evenlight.data_schema.storage.tables import csv_text
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
 from evenlight.data_schema.storage.whole_files import results_folder, write_whole
 
 MISSING_CODES = ("n/a",)
+PARTICIPANT_TABLE = "group-participants_data.csv"
+NOT_DEFINED = ("sub-*", SWEEPS, PARTICIPANTS, str(Path(PARTICIPANTS).with_suffix(".json")), SIMULATED_TRUTH)
+ABOUT_DATA = """
+`data` holds the same tables in the layout of Psych-DS.
+"""
 
 
 def export_psych_ds(dataset: Path, folder: Path) -> int:
@@ -33,24 +39,25 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
     Raises
     ------
     InputError
-        If there is no table to export, or the folder holds something.
+        As of `exported_files`.
     """
-    tables = exported_tables(dataset)
-    refuse_personal_data(dataset)
-    refuse_used_folder(folder)
+    files = exported_files(dataset, folder)
+    tables = {psych_ds_name(table.name): table for table in tables_in(files)}
+    tables[PARTICIPANT_TABLE] = dataset / PARTICIPANTS
     description = read_json(dataset / DESCRIPTION, "the description of a data set")
+    others = {dataset / name for name in (DESCRIPTION, README, IGNORED)}
     variables: dict[str, dict[str, Any]] = {}
     with results_folder(folder) as staging:
-        for table in tables:
-            _write_table(table, staging / "data" / psych_ds_name(table.name))
-            variables |= _variables(table.with_suffix(".json"))
-        participants = dataset / PARTICIPANTS
-        if participants.exists():
-            _write_table(participants, staging / "data" / "group-participants_data.csv")
-            variables |= _variables(participants.with_suffix(".json"))
+        copy_files([path for path in files if path not in others], dataset, staging)
+        for name, table in tables.items():
+            columns = _write_table(table, staging / "data" / name)
+            variables |= _variables(columns, table.with_suffix(".json"))
         write_json(staging / DESCRIPTION, _description(description, variables.values()))
-        write_whole(staging / "README.md", read_text(dataset / "README", "what the data set is"))
-    return len(tables)
+        if dataset / README in files:
+            about = read_text(dataset / README, "what the data set is")
+            write_whole(staging / f"{README}.md", about + ABOUT_DATA)
+        write_whole(staging / ".psychds-ignore", "".join(f"{pattern}\n" for pattern in NOT_DEFINED))
+    return len(tables_in(files))
 
 
 def psych_ds_name(bids_name: str) -> str:
@@ -63,22 +70,26 @@ def psych_ds_name(bids_name: str) -> str:
     return name.replace("_beh.tsv", "_data.csv")
 
 
-def _write_table(source: Path, target: Path) -> None:
-    """Write a table with tabs as one with commas."""
+def _write_table(source: Path, target: Path) -> list[str]:
+    """Write a table with tabs as one with commas, and return its columns."""
     lines = [line.split("\t") for line in read_text(source, "an exported table").split("\n") if line]
     write_whole(target, csv_text(lines[0], lines[1:]))
+    return lines[0]
 
 
-def _variables(sidecar: Path) -> dict[str, dict[str, Any]]:
-    """Return the columns that a BIDS description names, as PropertyValue of schema.org."""
+def _variables(columns: Iterable[str], sidecar: Path) -> dict[str, dict[str, Any]]:
+    """Return the columns of a table as PropertyValue of schema.org, by their BIDS description."""
     content = read_json(sidecar, "a description of columns")
-    columns = {name: entry for name, entry in content.items() if isinstance(entry, dict)}
-    return {name: _variable(name, entry) for name, entry in columns.items()}
+    return {name: _variable(name, content.get(name, {})) for name in columns}
 
 
 def _variable(name: str, entry: dict[str, Any]) -> dict[str, Any]:
     """Return one column as a PropertyValue."""
-    found: dict[str, Any] = {"@type": "PropertyValue", "name": name, "description": entry["Description"]}
+    found: dict[str, Any] = {
+        "@type": "PropertyValue",
+        "name": name,
+        "description": entry.get("Description", name),
+    }
     if "Units" in entry:
         found["unitText"] = entry["Units"]
     if "Levels" in entry:

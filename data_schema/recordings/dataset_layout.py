@@ -58,11 +58,6 @@ def behaviour_file(dataset: Path, participant_id: str, session_id: str, task: st
     return session_folder(dataset, participant_id, session_id) / BEHAVIOUR_FOLDER / f"{stem}.tsv"
 
 
-def session_folders(dataset: Path) -> list[Path]:
-    """Return the session folders of a data set that hold a manifest, in order of name."""
-    return sorted(path.parent for path in dataset.glob(f"sub-*/ses-*/{MANIFEST}"))
-
-
 def sweep_folder(dataset: Path, task: str, session_id: str) -> Path:
     """Return the folder of a sweep.
 

@@ -100,30 +100,36 @@ class SearchTrial(Trial):
     sequence: str = described("camera path", pattern=NAME)
     keypoint: str = described("point on the camera path")
     version: Version = described("whose brightness the scene had")
-    factor: float = quantity("1", "brightness factor b of the scene", above=0.0, maximum=1.0)
-    ring_place: int = quantity("1", "which of the keypoint's two places of a ring", minimum=1, maximum=2)
-    ring_azimuth: float = quantity("deg", "azimuth of the ring, from the first direction of view")
-    ring_altitude: float = quantity("deg", "altitude of the ring, from the horizon")
-    ring_gap: float = quantity("arcmin", "gap of the ring", above=0.0, key="ring_gap_arcmin")
-    ring_contrast: float = quantity("1", "Weber contrast of the ring", minimum=-1.0)
-    shown_contrast: float = quantity(
+    factor: float | None = quantity(
+        "1", "brightness factor b of the scene; null if unknown", above=0.0, maximum=1.0
+    )
+    ring_place: int | None = quantity(
+        "1", "which of the keypoint's two places of a ring; null if unknown", minimum=1, maximum=2
+    )
+    ring_azimuth: float | None = quantity("deg", "azimuth of the ring, from the first direction of view")
+    ring_altitude: float | None = quantity("deg", "altitude of the ring, from the horizon")
+    ring_gap: float | None = quantity("arcmin", "gap of the ring", above=0.0, key="ring_gap_arcmin")
+    ring_contrast: float | None = quantity("1", "Weber contrast of the ring", minimum=-1.0)
+    shown_contrast: float | None = quantity(
         "1",
         "that contrast as it left the display: smaller if pixels make the brightness and ring "
         "or surroundings would be darker than the display's black; without reflected light",
         minimum=-1.0,
     )
-    ring_orientation: int = quantity("deg", "direction of its gap, counter-clockwise from the right")
-    background_luminance: float = quantity(
+    ring_orientation: int | None = quantity(
+        "deg", "direction of its gap, counter-clockwise from the right; null if unknown"
+    )
+    background_luminance: float | None = quantity(
         "cd/m^2", "mean luminance around the ring, at full brightness", above=0.0
     )
-    gap_pixels: float = quantity("1", "size of the gap on the display, in pixels", above=0.0)
+    gap_pixels: float | None = quantity("1", "size of the gap on the display, in pixels", above=0.0)
     time_limit: float = quantity("s", "time limit of the search", above=0.0)
     found: bool = described("true if the key was pressed before the time limit")
     search_time: float = quantity(
         "s", "time until the key was pressed; the time limit if nothing was found (censored)", minimum=0.0
     )
     reported_orientation: int | None = quantity(
-        "deg", "direction of the gap as the participant reported it; null if nothing was found"
+        "deg", "direction of the gap as the participant reported it; null if nothing was found, or unknown"
     )
     response_time: float | None = quantity("s", "from that question to the answer", minimum=0.0)
     simulated: bool = as_in(RampTrial, "simulated")
@@ -144,8 +150,12 @@ class SearchTrial(Trial):
                 raise ValueError(
                     f"{name}_deg must be one of {', '.join(map(str, ORIENTATIONS))}, got {value}"
                 )
-        if self.found != (self.reported_orientation is not None):
-            raise ValueError("a ring that was found has a reported orientation, and only such a ring")
+        reported = self.reported_orientation is not None
+        if reported != self.found and (reported or self.ring_orientation is not None):
+            raise ValueError(
+                "a ring that was found has a reported orientation, where its own is known, and only such a "
+                "ring"
+            )
         if self.search_time > self.time_limit or (not self.found and self.search_time != self.time_limit):
             raise ValueError(
                 f"search_time_s must be the time limit where nothing was found, and at most that, got "
@@ -154,7 +164,9 @@ class SearchTrial(Trial):
 
     @property
     def correct(self) -> bool:
-        """Whether the ring was found and its gap identified correctly."""
+        """Whether the ring was found and its gap, where its orientation is known, identified correctly."""
+        if self.ring_orientation is None:
+            return self.found
         return self.found and self.reported_orientation == self.ring_orientation
 
 

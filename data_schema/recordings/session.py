@@ -51,6 +51,29 @@ class SessionStatus(enum.Enum):
     COMPLETE = "complete"
     ABORTED = "aborted"
     DECLINED = "declined"  # without consent: no trial was shown, and none will be
+    IMPORTED = "imported"  # from another program's file: complete as far as that goes
+
+
+WHOLE = (SessionStatus.COMPLETE, SessionStatus.IMPORTED)  # all trials are there that there will be
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSource:
+    """The file of another program that a session was imported from, and how it was read."""
+
+    file: str = described("its name")
+    file_format: str = described("what kind of table it is, as it was recognized")
+    sha256: str = described("SHA-256 of the file")
+    columns: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "its column for each of Evenlight's"}
+    )
+    units: dict[str, str] = field(default_factory=dict, metadata={"doc": "unit of a column, as stated"})
+    values: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "its values for each of Evenlight's, as `version:ours`"}
+    )
+    constants: dict[str, str] = field(
+        default_factory=dict, metadata={"doc": "what holds for all rows, as stated"}
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +87,12 @@ class SessionManifest:
     status: SessionStatus = described("how far the session got")
     n_trials: int = quantity(
         "1",
-        "usable trials that the design asks for; practice and trials shown again are not counted",
+        "usable trials that the design asks for, or an imported file holds; practice and trials shown again "
+        "are not counted",
         minimum=0,
     )
-    display: Display = described("display it ran on")
-    design: Design = described("what was shown, and how")
+    display: Display | None = described("display it ran on; null if unknown")
+    design: Design | None = described("what was shown, and how; null if unknown")
     provenance: Provenance = described("how the file was made")
     order_index: int = quantity(
         "1",
@@ -87,23 +111,29 @@ class SessionManifest:
     stimuli: tuple[Stimulus, ...] = described(
         "sequences of a viewing experiment, with their tracks", default=()
     )
+    source: ImportSource | None = described("the file it was imported from; null if none", default=None)
 
     def __post_init__(self) -> None:
         check_limits(self)
         known = TASKS.get(self.task)
-        if known is not None and not isinstance(self.design, known.design):
+        if known is not None and not isinstance(self.design, known.design | None):
             raise ValueError(
                 f"the design of the task {self.task!r} must be a {known.design.__name__}, got a "
                 f"{type(self.design).__name__}"
             )
 
+    @property
+    def order_known(self) -> bool:
+        """Whether `trial_index` is the order in which trials were shown, not only that of a file's rows."""
+        return self.source is None or "trial_index" in self.source.columns
+
     @staticmethod
-    def types_in(content: Mapping[str, Any]) -> dict[str, type[Any]]:
-        """Return the type of `design` in the manifest of a registered task; `mapping` asks for it."""
+    def types_in(content: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the type of `design` in the manifest of a known task; `mapping` asks for it."""
         task = content.get("task")
-        if not isinstance(task, str) or task not in TASKS or task in BUILT_IN_TASKS:
+        if not isinstance(task, str) or task not in TASKS:
             return {}  # what is no text is refused with the other keys
-        return {"design": TASKS[task].design}
+        return {"design": TASKS[task].design | None}
 
 
 class EventKind(enum.Enum):

@@ -120,10 +120,15 @@ class RatingTrial(Trial):
     sequence: str = described("what was shown", pattern=NAME)
     version: Version = described("how it was dimmed")
     repetition: int = quantity("1", "which rating of this version, from 1", minimum=1)
-    place_in_pair: int = quantity(
-        "1", "1 if this version of the sequence was shown before the other, else 2", minimum=1, maximum=2
+    place_in_pair: int | None = quantity(
+        "1",
+        "1 if this version of the sequence was shown before the other, else 2; null if unknown",
+        minimum=1,
+        maximum=2,
     )
-    mean_factor: float = quantity("1", "mean brightness factor of what was shown", above=0.0, maximum=1.0)
+    mean_factor: float | None = quantity(
+        "1", "mean brightness factor of what was shown; null if unknown", above=0.0, maximum=1.0
+    )
     rating: int = quantity(
         "1",
         "quality and saliency of details, 1 (low) to 5 (high)",
@@ -154,14 +159,18 @@ class ComparisonTrial(Trial):
     trial_index: int = as_in(RampTrial, "trial_index")
     sequence: str = as_in(RatingTrial, "sequence")
     repetition: int = quantity("1", "which comparison of this sequence, from 1", minimum=1)
-    ours_interval: int = quantity("1", "which of the two was the modulated version", minimum=1, maximum=2)
-    mean_factor: float = quantity(
-        "1", "mean brightness factor of the modulated version", above=0.0, maximum=1.0
+    ours_interval: int | None = quantity(
+        "1", "which of the two was the modulated version; null if unknown", minimum=1, maximum=2
     )
-    baseline_factor: float = quantity(
-        "1", "brightness factor of the constant version", above=0.0, maximum=1.0
+    mean_factor: float | None = quantity(
+        "1", "mean brightness factor of the modulated version; null if unknown", above=0.0, maximum=1.0
     )
-    response: Response = described("which of the two showed a change in brightness: first, second")
+    baseline_factor: float | None = quantity(
+        "1", "brightness factor of the constant version; null if unknown", above=0.0, maximum=1.0
+    )
+    response: Response | None = described(
+        "which of the two showed a change in brightness: first, second; null if unknown"
+    )
     response_time: float | None = as_in(RampTrial, "response_time")
     simulated: bool = as_in(RampTrial, "simulated")
     practice: bool = as_in(RampTrial, "practice")
@@ -172,11 +181,22 @@ class ComparisonTrial(Trial):
     n_frames: int | None = as_in(RatingTrial, "n_frames")
     frames_dropped: int | None = as_in(RatingTrial, "frames_dropped")
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
+    chosen: Version | None = described(
+        "which version showed a change in brightness, where it is not known in which interval it was",
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
-        if self.response not in (Response.FIRST, Response.SECOND):
+        if self.response not in (None, Response.FIRST, Response.SECOND):
             raise ValueError(f"response must be 'first' or 'second', got {self.response.value!r}")
+        known = None not in (self.ours_interval, self.response)
+        if known == (self.chosen is not None):
+            raise ValueError(
+                "a comparison has ours_interval and response, or chosen where one of them is unknown; got "
+                f"{self.ours_interval}, {self.response and self.response.value} and "
+                f"{self.chosen and self.chosen.value}"
+            )
 
     @property
     def intervals(self) -> int:
@@ -186,6 +206,8 @@ class ComparisonTrial(Trial):
     @property
     def chose_ours(self) -> bool:
         """Whether the participant answered that the modulated version changed."""
+        if self.chosen is not None:
+            return self.chosen is Version.OURS
         return (self.response is Response.FIRST) == (self.ours_interval == 1)
 
 

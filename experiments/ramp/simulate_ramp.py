@@ -14,6 +14,12 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.dataset_layout import SIMULATED_TRUTH
+from evenlight.data_schema.recordings.dataset_writing import (
+    new_dataset,
+    write_description,
+    write_participants,
+    write_session,
+)
 from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial, Response
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.data_schema.storage.text_files import write_json
@@ -33,12 +39,6 @@ from evenlight.experiments.ramp.ramp_plan import (
     ramp_levels,
 )
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
-from evenlight.experiments.sessions.dataset import (
-    new_dataset,
-    write_description,
-    write_participants,
-    write_session,
-)
 from evenlight.method.preset_files import load_rate_limit
 
 SESSION = "01"

@@ -25,6 +25,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     TRIALS,
     session_folder,
 )
+from evenlight.data_schema.recordings.dataset_writing import export_behaviour
 from evenlight.data_schema.recordings.session import (
     TASKS,
     EventKind,
@@ -40,7 +41,6 @@ from evenlight.data_schema.storage.text_files import (
     write_json_record,
 )
 from evenlight.experiments.calibration_age import utc_now
-from evenlight.experiments.sessions.dataset import export_behaviour
 
 LONGEST_REASON = 200  # letters of an error's message, in the log of events
 Clock = Callable[[], float]

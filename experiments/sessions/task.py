@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Keys, Rig
@@ -141,8 +141,13 @@ class SessionSetting:
 
     @property
     def display(self) -> Display:
-        """The display."""
-        return self.manifest.display
+        """The display; a session that is run has one."""
+        return cast("Display", self.manifest.display)
+
+    @property
+    def design(self) -> Any:
+        """The design, of the task's class; a session that is run has one."""
+        return self.manifest.design
 
 
 class Person:

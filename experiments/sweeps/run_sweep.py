@@ -14,6 +14,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now, sha256_of_file
 from evenlight.data_schema.recordings.dataset_layout import sweep_folder
+from evenlight.data_schema.recordings.dataset_writing import require_dataset
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
 from evenlight.data_schema.recordings.sweep import (
@@ -25,7 +26,6 @@ from evenlight.data_schema.recordings.sweep import (
     SweepManifest,
     SweepPhase,
 )
-from evenlight.experiments.sessions.dataset import require_dataset
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
 from evenlight.experiments.sweeps.sweep_devices import (

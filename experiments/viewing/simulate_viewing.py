@@ -12,18 +12,18 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.recordings.dataset_layout import SIMULATED_TRUTH
+from evenlight.data_schema.recordings.dataset_writing import (
+    new_dataset,
+    write_description,
+    write_participants,
+    write_session,
+)
 from evenlight.data_schema.recordings.ramp import Trial
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.storage.text_files import write_json
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
 from evenlight.experiments.ramp.simulate_ramp import SESSION, participant_id, simulated_manifest
-from evenlight.experiments.sessions.dataset import (
-    new_dataset,
-    write_description,
-    write_participants,
-    write_session,
-)
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli
 from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Viewing

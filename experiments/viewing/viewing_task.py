@@ -146,7 +146,7 @@ class ViewingTask(Generic[Planned]):
     ) -> None:
         self._session, self._rig, self._task = setting.session, setting.rig, setting.manifest.task
         self.stimuli = {stimulus.name: stimulus for stimulus in setting.stimuli}
-        self._design: Any = setting.manifest.design
+        self._design = setting.design
         self._trials, self._practice = order, practice
         self._order = FixedOrder(order, self._design.repeat_flagged)
         self.instructions = f"instructions_{self._task}"

@@ -116,8 +116,10 @@ def test_the_scatter_of_participants_with_equal_answers_is_that_of_their_mean_sh
     choices = Choices(tuple("abcdef"), chosen, np.full(6, 4))
     assert standard_error(choices) == pytest.approx(stats.sem(chosen / 4))
     found = estimate_share(choices, 0.2)
-    theirs = stats.ttest_1samp(chosen / 4, 0.5).confidence_interval(0.95)
-    assert found.interval == pytest.approx((theirs.low, theirs.high))
+    theirs = stats.ttest_1samp(chosen / 4, 0.5).confidence_interval(0.9)
+    assert found.narrow == pytest.approx((theirs.low, theirs.high))
+    # Of six people the sign flip rejects only what all of them lie beyond: below 0 of 4, or above 4 of 4.
+    assert found.interval == (0.0, 1.0)
     above = stats.ttest_1samp(chosen / 4, 0.3, alternative="greater").pvalue
     below = stats.ttest_1samp(chosen / 4, 0.7, alternative="less").pvalue
     assert found.equivalence_p == pytest.approx(max(above, below))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from comparison_answers import answers_of, data_of, row, rows_of
 from scipy import stats
@@ -30,8 +29,8 @@ class TestHardCases:
         assert "every answer was the same" in pooled.flag
         assert pooled.ci_low is not None
         assert pooled.ci_high is not None
-        # An interval with people as the sample, of mid-p: (1 - width)^17 / 2 = 2.5 %.
-        assert pooled.ci_high - pooled.ci_low == pytest.approx(1 - 0.05 ** (1 / 17), abs=1e-9)
+        # An interval with people as the sample: (1 - width)^17 = 2.5 %.
+        assert pooled.ci_high - pooled.ci_low == pytest.approx(1 - 0.025 ** (1 / 17), abs=1e-9)
         model = row(rows, "model", "all", "ours chosen")
         assert (model.value, model.p_value) == (None, None)
         assert model.flag
@@ -101,9 +100,9 @@ class TestHardCases:
         pooled = row(statistics_of(found), "shares", "all", "ours chosen")
         assert pooled.ci_low is not None
         assert pooled.ci_high is not None
-        # No shorter than 68 independent answers give, and t of 17 people.
-        half = stats.t.ppf(0.975, 16) * np.sqrt(35 / 68 * 33 / 68 / 68)
-        assert (pooled.ci_high - pooled.ci_low) / 2 == pytest.approx(half)
+        # No shorter than 68 independent answers give.
+        exact = stats.binomtest(35, 68).proportion_ci()
+        assert (pooled.ci_low, pooled.ci_high) == pytest.approx((exact.low, exact.high))
         assert "the sequences differ" in pooled.flag
 
     def test_people_who_always_give_their_own_answer_have_no_number_of_the_model(self) -> None:
@@ -120,12 +119,14 @@ class TestHardCases:
         assert "exact binomial" in row(same, "shares", "all", "ours chosen").method
         assert "exact binomial" in row(same, "equivalence", "all", "share within").method
 
-    def test_participants_who_all_have_the_same_share_give_no_interval(self) -> None:
+    def test_participants_who_all_have_the_same_share_have_the_interval_of_independent_answers(self) -> None:
         rows = rows_of(answers_of(lambda who, s: s % 2 == who % 2))
         pooled = row(rows, "shares", "all", "ours chosen")
-        assert (pooled.value, pooled.ci_low, pooled.ci_high) == (0.5, None, None)
-        assert "same share" in pooled.flag
-        assert row(rows, "equivalence", "all", "smallest margin").value is None
+        assert pooled.value == 0.5
+        exact = stats.binomtest(34, 68).proportion_ci()
+        assert (pooled.ci_low, pooled.ci_high) == pytest.approx((exact.low, exact.high))
+        margin = row(rows, "equivalence", "all", "smallest margin").value
+        assert margin == pytest.approx(stats.t.ppf(0.95, 16) * (0.25 / 68) ** 0.5)
 
     def test_no_answer_at_all_is_refused(self) -> None:
         with pytest.raises(InputError, match="no comparison counts"):

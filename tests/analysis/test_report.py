@@ -41,7 +41,7 @@ from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_da
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 HASH = "ab" * 32
-VOID = {"meta", "img", "br", "link"}
+VOID = {"meta", "img", "br", "link", "wbr"}
 PNG = png_bytes(new_figure(PAGE, height=0.1))
 
 
@@ -59,6 +59,8 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
+        if tag == "wbr":  # within a word
+            self.text = self.text.removesuffix(" ")
         for name, value in attrs:
             if name in {"src", "href", "srcset", "data", "poster", "action"}:
                 self.targets.append(value or "")

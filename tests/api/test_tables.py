@@ -99,6 +99,21 @@ def test_ratings_have_the_means_and_the_exact_test_that_follow_by_hand() -> None
     assert "rating" in repr(found)
 
 
+@pytest.mark.parametrize(("first", "known"), [("baseline", True), ("ours", True), ("ours", False)])
+def test_the_order_of_versions_is_that_of_trial_index_and_not_of_the_rows(first: str, known: bool) -> None:
+    shown = [
+        (who, name, version, 2 * place + (version != first))
+        for version in ("ours", "baseline")
+        for who in range(6)
+        for place, name in enumerate(("gym", "hall"))
+    ]
+    table = pd.DataFrame(shown, columns=["participant_id", "sequence", "version", "trial_index"])
+    table["rating"] = 3 + (table["version"] == "ours")
+    found = evenlight.analyze(table if known else table.drop(columns="trial_index"))
+    where = "second" if first == "baseline" else "first"
+    assert (f"ours was shown {where} in all 12 pairs" in found.lead) is known
+
+
 def test_comparisons_have_the_share_and_the_binomial_test_that_follow_by_hand() -> None:
     rows = [
         {

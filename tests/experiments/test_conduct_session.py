@@ -10,13 +10,13 @@ import pytest
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.recordings.dataset_writing import enrol
 from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign, TrialFlag
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
 from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
 from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
-from evenlight.experiments.sessions.dataset import enrol
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import BlindStage

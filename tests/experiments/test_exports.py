@@ -3,9 +3,11 @@
 import csv
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.slow
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
 # The file names that the specification of Psych-DS, schema 1.5.0, allows.
 FILE_NAME = re.compile(r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
+TABLE = "sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.tsv"
 NAMES = ("name", "birth", "email", "address", "phone")
 Run = Callable[..., Any]
 
@@ -57,7 +60,7 @@ def test_the_validator_of_bids_finds_no_error_in_the_export(lab: Path, tmp_path:
     assert (ended.code, "3 tables of trials" in ended.out) == (0, True)
     assert errors_of(tmp_path / "bids") == []
     left = {p.suffix for p in (tmp_path / "bids").rglob("*") if p.is_file()}
-    assert left == {".json", ".tsv", ""}
+    assert left == {".json", ".tsv", ".jsonl", ""}
 
 
 def test_the_validator_would_find_a_table_without_descriptions(lab: Path) -> None:
@@ -75,17 +78,121 @@ def test_psych_ds_has_every_column_described_and_every_file_named_by_the_rules(
     description = json.loads((out / "dataset_description.json").read_text())
     assert {"@context", "@type", "name", "description", "variableMeasured"} <= set(description)
     assert (description["@type"], description["@context"]) == ("Dataset", "https://schema.org/")
-    measured = {variable["name"] for variable in description["variableMeasured"]}
+    described = {variable["name"] for variable in description["variableMeasured"]}
+    measured = set(described)
     tables = list((out / "data").iterdir())
     assert len(tables) == 4
     for table in tables:
         assert FILE_NAME.fullmatch(table.name), table
         with table.open(newline="") as stream:
             rows = list(csv.reader(stream))
-        assert set(rows[0]) <= measured
+        assert set(rows[0]) <= described
         assert {len(row) for row in rows} == {len(rows[0])}
         assert len(rows) > 1
+        measured -= set(rows[0])
+    assert not measured  # a variable that is in no table is an error, too
     assert "no person took part" in description["description"]
+
+
+def test_psych_ds_lists_the_files_beside_data_that_it_does_not_define(
+    lab: Path, tmp_path: Path, command: Run
+) -> None:
+    """Its specification: files that it does not define are allowed, and belong into `.psychds-ignore`."""
+    out = tmp_path / "psychds"
+    assert command("export", lab, "--out", out).code == 0
+    ignored = (out / ".psychds-ignore").read_text().split()
+    defined = {"dataset_description.json", "README.md", "data", ".psychds-ignore"}
+    others = {path.name for path in out.iterdir()} - defined
+    assert "sub-01" in others
+    assert all(any(fnmatchcase(name, pattern) for pattern in ignored) for name in others)
+    assert len(list(out.rglob("dataset_description.json"))) == 1
+
+
+def test_the_validator_of_bids_finds_no_error_in_an_export_with_an_interrupted_session_and_a_roster(
+    lab: Path, tmp_path: Path, command: Run
+) -> None:
+    """A session that was killed has no table yet; the last on the list has not begun."""
+    shutil.rmtree(lab / "sub-02/ses-01/beh")
+    manifest = lab / "sub-02/ses-01/manifest.json"
+    manifest.write_text(manifest.read_text().replace('"status": "complete"', '"status": "running"'))
+    with (lab / "participants.tsv").open("a") as stream:
+        stream.write("sub-03\ttrue\n")
+    for to in ("bids", "psych-ds"):
+        ended = command("export", lab, "--to", to, "--out", tmp_path / to)
+        assert (ended.code, "2 tables of trials" in ended.out) == (0, True), ended.err
+        assert (tmp_path / to / "sub-02/ses-01/trials.jsonl").is_file()
+        assert command("validate", tmp_path / to, "--quiet").code == 0
+    assert errors_of(tmp_path / "bids") == []
+
+
+BAD = {
+    "a torn table": (TABLE, "\tno\t", "\t", "expected", "the table is torn"),
+    "no number in a table": (TABLE, "\t0.5\t", "\tNaN\t", "factor: expected a number, got 'NaN'", ""),
+    "a torn line": ("sub-01/ses-01/trials.jsonl", '"}\n', "", "last line is torn", ""),
+    "no number in the trials": ("sub-01/ses-01/trials.jsonl", '"factor": 0.5', '"factor": NaN', "NaN", ""),
+    "another participant": ("sub-01/ses-01/manifest.json", '_id": "01"', '_id": "09"', "expected '01'", ""),
+    "a task in capitals": ("sub-01/ses-01/manifest.json", '"ramp"', '"Ramp"', "expected 'ramp'", ""),
+}
+
+
+@pytest.mark.parametrize("to", ["bids", "psych-ds"])
+@pytest.mark.parametrize("damage", BAD)
+def test_a_data_set_with_a_problem_is_not_exported(
+    lab: Path, tmp_path: Path, command: Run, damage: str, to: str
+) -> None:
+    file, old, new, *said = BAD[damage]
+    text = (lab / file).read_text()
+    at = text.rindex(old)
+    (lab / file).write_text(text[:at] + new + text[at + len(old) :])
+    ended = command("export", lab, "--to", to, "--out", tmp_path / "out")
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert all(words in ended.err for words in (*said, "`evenlight validate` finds no problem")), ended.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("to", ["bids", "psych-ds"])
+@pytest.mark.parametrize("place", ["README", "sub-01/ses-01/events.jsonl", "sub-02"])
+def test_no_link_is_followed_out_of_the_data_set(
+    lab: Path, tmp_path: Path, command: Run, place: str, to: str
+) -> None:
+    (lab / place).rename(tmp_path / "private")
+    (lab / place).symlink_to(tmp_path / "private")
+    ended = command("export", lab, "--to", to, "--out", tmp_path / "out")
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert f"{lab / place}" in ended.err
+    assert "leads out of the data set" in ended.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_neither_of_bids_nor_read_stays_at_home(lab: Path, tmp_path: Path, command: Run) -> None:
+    (lab / "who_is_who.txt").write_text("sub-01 is Anna")
+    (lab / "sub-01/ses-01/notes.txt").write_text("Anna was tired")
+    for to in ("bids", "psych-ds"):
+        assert command("export", lab, "--to", to, "--out", tmp_path / to).code == 0
+        assert not list((tmp_path / to).rglob("*.txt"))
+
+
+def test_a_session_that_was_declined_is_not_shared(lab: Path, tmp_path: Path, command: Run) -> None:
+    """As the program leaves it: a manifest and events, without trials."""
+    session = lab / "sub-02/ses-01"
+    shutil.rmtree(session / "beh")
+    for name in ("trials.jsonl", "frames.jsonl"):
+        (session / name).unlink()
+    manifest = session / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"status": "complete"', '"status": "declined"'))
+    for to in ("bids", "psych-ds"):
+        assert command("export", lab, "--to", to, "--out", tmp_path / to).code == 0
+        assert not (tmp_path / to / "sub-02").exists()
+        assert command("validate", tmp_path / to, "--quiet").code == 0
+    assert errors_of(tmp_path / "bids") == []
+
+
+def test_an_export_is_not_exported_again_as_if_it_were_the_data_set(
+    lab: Path, tmp_path: Path, command: Run
+) -> None:
+    assert command("export", lab, "--out", tmp_path / "p").code == 0
+    ended = command("export", tmp_path / "p", "--to", "bids", "--out", tmp_path / "b")
+    assert (ended.code, "export the data set itself" in ended.err) == (2, True)
 
 
 def test_no_personal_data_is_in_any_file(lab: Path) -> None:

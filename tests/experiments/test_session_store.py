@@ -11,10 +11,10 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.dataset_writing import enrol
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response
 from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.experiments.sessions.dataset import enrol
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 
 

@@ -4,27 +4,29 @@ The sequences are small patterns here; rendering has tests of its own.
 """
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from evenlight import command as command_line
+from evenlight.analysis import reproduce_command
 from evenlight.analysis.reproduction import reproduction
 from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
-from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial
-from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
-from evenlight.data_schema.recordings.viewing import Version
-from evenlight.data_schema.storage.tables import read_rows
-from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.experiments.sessions.dataset import (
+from evenlight.data_schema.recordings.dataset_writing import (
     new_dataset,
     write_description,
     write_participants,
     write_session,
 )
+from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.method.preset_files import load_display
 
 FRAMES = 30
@@ -86,9 +88,19 @@ def lab(tmp_path_factory) -> Path:
     return folder
 
 
+class ToldSteps(list[str]):
+    """The steps that a command tells of its progress."""
+
+    step = list.append
+
+
+STEPS_TOLD = ToldSteps()
+
+
 def reproduced(lab: Path, out: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "built_in_sequence", pattern)
+        patch.setattr(reproduce_command, "shown_progress", lambda quiet: nullcontext(STEPS_TOLD))
         with pytest.raises(SystemExit) as ended:
             command_line.main(["reproduce", "--quick", "--data", str(lab), "--out", str(out), "--quiet"])
     assert not ended.value.code
@@ -123,6 +135,59 @@ def test_every_table_and_figure_of_the_paper_is_there(folder) -> None:
     }  # fmt: skip
     for name in figures:
         assert (folder / "figures" / f"{name}_points.csv").is_file(), name
+
+
+def test_what_is_wrong_with_recorded_searches_is_the_first_thing_said(folder) -> None:
+    said = "in the searches ours was shown first in all 12 pairs"  # four people, three places: see `searched`
+    page = (folder / "report.html").read_text()
+    assert page.split('<p class="lead">')[1].startswith(f"Caution: {said}")
+    summary = read_json_record(AnalysisSummary, folder / "reproduction.json")
+    assert any(words.startswith(said) for words in summary.warnings)
+
+
+def test_at_a_glance_says_of_each_number_what_makes_it(folder) -> None:
+    own = [
+        row for row in rows_of(folder, "at_a_glance") if row.origin not in (Origin.PUBLISHED, Origin.AUTHORS)
+    ]
+    made = {(row.what, row.flag.removeprefix("quick run; ").partition(":")[0]) for row in own}
+    assert made == {
+        ("rating, ours less constant", "circular"),
+        ("share that chose ours as the one that changed", "circular"),
+        ("lag of the cones, without rate limit over within it", "partly determined by published numbers"),
+        ("power saved, share of full brightness", "circular"),
+        ("SD of contrast loss, controller over constant", "partly determined by published numbers"),
+        ("optimization of 3000 frames [s]", "quick run"),
+        ("online, per frame [ms]", "quick run"),
+    }
+    table = (folder / "report.html").read_text().partition("at a glance")[2].partition("</table>")[0]
+    assert ">same<" not in table.partition("power saved")[2].partition("SD of contrast loss")[0]
+    for words in ("circular", "partly determined by published numbers", "independent"):
+        assert f"<td>{words}</td>" in table
+
+
+def test_the_times_that_the_paper_states_stand_beside_ours(folder) -> None:
+    rows = [row for row in rows_of(folder, "at_a_glance") if row.unit in ("s", "ms")]
+    printed = {row.what: row.value for row in rows if row.origin is Origin.PUBLISHED}
+    # Section 3.5: 3000 frames take around three minutes. Section 6: an overhead of around 25 ms.
+    assert printed == {"optimization of 3000 frames [s]": 180.0, "online, per frame [ms]": 25.0}
+    ours = {row.what for row in rows if row.origin is Origin.MEASURED and (row.value or 0) > 0}
+    assert ours == set(printed)
+
+
+def test_a_quick_run_says_so_on_every_page_and_in_every_table(folder) -> None:
+    summary = read_json_record(AnalysisSummary, folder / "reproduction.json")
+    assert summary.quick
+    assert "no number here is a result" in summary.warnings[0]
+    page = (folder / "report.html").read_text()
+    assert '<p class="banner">Quick run' in page
+    assert '@page { @top-center { content: "Quick run' in page
+    for path in (folder / "tables").glob("*.csv"):
+        assert all(row.flag.startswith("quick run") for row in read_rows(Statistic, path)), path
+
+
+def test_every_step_is_told_with_its_number(folder) -> None:
+    numbers = [f"step {k} of 12" for k in range(1, 13)]  # calibration, 6 tracks, walk, 3 tasks, tables
+    assert [words.partition(",")[0] for words in STEPS_TOLD] == numbers
 
 
 def test_published_numbers_stand_beside_ours_and_every_origin_is_told(folder) -> None:

@@ -17,14 +17,14 @@ from evenlight.analysis.inference.exact_tests import (
     signed_rank_test,
 )
 from evenlight.analysis.inference.paired_effects import (
-    mean_difference,
+    exact_mean_difference,
     rank_biserial,
     standardized_difference,
     superiority,
 )
 
 EFFECTS = {
-    "mean": mean_difference,
+    "mean": lambda differences: exact_mean_difference(differences, 1.0),
     "d_z": standardized_difference,
     "superiority": superiority,
     "rank-biserial": rank_biserial,

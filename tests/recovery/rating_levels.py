@@ -14,7 +14,7 @@ import numpy as np
 from made_ratings import Raters, drawn_ratings
 
 from evenlight.analysis.inference.exact_tests import sign_flip_test
-from evenlight.analysis.inference.paired_effects import Effect, mean_difference
+from evenlight.analysis.inference.paired_effects import Effect, exact_mean_difference
 from evenlight.analysis.rating.rating_model import permuted_interaction, rating_model
 from evenlight.analysis.rating.rating_order import order_effects
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
@@ -59,7 +59,7 @@ def model_free(trials: list[RatingTrial], rng: np.random.Generator) -> dict[str,
     overall = over_sequences(pairs)
     order = order_effects(trials, PAPER_SEQUENCES, rng, permutations=399)
     one = order.by_sequence["gym"]
-    mean = mean_difference(overall.values, overall.step)
+    mean = exact_mean_difference(overall.scores, overall.step)
     return {
         "mean over sequences": outcome(mean, sign_flip_test(overall.scores).p_value),
         "mean over sequences, mid-p": outcome(mean, sign_flip_test(overall.scores, mid_p=True).p_value),

@@ -69,6 +69,13 @@ class ThresholdFit:
     fit: PsychometricFit
     goodness: GoodnessOfFit | None = None
 
+    @property
+    def without_drift(self) -> ThresholdFit:
+        """The same of trials whose order is unknown."""
+        return dataclasses.replace(
+            self, threshold=dataclasses.replace(self.threshold, drift_ratio=None, drift_p=None)
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class _Person:

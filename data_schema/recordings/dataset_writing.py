@@ -47,7 +47,7 @@ PARTICIPANT_COLUMNS = {
     },
 }
 README = """\
-Sessions of a psychophysics experiment on temporal brightness management, recorded with Evenlight.
+Sessions of a psychophysics experiment on temporal brightness management, {origin}.
 
 The participants are {kind}.
 
@@ -192,8 +192,13 @@ def _write_participant_table(dataset: Path, header: list[str], rows: list[list[s
         write_json(path.with_suffix(".json"), PARTICIPANT_COLUMNS)
 
 
-def write_description(dataset: Path, name: str, simulated: bool, provenance: Provenance) -> None:
-    """Write `dataset_description.json`: what the data set is, and whether anybody took part in it."""
+def write_description(
+    dataset: Path, name: str, simulated: bool, provenance: Provenance, origin: str = "recorded with Evenlight"
+) -> None:
+    """Write `dataset_description.json`: what the data set is, and whether anybody took part in it.
+
+    The README says the same in words, with the `origin` of the sessions.
+    """
     write_json(
         dataset / DESCRIPTION,
         {
@@ -206,7 +211,7 @@ def write_description(dataset: Path, name: str, simulated: bool, provenance: Pro
         },
     )
     kind = "SIMULATED: no person took part" if simulated else "people"
-    write_whole(dataset / "README", README.format(kind=kind))
+    write_whole(dataset / "README", README.format(kind=kind, origin=origin))
     own_files = (
         *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)),
         SIMULATED_TRUTH,

@@ -1,0 +1,1 @@
+"""Integrity before inference: what is wrong with the trials of a task, before any inference."""

@@ -1,0 +1,1 @@
+"""Other programs' tables of trials as data sets (`evenlight import`)."""

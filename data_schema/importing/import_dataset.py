@@ -1,0 +1,143 @@
+"""Writing another program's table as a data set."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from evenlight.data_schema.checking.dataset_checks import personal_columns
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.importing.import_mapping import ImportMapping, ImportRequest
+from evenlight.data_schema.importing.imported_trials import first_few, imported_trials
+from evenlight.data_schema.importing.source_cells import taken_columns
+from evenlight.data_schema.importing.source_tables import SourceTable, read_sources
+from evenlight.data_schema.provenance import provenance_now, sha256_of_file
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.recordings.dataset_writing import (
+    new_dataset,
+    write_description,
+    write_participants,
+    write_session,
+)
+from evenlight.data_schema.recordings.session import TASKS, ImportSource, SessionManifest, SessionStatus
+
+
+def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
+    """Write a new data set from another program's files, and return what is to be said of it.
+
+    What the table does not tell stays unknown (docs/decisions/imported-data.md).
+
+    Raises
+    ------
+    InputError
+        If they cannot be read as trials of the task, or there is something at the data set's place.
+    """
+    table = read_sources(request.paths)
+    taken = taken_columns(table, request.mapping)
+    who = taken.columns.get("participant_id", "")
+    if personal_columns([who]):
+        raise InputError(
+            f"{table.path}: the column {who!r} for participant_id looks like personal data; expected codes"
+        )
+    rows, told = imported_trials(table, taken, request)
+    trials = [trial for _, trial in rows]
+    sessions: dict[tuple[str, str], list[Any]] = {}
+    files: dict[tuple[str, str], Path] = {}
+    for row, trial in rows:
+        key = (trial.participant_id, trial.session_id)
+        sessions.setdefault(key, []).append(trial)
+        if files.setdefault(key, row.path) != row.path:
+            raise InputError(
+                f"{row.path}: session {key[1]} of participant {key[0]} is in {files[key]} too; name the "
+                "column that tells sessions apart (--column session_id=THEIRS), or join the two files"
+            )
+    sources = {path: _source(path, table, taken) for path in request.paths}
+    _write(request, dataset, {key: sources[path] for key, path in files.items()}, sessions)
+    people = len({participant for participant, _ in sessions})
+    counts = {"participant": people, "session": len(sessions), "trial": len(trials)}
+    words = [f"{number} {what}{'s' * (number != 1)}" for what, number in counts.items()]
+    others = f" and {len(request.paths) - 1} more" if len(request.paths) > 1 else ""
+    head = f"{table.path}{others}: {table.file_format}, {len(table.rows)} rows"
+    return [
+        head,
+        *_taken(sources[table.path], taken.record),
+        *told,
+        _unknown(request, trials),
+        f"{', '.join(words)} in {dataset}",
+    ]
+
+
+def _write(
+    request: ImportRequest,
+    dataset: Path,
+    sources: dict[tuple[str, str], ImportSource],
+    sessions: dict[tuple[str, str], list[Any]],
+) -> None:
+    """Write the sessions."""
+    files = {source.file: source.sha256 for source in sources.values()}
+    provenance = provenance_now(inputs=files)
+    people = list(dict.fromkeys(participant for participant, _ in sessions))
+    with new_dataset(dataset) as staging:
+        names = first_few(list(files))
+        origin = f"imported from {names} into Evenlight"
+        name = f"{request.task} trials of {names}"
+        write_description(staging, name, request.simulated, provenance, origin)
+        write_participants(staging, people, request.simulated)
+        for (participant, session), trials in sessions.items():
+            source = sources[participant, session]
+            manifest = SessionManifest(
+                participant_id=participant,
+                session_id=session,
+                task=request.task,
+                simulated=request.simulated,
+                status=SessionStatus.IMPORTED,
+                n_trials=sum(trial.usable for trial in trials),
+                display=request.display,
+                design=None,
+                provenance=dataclasses.replace(provenance, inputs={source.file: source.sha256}),
+                order_index=people.index(participant),
+                source=source,
+            )
+            write_session(staging, manifest, sorted(trials, key=lambda trial: trial.trial_index))
+
+
+def _source(path: Path, table: SourceTable, taken: ImportMapping) -> ImportSource:
+    """Return where sessions come from, for their manifests."""
+    values: dict[str, str] = {}
+    for ours, meanings in taken.values.items():
+        for theirs, value in meanings.items():
+            key = f"{ours}:{value}"
+            values[key] = f"{values[key]}, {theirs}" if key in values else theirs
+    return ImportSource(
+        file=path.name,
+        file_format=table.file_format,
+        sha256=sha256_of_file(path),
+        columns=taken.columns | taken.wide,
+        units=taken.units,
+        values=values,
+        constants=taken.constants,
+    )
+
+
+def _taken(source: ImportSource, record: type[Any]) -> Iterator[str]:
+    """Yield what was taken for what; constants without a unit are in ours, which the key names."""
+    keys = {field.name: file_key(field) for field in dataclasses.fields(record)}
+    for ours, theirs in source.columns.items():
+        yield f"  {ours}: {theirs!r}" + (f" [{source.units[ours]}]" if ours in source.units else "")
+    for ours, value in source.constants.items():
+        said = f" [{source.units[ours]}]" if ours in source.units else ""
+        yield f"  {ours if said else keys[ours]}: {value}{said} in all rows"
+    for value, theirs in source.values.items():
+        yield f"  {value} for {theirs!r}"
+
+
+def _unknown(request: ImportRequest, trials: list[Any]) -> str:
+    """Return what stays unknown."""
+    names = [] if request.display else ["display"]
+    names += ["design"]
+    for field in dataclasses.fields(TASKS[request.task].trial):
+        if field.default is not None and all(getattr(trial, field.name) is None for trial in trials):
+            names.append(file_key(field))
+    return f"unknown: {', '.join(names)}"

@@ -1,0 +1,269 @@
+"""The trials of another program's table: what follows from its cells, and what stays unknown."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.importing.import_mapping import ImportMapping, ImportRequest
+from evenlight.data_schema.importing.imported_ramps import complete_ramps
+from evenlight.data_schema.importing.source_cells import CellReader, rows_of_cells
+from evenlight.data_schema.importing.source_tables import Row, SourceTable
+from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.recordings.session import TASKS
+
+MOST_SHOWN = 8  # lines that are listed
+ONLY_SESSION = "01"  # of rows that name none
+SESSION = ("participant_id", "session_id")
+# A row in which all of these are empty is no trial.
+ANSWERS = {
+    "rating": ("rating",),
+    "comparison": ("response", "chosen"),
+    "search": ("found",),
+    "ramp": ("response",),
+}
+# What is answered about: a further answer about it is a repetition.
+ITEMS = {"rating": (*SESSION, "sequence", "version"), "comparison": (*SESSION, "sequence")}
+# One of each group is needed, beside what must be known of each trial and does not follow from others.
+NEEDED = {
+    "comparison": (("response", "chosen"),),
+    "ramp": (("initial_luminance", "factor"), ("rate", "final_luminance")),
+}
+FOLLOWS = {"ramp": ("screen", "factor", "initial_luminance", "final_luminance", "rate", "is_catch")}
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Rows on their way to trials: line in the file, and values by our attributes, None if unknown."""
+
+    table: SourceTable
+    taken: ImportMapping
+    rows: list[tuple[Row, dict[str, Any]]]
+
+    def where(self, line: Row, name: str) -> str:
+        """Return file, line and column of a value."""
+        return self.table.place(line, self.taken.columns.get(name, name))
+
+
+def imported_trials(
+    table: SourceTable, taken: ImportMapping, request: ImportRequest
+) -> tuple[list[tuple[Row, Any]], list[str]]:
+    """Return the trials of a table, each with its row, and what is to be said of the rows.
+
+    Raises
+    ------
+    InputError
+        If something is missing, or a row cannot be a trial; it names file, line, column and value.
+    """
+    task, record = request.task, TASKS[request.task].trial
+    _require_columns(table, taken, task)
+    only = taken.only.items()
+    wanted = [row for row in table.rows if all(table.cell(row[1], theirs) in known for theirs, known in only)]
+    cells = list(rows_of_cells(dataclasses.replace(table, rows=tuple(wanted)), taken))
+    reader = CellReader(table, taken, cells)
+    answered = [
+        any(reader.value(name, own, line) is not None for name in ANSWERS[task]) for line, own in cells
+    ]
+    if not any(answered):
+        names = " or ".join(repr(taken.columns.get(name, name)) for name in ANSWERS[task])
+        raise InputError(f"{table.path}: none of {len(cells)} rows has an answer in {names}")
+    kept_rows = [(line, reader.values(own, line)) for line, own in itertools.compress(cells, answered)]
+    own_rows = _Rows(table, taken, kept_rows)
+    _require_values(own_rows, task)
+    told = [f"  {words}" for words in (*_identity(own_rows), *_of_task(own_rows, task, request.display))]
+    told += ["numbers have decimal commas"] if reader.decimal_commas else []
+    if len(wanted) < len(table.rows):
+        told.append(f"left out by --only: {len(table.rows) - len(wanted)} of {len(table.rows)} rows")
+    _require_answers(table, [line for line, _ in kept_rows])
+    unanswered = [line for (line, _), there in zip(cells, answered, strict=True) if not there]
+    if unanswered:
+        numbers = [line.beside(cells[0][0]) for line in dict.fromkeys(unanswered)]
+        places = f"{table.counted}s {first_few(numbers)}"
+        told.append(f"without an answer, and no trials: {len(unanswered)}, in {places}")
+    keys = {field.name: file_key(field) for field in dataclasses.fields(record)}
+    trials = []
+    for line, values in own_rows.rows:
+        plain = {keys[name]: value for name, value in values.items()} | {"simulated": request.simulated}
+        trials.append((line, record_from_mapping(record, plain, table.place(line))))
+    return trials, told
+
+
+def _require_answers(table: SourceTable, answered: list[Row]) -> None:
+    """Refuse a file without any trial: its columns may be named otherwise than those of the others."""
+    missing = {row.path for row, _ in table.rows} - {row.path for row in answered}
+    if missing:
+        raise InputError(
+            f"{min(missing)}: no row of it is a trial, as those of the other files are; expected the same "
+            "columns in all files"
+        )
+
+
+def first_few(names: list[str]) -> str:
+    """Return names, and how many there would be more.
+
+    >>> first_few([str(number) for number in range(12)])
+    '0, 1, 2, 3, 4, 5, 6, 7 and 4 more'
+    """
+    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+    return ", ".join(names[:MOST_SHOWN]) + more
+
+
+def _require_columns(table: SourceTable, taken: ImportMapping, task: str) -> None:
+    """Refuse a table without a column that its task needs."""
+    record, follows = TASKS[task].trial, FOLLOWS.get(task, ())
+    free = {"session_id", "trial_index", "simulated", "repetition", *follows, *nullable_fields(record)}
+    must = [(f.name,) for f in dataclasses.fields(record) if f.default is dataclasses.MISSING]
+    for names in [*(one for one in must if one[0] not in free), *NEEDED.get(task, ())]:
+        if not taken.given.intersection(names):
+            raise InputError(
+                f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
+                f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE; its columns are "
+                f"{', '.join(table.columns)}"
+            )
+
+
+def _require_values(own: _Rows, task: str) -> None:
+    """Refuse a trial without a value that it must have, and that nothing else tells."""
+    fields = dataclasses.fields(TASKS[task].trial)
+    told = {"search_time", *FOLLOWS.get(task, ()), *nullable_fields(TASKS[task].trial)}
+    must = [f.name for f in fields if f.name in own.taken.given and f.default is dataclasses.MISSING]
+    for line, values in own.rows:
+        for name in must:
+            if values[name] is None and name not in told:
+                raise InputError(
+                    f"{own.where(line, name)}: no {name}; expected one in each row with an answer"
+                )
+
+
+def _identity(own: _Rows) -> Iterator[str]:
+    """Make participants, sessions and sequences fit for names of folders, and number the trials."""
+    _make_names(own, "participant_id")
+    if "session_id" in own.taken.given:
+        _make_names(own, "session_id")
+    else:
+        yield f"session_id: {ONLY_SESSION}, as none is named"
+    if "sequence" in own.taken.given:
+        _make_names(own, "sequence")
+    numbered = "trial_index" in own.taken.given
+    if not numbered:
+        yield "trial_index: the order of rows"
+    counts: dict[tuple[str, str], int] = {}
+    for _, values in own.rows:
+        values["session_id"] = values["session_id"] or ONLY_SESSION
+        session = (values["participant_id"], values["session_id"])
+        counts[session] = counts.get(session, -1) + 1
+        values["trial_index"] = values["trial_index"] if numbered else counts[session]
+    _require_different(own, (*SESSION, "trial_index"))
+
+
+def _make_names(own: _Rows, name: str) -> None:
+    """Reduce texts to names; refuse two that become one, or differ in zeros or capitals only."""
+    is_sequence = name == "sequence"
+    first: dict[str, tuple[str, Row]] = {}
+    for line, values in own.rows:
+        text = values[name] or ""
+        whole = re.fullmatch(r"(\d+)\.0+", text)  # as tables with gaps write whole numbers
+        fit = (
+            re.sub("[^0-9A-Za-z_-]+", "_", text).strip("_-")
+            if is_sequence
+            else re.sub("[^0-9A-Za-z]", "", whole[1] if whole else text)
+        )
+        where = own.where(line, name)
+        if not fit or "@" in text:
+            raise InputError(f"{where}: expected a code of letters and digits as {name}, got {text!r}")
+        key = fit.lower() if is_sequence else fit.lower().lstrip("0")
+        other, before = first.setdefault(key, (text, line))
+        if other != text:
+            raise InputError(
+                f"{where}: {text!r}, and {other!r} of {own.table.counted} {before.beside(line)}, would be "
+                f"one {name}; write them alike if they are, else so that letters or digits differ"
+            )
+        values[name] = fit
+
+
+def _require_different(own: _Rows, names: tuple[str, ...], advice: str = "") -> None:
+    """Refuse two rows that are the same trial."""
+    first: dict[tuple[Any, ...], Row] = {}
+    for line, values in own.rows:
+        key = tuple(values[name] for name in names)
+        before = first.setdefault(key, line)
+        if before != line:
+            same = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True))
+            raise InputError(
+                f"{own.table.place(line)}: {same} is there already, in "
+                f"{own.table.counted} {before.beside(line)}{advice}"
+            )
+
+
+def _of_task(own: _Rows, task: str, display: Display | None) -> Iterator[str]:
+    """Fill in what follows from other columns of a task, and yield it in words."""
+    given, item = own.taken.given, ITEMS.get(task, ())
+    if item and "repetition" not in given:
+        yield from _repetitions(own, item)
+    if task == "rating" and "trial_index" in given and "place_in_pair" not in given:
+        _place_in_pairs(own)
+        yield "place_in_pair: by trial_index"
+    if task == "comparison":
+        _choose_intervals(own)
+    if task == "search":
+        _censor(own)
+    if task == "ramp":
+        yield from complete_ramps(own.rows, own.table, own.taken, display)
+
+
+def _repetitions(own: _Rows, item: tuple[str, ...]) -> Iterator[str]:
+    """Count the answers of a participant to the same thing, if their order is known."""
+    if "trial_index" not in own.taken.given:
+        _require_different(
+            own,
+            item,
+            "; if it is a repetition, name the column that counts them (--column repetition=THEIRS) or "
+            "the order of trials (--column trial_index=THEIRS), else take it out",
+        )
+    else:
+        yield "repetition: by trial_index"
+    counts: dict[tuple[Any, ...], int] = {}
+    for _, values in sorted(own.rows, key=lambda row: row[1]["trial_index"]):
+        key = tuple(values[name] for name in item)
+        values["repetition"] = counts[key] = counts.get(key, 0) + 1
+
+
+def _place_in_pairs(own: _Rows) -> None:
+    """Note which version of a sequence came first, where a session has both."""
+    pairs: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for _, values in sorted(own.rows, key=lambda row: row[1]["trial_index"]):
+        key = tuple(values[name] for name in (*SESSION, "sequence", "repetition"))
+        pairs.setdefault(key, []).append(values)
+    for pair in pairs.values():
+        if len({values["version"] for values in pair}) == 2:
+            for place, values in enumerate(pair, start=1):
+                values["place_in_pair"] = place
+
+
+def _choose_intervals(own: _Rows) -> None:
+    """Say a choice by its interval where that is known."""
+    for _, values in own.rows:
+        if None not in (values["ours_interval"], values.get("chosen")) and values["response"] is None:
+            ours_chosen = values.pop("chosen") == "ours"
+            values["response"] = "first" if ours_chosen == (values["ours_interval"] == 1) else "second"
+
+
+def _censor(own: _Rows) -> None:
+    """Give what was not found the time limit for its time, and refuse a shorter one."""
+    for line, values in own.rows:
+        time, limit = values["search_time"], values["time_limit"]
+        if values["found"] or limit is None:
+            continue
+        if time is not None and time < limit:
+            raise InputError(
+                f"{own.where(line, 'search_time')}: expected nothing, or the time limit of {limit:g} s, "
+                f"where nothing was found, got {time:g} s"
+            )
+        values["search_time"] = limit

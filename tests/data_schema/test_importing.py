@@ -1,0 +1,557 @@
+"""Other programs' tables of trials: what is taken for what, what stays unknown, what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evenlight.data_schema.analysis_results import Statistic
+from evenlight.data_schema.recordings.session import SessionManifest
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.storage.text_files import read_json_record
+
+# As PsychoPy writes it: a row for each routine, a delimiter at the end of each line, None for no key.
+PSYCHOPY = """\
+instr.started,trials.thisRepN,trials.thisTrialN,trials.thisN,trials.thisIndex,scene,condition,slider.response,slider.rt,key_resp.keys,key_resp.rt,participant,session,date,expName,psychopyVersion,frameRate,
+12.1,,,,,,,,,space,2.1,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+,0,0,0,3,living room,TBM,4,3.41,None,,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+,0,1,1,0,living room,const,3,2.87,None,,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+,0,2,2,2,gym,const,None,,None,,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+,0,3,3,1,gym,TBM,5,1.90,None,,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+,,,,,,,,,,,07,001,2024-05-03_10h12.01.123,detail,2023.2.3,60.0,
+"""
+# As jsPsych's data.get().json() writes it: all plugins in one list; survey-likert counts labels from 0.
+JSPSYCH: list[dict[str, Any]] = [
+    {"trial_type": "instructions", "trial_index": 0, "rt": 8123, "view_history": [], "subject": "a1"},
+    {"trial_type": "survey-likert", "trial_index": 1, "rt": 4210, "response": {"Q0": 3}, "task": "rating",
+     "scene": "gym", "version": "baseline", "subject": "a1"},
+    {"trial_type": "html-keyboard-response", "trial_index": 2, "rt": None, "response": None, "subject": "a1"},
+    {"trial_type": "survey-likert", "trial_index": 3, "rt": 3999, "response": {"Q0": 2}, "task": "rating",
+     "scene": "gym", "version": "ours", "subject": "a1"},
+    {"trial_type": "survey-likert", "trial_index": 4, "rt": 1999, "response": {"Q0": 2}, "task": "practice",
+     "scene": "gym", "version": "ours", "subject": "a1"},
+]  # fmt: skip
+LIKERT = """\
+[columns]
+rating = "response.Q0"
+response_time = "rt"
+sequence = "scene"
+[units]
+response_time = "ms"
+[values.rating]
+1 = 0
+2 = 1
+3 = 2
+4 = 3
+5 = 4
+[only]
+task = "rating"
+"""
+RATINGS = "participant,sequence,version,rating\na,gym,ours,4\na,gym,baseline,3\n"
+
+
+@pytest.fixture
+def importing(tmp_path, command):
+    """Import a text as a file; returns the outcome, and the trials of each session."""
+
+    def run(text: str, task: str, *options: str, name: str = "table.csv") -> tuple[Any, list[dict[str, Any]]]:
+        (tmp_path / name).write_text(text)
+        out = tmp_path / "lab"
+        outcome = command("import", tmp_path / name, "--task", task, "--out", out, *options)
+        if outcome.code:
+            assert not out.exists(), "half-written"
+            return outcome, []
+        assert command("validate", out, "--quiet").out == ""
+        files = sorted(out.glob("sub-*/ses-*/trials.jsonl"))
+        return outcome, [json.loads(line) for file in files for line in file.read_text().splitlines()]
+
+    return run
+
+
+def refusal(outcome: Any, tmp_path: Path) -> str:
+    """The one line of a refusal, without the folder of the test."""
+    assert outcome.code == 2
+    assert outcome.err.count("\n") == 1
+    return str(outcome.err.replace(f"{tmp_path}/", "").removeprefix("evenlight: ").strip())
+
+
+PSYCHOPY_OPTIONS = (
+    "--column", "rating=slider.response", "--column", "response_time=slider.rt", "--unit", "response_time=s",
+    "--column", "trial_index=trials.thisN", "--column", "sequence=scene", "--column", "version=condition",
+    "--value", "version:ours=TBM", "--value", "version:baseline=const",
+)  # fmt: skip
+
+
+def test_a_psychopy_file_gives_its_trials_and_not_its_routines(importing) -> None:
+    outcome, trials = importing(PSYCHOPY, "rating", *PSYCHOPY_OPTIONS)
+    told = [
+        (t["sequence"], t["version"], t["rating"], t["response_time_s"], t["trial_index"]) for t in trials
+    ]
+    assert told == [
+        ("living_room", "ours", 4, 3.41, 0),
+        ("living_room", "baseline", 3, 2.87, 1),
+        ("gym", "ours", 5, 1.9, 3),
+    ]
+    assert {(t["participant_id"], t["session_id"]) for t in trials} == {("07", "001")}
+    # thisN is the order in which they were shown; of gym only one version was rated.
+    assert [t["place_in_pair"] for t in trials] == [1, 2, None]
+    assert "PsychoPy's CSV" in outcome.out
+    assert "without an answer, and no trials: 3, in lines 2, 5, 7" in outcome.out
+    assert "date" not in " ".join(trials[0])
+
+
+def test_a_jspsych_file_gives_the_trials_asked_for(importing, tmp_path) -> None:
+    (tmp_path / "likert.toml").write_text(LIKERT)
+    outcome, trials = importing(
+        json.dumps(JSPSYCH), "rating", "--mapping", str(tmp_path / "likert.toml"), name="data.json"
+    )
+    assert [(t["version"], t["rating"], t["response_time_s"]) for t in trials] == [
+        ("baseline", 4, 4.21),
+        ("ours", 3, 3.999),
+    ]
+    assert [t["place_in_pair"] for t in trials] == [1, 2]
+    assert "jsPsych's JSON" in outcome.out
+    assert "left out by --only: 3 of 5 rows" in outcome.out
+
+
+def test_jspsych_as_csv_and_as_lines_of_a_server_say_the_same(importing, tmp_path, command) -> None:
+    (tmp_path / "likert.toml").write_text(LIKERT)
+    columns = list(dict.fromkeys(key for row in JSPSYCH for key in row))
+
+    def cell(value: Any) -> str:
+        text = "" if value is None else json.dumps(value) if isinstance(value, dict | list) else str(value)
+        return '"' + text.replace('"', '""') + '"'
+
+    table = "\n".join([",".join(columns), *(",".join(cell(row.get(k)) for k in columns) for row in JSPSYCH)])
+    (tmp_path / "server.txt").write_text("\n".join([json.dumps(JSPSYCH[:2]), json.dumps(JSPSYCH[2:])]))
+    _, trials = importing(table, "rating", "--mapping", str(tmp_path / "likert.toml"))
+    command("import", tmp_path / "server.txt", "--task", "rating", "--mapping", tmp_path / "likert.toml",
+            "--out", tmp_path / "lines")  # fmt: skip
+    lines = (tmp_path / "lines/sub-a1/ses-01/trials.jsonl").read_text().splitlines()
+    assert [json.loads(line) for line in lines] == trials
+    assert [t["rating"] for t in trials] == [4, 3]
+
+
+def test_comparisons_may_say_the_version_instead_of_the_interval(importing) -> None:
+    text = "id\tscene\tpreferred\n1\tgym\tTBM\n1\tlibrary\tconst\n2\tgym\tconst\n"
+    _, trials = importing(
+        text, "comparison", "--column", "participant_id=id", "--column", "sequence=scene", "--column",
+        "chosen=preferred", "--value", "chosen:ours=TBM", "--value", "chosen:baseline=const",
+        name="table.tsv",
+    )  # fmt: skip
+    assert [(t["chosen"], t["ours_interval"], t["response"]) for t in trials] == [
+        ("ours", None, None),
+        ("baseline", None, None),
+        ("baseline", None, None),
+    ]
+
+
+def test_a_choice_whose_interval_is_known_is_said_by_it(importing) -> None:
+    text = "participant,sequence,ours_interval,chosen\na,gym,2,ours\na,library,2,baseline\n"
+    _, trials = importing(text, "comparison")
+    assert [(t["response"], t["chosen"]) for t in trials] == [("second", None), ("first", None)]
+
+
+SEARCHES = """\
+vp;szene;ort;version;gefunden;zeit
+1;library;Regal 1;ours;ja;3,25
+1;library;Regal 1;baseline;nein;
+2;library;Regal 1;ours;ja;2,5
+2;library;Regal 1;baseline;nein;30
+"""
+SEARCH_OPTIONS = (
+    "--column", "participant_id=vp", "--column", "sequence=szene", "--column", "keypoint=ort",
+    "--column", "found=gefunden", "--value", "found:true=ja", "--value", "found:false=nein",
+    "--column", "search_time=zeit", "--unit", "search_time=s", "--constant", "time_limit=30",
+)  # fmt: skip
+
+
+def test_searches_are_censored_at_the_limit_and_know_no_ring(importing) -> None:
+    outcome, trials = importing(SEARCHES, "search", *SEARCH_OPTIONS)
+    assert [t["search_time_s"] for t in trials] == [3.25, 30.0, 2.5, 30.0]
+    assert [t["found"] for t in trials] == [True, False, True, False]
+    for key in ("factor", "ring_place", "ring_orientation_deg", "reported_orientation_deg", "gap_pixels"):
+        assert {t[key] for t in trials} == {None}
+    assert "CSV with semicolons" in outcome.out
+    assert "numbers have decimal commas" in outcome.out
+    assert "time_limit_s: 30 in all rows" in outcome.out
+
+
+def test_searches_without_brightness_or_order_are_analysed_without_them(importing, tmp_path, command) -> None:
+    """Twelve people find the ring in ours in half the time that they take in the baseline."""
+    rows = []
+    for who in range(1, 13):
+        for place in range(4):
+            time = 2 + 0.1 * ((5 * who + 3 * place) % 12)
+            rows += [f"{who},library,spot{place},ours,true,{time}"]
+            rows += [f"{who},library,spot{place},baseline,true,{2 * time}"]
+    header = "participant,sequence,keypoint,version,found,search_time_s"
+    importing("\n".join([header, *rows]), "search", "--constant", "time_limit=30")
+    analyzed = command("analyze", tmp_path / "lab", "--out", tmp_path / "out")
+    assert analyzed.code == 0, analyzed.err
+    assert "the brightness factors of the versions are unknown" in analyzed.out
+    assert "about equal brightness" not in analyzed.out
+    found = read_rows(Statistic, tmp_path / "out/search_statistics.csv")
+    value = {(row.table, row.group, row.what): row.value for row in found}
+    assert value["versions", "all", "time ratio, ours / baseline"] == pytest.approx(0.5, abs=0.02)
+    for unknown in (
+        ("orientation", "all", "gaps identified correctly, ours"),
+        ("order", "all", "time ratio, ten trials later in a half"),
+        ("locations", "library/spot0", "brightness factor, ours"),
+    ):
+        assert value[unknown] is None
+    slopes = [row for row in found if row.what == "change of ln(time) per ln(brightness ratio)"]
+    assert slopes
+    assert {row.value for row in slopes} == {None}
+
+
+RAMPS = """\
+Subject,L0,L1,dur_ms,still,answer
+01,52.2,41.8,5000,0,y
+01,52.3,41.9,5000,0,n
+01,52.1,52.0,5000,1,n
+01,20.9,18.8,2500,0,y
+"""
+RAMP_OPTIONS = (
+    "--column", "initial_luminance=L0", "--unit", "initial_luminance=cd/m^2",
+    "--column", "final_luminance=L1", "--unit", "final_luminance=nit",
+    "--column", "duration=dur_ms", "--unit", "duration=ms", "--column", "is_catch=still",
+    "--column", "response=answer", "--value", "response:yes=y", "--value", "response:no=n",
+)  # fmt: skip
+
+
+def test_ramps_follow_from_luminances_and_the_display(importing) -> None:
+    """A display of 104.4 cd/m^2: 52.2 of white is factor 0.5; 10.4 cd/m^2 in 5 s is a rate of 2.08."""
+    outcome, trials = importing(RAMPS, "ramp", *RAMP_OPTIONS, "--display", "varjo-xr3")
+    assert [t["rate_cd_m2_s"] for t in trials] == pytest.approx([2.08, 2.08, 0.0, 0.84])
+    assert [t["is_catch"] for t in trials] == [False, False, True, False]
+    # 52.1, 52.2 and 52.3 are one level, at their mean of 52.2; 20.9 is another.
+    assert [t["initial_luminance_cd_m2"] for t in trials] == pytest.approx([52.2, 52.2, 52.2, 20.9])
+    assert [t["factor"] for t in trials] == pytest.approx([0.5, 0.5, 0.5, 20.9 / 104.4])
+    assert trials[0]["final_luminance_cd_m2"] == pytest.approx(52.2 - 10.4)
+    assert {(t["screen"], t["procedure"], t["direction"]) for t in trials} == {("white", "yes_no", "down")}
+    assert "2 luminances within 2% of others are one with them" in outcome.out
+
+
+def test_a_catch_trial_with_a_rate_and_a_ramp_beyond_the_display_are_refused(importing, tmp_path) -> None:
+    text = "participant,factor,rate,duration,is_catch,direction,response\n"
+    units = ("--unit", "rate=nit/s", "--unit", "duration=s", "--display", "varjo-xr3")
+    outcome, _ = importing(text + "a,0.5,2,5,yes,down,no\n", "ramp", *units)
+    words = "table.csv, line 2: rate is 2 cd/m^2/s, but is_catch says that nothing changed"
+    assert refusal(outcome, tmp_path) == words
+    # 52.2 + 20 x 5 is 152.2, on a display of 104.4 cd/m^2.
+    outcome, _ = importing(text + "a,0.5,20,5,no,up,yes\n", "ramp", *units)
+    assert "line 2: the ramp ends at 152.2 cd/m^2, but the display 'varjo-xr3' shows 104.4" in outcome.err
+
+
+def test_relative_rates_are_of_the_initial_luminance(importing) -> None:
+    text = "participant,factor,rate,duration,response\na,50,4,5,yes\n"
+    _, trials = importing(
+        text,
+        "ramp",
+        "--unit",
+        "factor=%",
+        "--unit",
+        "rate=%/s",
+        "--unit",
+        "duration=s",
+        "--display",
+        "varjo-xr3",
+    )
+    assert trials[0]["initial_luminance_cd_m2"] == pytest.approx(52.2)
+    assert trials[0]["rate_cd_m2_s"] == pytest.approx(0.04 * 52.2)
+
+
+def test_imported_ramps_are_fitted_as_those_they_were_made_from(tmp_path, command) -> None:
+    command("simulate", "ramp", "--participants", 2, "--seed", 3, "--out", tmp_path / "made", "--quiet")
+    rows = ["vp;L;rate;s;yes"]
+    for path in sorted((tmp_path / "made").glob("sub-*/ses-01/trials.jsonl")):
+        for t in map(json.loads, path.read_text().splitlines()):
+            numbers = (t["initial_luminance_cd_m2"], t["rate_cd_m2_s"], t["duration_s"])
+            cells = [t["participant_id"], *(str(n).replace(".", ",") for n in numbers), t["response"]]
+            rows.append(";".join(cells))
+    (tmp_path / "lab.csv").write_text("\n".join(rows))
+    made = command(
+        "import", tmp_path / "lab.csv", "--task", "ramp", "--display", "varjo-xr3", "--simulated",
+        "--column", "participant_id=vp", "--column", "initial_luminance=L", "--unit", "initial_luminance=nit",
+        "--column", "rate=rate", "--unit", "rate=nit/s", "--column", "duration=s", "--unit", "duration=s",
+        "--column", "response=yes", "--out", tmp_path / "imported",
+    )  # fmt: skip
+    assert made.code == 0, made.err
+    thresholds = {}
+    for name in ("made", "imported"):
+        fitted = command("fit", tmp_path / name, "--no-clip", "--out", tmp_path / f"fit-{name}")
+        assert fitted.code == 0, fitted.err
+        lines = (tmp_path / f"fit-{name}/thresholds.csv").read_text().splitlines()
+        keys = lines[0].split(",")
+        found = [dict(zip(keys, line.split(","), strict=True)) for line in lines[1:]]
+        thresholds[name] = [row for row in found if row["screen"] == "white" and row["factor"] != "1.0"]
+    assert len(thresholds["made"]) >= 4
+    imported = {
+        (r["participant_id"], round(float(r["luminance_cd_m2"]), 3)): r for r in thresholds["imported"]
+    }
+    for row in thresholds["made"]:
+        other = imported[row["participant_id"], round(float(row["luminance_cd_m2"]), 3)]
+        assert float(other["threshold_cd_m2_s"]) == pytest.approx(float(row["threshold_cd_m2_s"]), rel=1e-6)
+        assert row["drift_p"] != ""
+        assert other["drift_p"] == ""  # of the order of rows nothing is said
+
+
+def test_a_pattern_of_columns_may_name_several_of_ours(importing) -> None:
+    """Two columns of each answer, told apart by their ends; a repetition is a number."""
+    text = "participant;r1_gym_ours;r2_gym_ours;t1_gym_ours;t2_gym_ours\na;3;4;2,5;1,5\n"
+    _, trials = importing(
+        text, "rating", "--wide", "rating=r{repetition}_{sequence}_{version}",
+        "--wide", "response_time=t{repetition}_{sequence}_{version}", "--unit", "response_time=s",
+    )  # fmt: skip
+    assert [(t["repetition"], t["rating"], t["response_time_s"]) for t in trials] == [
+        (1, 3, 2.5),
+        (2, 4, 1.5),
+    ]
+
+
+def test_a_wide_list_may_lack_answers(importing) -> None:
+    people = [{"subject": "a", "gym_ours": 4, "gym_baseline": 3}, {"subject": "b", "gym_ours": 2}]
+    outcome, trials = importing(json.dumps(people), "rating", "--wide", "rating={sequence}_{version}")
+    assert [(t["participant_id"], t["version"], t["rating"]) for t in trials] == [
+        ("a", "ours", 4),
+        ("a", "baseline", 3),
+        ("b", "ours", 2),
+    ]
+    assert "without an answer, and no trials: 1, in trials 2" in outcome.out
+
+
+def test_identifiers_become_names_of_folders(importing) -> None:
+    text = RATINGS.replace("a,gym", "VP-3_a,gym").replace("gym", "Gym (day)")
+    _, trials = importing(text, "rating")
+    assert {(t["participant_id"], t["sequence"]) for t in trials} == {("VP3a", "Gym_day")}
+
+
+def test_whole_numbers_that_a_table_with_gaps_wrote_with_a_point_stay_whole(importing) -> None:
+    _, trials = importing(RATINGS.replace("a,gym,ours,4", "1.0,gym,ours,4.0").replace("a,", "1.0,"), "rating")
+    assert {t["participant_id"] for t in trials} == {"1"}
+    assert [t["rating"] for t in trials] == [4, 3]
+
+
+def test_the_source_is_told(importing, tmp_path) -> None:
+    importing(PSYCHOPY, "rating", *PSYCHOPY_OPTIONS)
+    source = read_json_record(SessionManifest, tmp_path / "lab/sub-07/ses-001/manifest.json").source
+    assert source is not None
+    assert source.columns["trial_index"] == "trials.thisN"
+    assert source.units == {"response_time": "s"}
+    assert source.values == {"version:ours": "TBM", "version:baseline": "const"}
+    assert len(source.sha256) == 64
+
+
+@pytest.mark.parametrize(
+    ("text", "task", "options", "message"),
+    [
+        (
+            "",
+            "rating",
+            (),
+            "table.csv, line 1: no header; expected the names of the columns, each once",
+        ),
+        (
+            "a,a\n1,2\n",
+            "rating",
+            (),
+            "table.csv, line 1: the column 'a' is there twice; expected the names of the columns, each once",
+        ),
+        (
+            "participant,rating\n",
+            "rating",
+            (),
+            "table.csv: has no row; expected one for each trial",
+        ),
+        (
+            RATINGS + "a,gym\n",
+            "rating",
+            (),
+            "table.csv, line 4: expected 4 cells, got 2",
+        ),
+        (
+            "id,sequence,version,rating\na,gym,ours,3\n",
+            "rating",
+            (),
+            "table.csv: no column participant_id; name the one that it is with --column "
+            "participant_id=THEIRS, or give --constant participant_id=VALUE; its columns are id, "
+            "sequence, version, rating",
+        ),
+        (
+            RATINGS,
+            "rating",
+            ("--column", "rating=score"),
+            "table.csv: no column 'score'; its columns are participant, sequence, version, rating",
+        ),
+        (
+            RATINGS,
+            "rating",
+            ("--column", "ratin=rating"),
+            "--column ratin=rating: unknown column 'ratin'; did you mean 'rating'?",
+        ),
+        (
+            RATINGS,
+            "rating",
+            ("--column", "rating"),
+            "--column: expected OURS=THEIRS, got 'rating'",
+        ),
+        (
+            RATINGS,
+            "rating",
+            ("--unit", "rating=points"),
+            "--unit rating=points: expected one of 1, %",
+        ),
+        (
+            RATINGS.replace("ours", "TBM"),
+            "rating",
+            (),
+            "table.csv, line 2, column 'version': expected one of 'ours', 'baseline', got 'TBM'; say "
+            "what stands for them, as with --value version:ours=THEIRS",
+        ),
+        (
+            RATINGS.replace(",4", ",7"),
+            "rating",
+            (),
+            "table.csv, line 2, column 'rating': rating must be at most 5, got 7",
+        ),
+        (
+            RATINGS.replace(",4", ",3.5"),
+            "rating",
+            (),
+            "table.csv, line 2, column 'rating': expected a whole number, got '3.5'",
+        ),
+        (
+            RATINGS.replace(",4", ",good"),
+            "rating",
+            (),
+            "table.csv, line 2, column 'rating': expected a number, got 'good'",
+        ),
+        (
+            RATINGS.replace(",4", ",").replace(",3", ","),
+            "rating",
+            (),
+            "table.csv: none of 2 rows has an answer in 'rating'",
+        ),
+        (
+            RATINGS + "a,gym,ours,4\n",
+            "rating",
+            (),
+            "table.csv, line 4: participant_id a, session_id 01, sequence gym, version ours is there "
+            "already, in line 2; if it is a repetition, name the column that counts them (--column "
+            "repetition=THEIRS) or the order of trials (--column trial_index=THEIRS), else take it "
+            "out",
+        ),
+        (
+            RATINGS + "A-,gym,ours,4\n",
+            "rating",
+            (),
+            "table.csv, line 4, column 'participant': 'A-', and 'a' of line 2, would be one "
+            "participant_id; write them alike if they are, else so that letters or digits differ",
+        ),
+        (
+            RATINGS + "--,gym,ours,4\n",
+            "rating",
+            (),
+            "table.csv, line 4, column 'participant': expected a code of letters and digits as "
+            "participant_id, got '--'",
+        ),
+        (
+            RATINGS + "eve@lab.org,gym,ours,4\n",
+            "rating",
+            (),
+            "table.csv, line 4, column 'participant': expected a code of letters and digits as "
+            "participant_id, got 'eve@lab.org'",
+        ),
+        (
+            RATINGS.replace("participant", "full_name"),
+            "rating",
+            ("--column", "participant_id=full_name"),
+            "table.csv: the column 'full_name' for participant_id looks like personal data; expected codes",
+        ),
+        (
+            "subject," + RATINGS.replace("\na", "\nb,a"),
+            "rating",
+            (),
+            "table.csv: 'subject' and 'participant' may both be participant_id; say which with "
+            "--column participant_id=THEIRS",
+        ),
+        (
+            RATINGS.replace("rating", "rating,rt").replace(",4", ",4,812").replace(",3", ",3,713"),
+            "rating",
+            ("--column", "response_time=rt"),
+            "table.csv: the unit of 'rt' (response_time) is not known; give it with --unit "
+            "response_time=UNIT, one of s, ms, min",
+        ),
+        (
+            "participant,sequence\na,gym\n",
+            "rating",
+            ("--wide", "rating={sequence}_{version}"),
+            "table.csv: no column is like --wide rating={sequence}_{version}; its columns are "
+            "participant, sequence",
+        ),
+        (
+            SEARCHES.replace("nein;30", "nein;12"),
+            "search",
+            SEARCH_OPTIONS,
+            "table.csv, line 5, column 'zeit': expected nothing, or the time limit of 30 s, where "
+            "nothing was found, got 12 s",
+        ),
+        (
+            RAMPS,
+            "ramp",
+            RAMP_OPTIONS,
+            "table.csv: ramps need --display, a preset's name or a file: a rate limit holds for the "
+            "display on which its ramps were shown, and for no other",
+        ),
+        (
+            RAMPS.replace("20.9", "209"),
+            "ramp",
+            (*RAMP_OPTIONS, "--display", "varjo-xr3"),
+            "table.csv, line 5: initial_luminance is 209 cd/m^2, but the display 'varjo-xr3' shows 0 "
+            "to 104.4; give that of the ramps with --display",
+        ),
+        (
+            "[1, 2]",
+            "rating",
+            (),
+            "table.csv, trial 1: expected names and values, got 1",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_one_line(
+    importing, tmp_path, text, task, options, message
+) -> None:
+    outcome, _ = importing(text, task, *options)
+    assert refusal(outcome, tmp_path) == message
+
+
+def test_a_first_line_that_names_the_delimiter_is_counted_and_not_read(importing, tmp_path) -> None:
+    outcome, _ = importing("sep=;\nparticipant;sequence;version;rating\na;gym;ours;9\n", "rating")
+    words = "table.csv, line 3, column 'rating': rating must be at most 5, got 9"
+    assert refusal(outcome, tmp_path) == words
+
+
+def test_a_trial_of_a_list_is_named_by_its_place(importing, tmp_path) -> None:
+    text = json.dumps(
+        [{"participant": "a", "sequence": "gym", "version": "ours", "rating": n} for n in (4, 0)]
+    )
+    outcome, _ = importing(text, "rating", name="data.json")
+    words = "data.json, trial 2, column 'rating': rating must be at least 1, got 0"
+    assert refusal(outcome, tmp_path) == words
+
+
+def test_a_data_set_that_is_there_is_not_overwritten(importing, tmp_path, command) -> None:
+    importing(RATINGS, "rating")
+    again = command("import", tmp_path / "table.csv", "--task", "rating", "--out", tmp_path / "lab")
+    assert "is there already and data are never overwritten" in refusal(again, tmp_path)
+
+
+def test_an_imported_session_cannot_be_resumed(importing, tmp_path, command) -> None:
+    importing(RATINGS.replace("a,", "1,"), "rating")
+    resumed = command(
+        "run", "rating", "--participant", "1", "--session", "01", "--rig", "simulated", "--simulate", "data",
+        "--resume", "--out", tmp_path / "lab", "--stimuli", tmp_path,
+    )  # fmt: skip
+    assert "imported" in refusal(resumed, tmp_path)
