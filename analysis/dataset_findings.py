@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from evenlight.analysis.assumed_effects import with_assumed
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.integrity.concern import Concern, cautious
@@ -17,6 +18,7 @@ from evenlight.analysis.session_loading import TaskData, load_task, undamaged_ro
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.assumed_effect import assumed_effects_in
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.recordings.session import TASKS
@@ -214,7 +216,8 @@ def _analysed(
     """Return what the sessions of a task show, and the data themselves."""
     if task != "ramp":
         data = load_task(dataset, task, TASKS[task].trial, roll)
-        return task_findings(data, options), data
+        assumed = assumed_effects_in(dataset) if data.simulated else ()
+        return with_assumed(task_findings(data, options), assumed), data
     from evenlight.analysis.calibration.calibration import calibrate
     from evenlight.analysis.calibration.fit_report import write_calibration
     from evenlight.analysis.calibration.ramp_findings import ramp_findings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,19 +12,30 @@ import typer
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
+    from evenlight.analysis.reproduction.repeated_sets import ViewingRepeater
     from evenlight.analysis.reproduction.reproduction import DatasetSimulator, ReproductionPlan
 
+    Simulators = tuple[DatasetSimulator, ViewingRepeater]
+
 REPORT = "report.html"
-QUICK = {"size": (160, 90), "frames_per_second": 2.0, "walk_frames_per_second": 2.0, "quick": True}
+QUICK = {
+    "size": (160, 90),
+    "frames_per_second": 2.0,
+    "walk_frames_per_second": 2.0,
+    "picture_size": (160, 90),
+    "picture_frames_per_second": 1.0,
+    "sets": 10,
+    "quick": True,
+}
 
 
-def reproduce_command(simulate: DatasetSimulator) -> Callable[..., None]:
+def reproduce_command(simulators: Simulators) -> Callable[..., None]:
     """Return the command `reproduce`; the participants who answer it are simulated elsewhere.
 
     Parameters
     ----------
-    simulate : DatasetSimulator
-        Writes data sets of simulated participants.
+    simulators : (DatasetSimulator, ViewingRepeater)
+        Write data sets of simulated participants, and return the trials of many.
     """
 
     def reproduce(
@@ -48,7 +58,7 @@ def reproduce_command(simulate: DatasetSimulator) -> Callable[..., None]:
 
         smaller = QUICK if quick else {}
         plan = ReproductionPlan(seed=seed, data=data, display=display, **smaller)  # type: ignore[arg-type] # a table of options of several types
-        lead, warnings = _made(plan, simulate, out, quiet)
+        lead, warnings = _made(plan, simulators, out, quiet)
         for warning in warnings:
             print(f"evenlight: warning: {warning}", file=sys.stderr)
         if not quiet:
@@ -59,12 +69,12 @@ def reproduce_command(simulate: DatasetSimulator) -> Callable[..., None]:
 
 
 def _made(
-    plan: ReproductionPlan, simulate: DatasetSimulator, out: Path, quiet: bool
+    plan: ReproductionPlan, simulators: Simulators, out: Path, quiet: bool
 ) -> tuple[str, tuple[str, ...]]:
     """Run the pipeline, write everything, and return what came out and the warnings."""
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
     from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
-    from evenlight.analysis.reproduction.reproduction import PIPELINE, STEPS, run_pipeline
+    from evenlight.analysis.reproduction.reproduction import PIPELINE, run_pipeline
     from evenlight.analysis.reproduction.reproduction_report import SUMMARY, warnings_of, write_reproduction
     from evenlight.data_schema.recordings.dataset_layout import require_apart
     from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
@@ -73,16 +83,14 @@ def _made(
     if plan.data is not None:
         require_apart(out, plan.data)
     before = earlier_files(out / SUMMARY)
-    with results_folder(out, replacing=(PIPELINE,)) as folder, shown_progress(quiet) as progress:
-        numbers = count(1)
-
-        def report(step: str) -> None:
-            progress.step(f"step {next(numbers)} of {STEPS + 1}, {step}")
-
-        with marked_figures(QUICK_MARK if plan.quick else ""):
-            made = run_pipeline(plan, simulate, folder / PIPELINE, report)
-            seal(folder / PIPELINE)
-            report("tables and figures")
-            lead, files = write_reproduction(made, folder)
+    with (
+        results_folder(out, replacing=(PIPELINE,)) as folder,
+        shown_progress(quiet) as progress,
+        marked_figures(QUICK_MARK if plan.quick else ""),
+    ):
+        made = run_pipeline(plan, simulators, folder / PIPELINE, progress.step)
+        seal(folder / PIPELINE)
+        progress.step("the last step, tables and figures")
+        lead, files = write_reproduction(made, folder)
     remove_stale(out, before, files)
     return lead, warnings_of(made)

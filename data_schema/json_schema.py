@@ -64,7 +64,8 @@ of an imported session null for what its file does not tell |
 | `sweeps/TASK_SESSION/readings.jsonl` | one reading per line, written as it is made: \
 [luminance](#luminance-reading) or [power reading](#power-reading) |
 | `sweeps/TASK_SESSION/events.jsonl` | what happened, as lines ([session event](#session-event)) |
-| `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants |
+| `simulated_truth.json` | only of `evenlight simulate`: what is true of the participants, and of a viewing \
+experiment the effects that their population has (`assumed`) |
 
 Between the files: `participant_id` and `session_id` of manifest and trials are those of the folders; each
 `trial_index` is there once; a session of status `complete` or `imported` has `n_trials` usable trials

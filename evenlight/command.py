@@ -37,7 +37,8 @@ from evenlight.viewing_task import load_tasks
 if TYPE_CHECKING:
     from evenlight.analysis.plans.ramp_plan_pool import TrueThresholds
     from evenlight.data_schema.display import Display
-    from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
+    from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
+    from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Trial
 
 app = typer.Typer(
     name="evenlight",
@@ -113,6 +114,15 @@ def _simulate(task: str, out: Path, participants: int, seed: int, stimuli: Path 
     experiment_commands.simulate(task, out, participants, seed, stimuli=stimuli, quiet=True)
 
 
+def _repeat_viewing(
+    task: str, stimuli: Path, participants: int, seed: int, sets: int
+) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
+    """Return what is true of simulated viewers, and the trials of many data sets of theirs."""
+    from evenlight.experiments.viewing.simulate_viewing import load_simulation, repeated_viewing
+
+    return repeated_viewing(load_simulation(task, stimuli, (participants, seed), "varjo-xr3", None), sets)
+
+
 app.command()(stimuli_commands.render)
 app.command()(play_command.play_command(_write_power))
 app.command()(run_command.run_command(_fit_sweep))
@@ -122,7 +132,7 @@ app.command()(analyze_command.analyze)
 app.command()(optimize_command.optimize)
 app.command()(control_command.control)
 app.command()(audit_command.audit)
-app.command("reproduce")(reproduce_command.reproduce_command(_simulate))
+app.command("reproduce")(reproduce_command.reproduce_command((_simulate, _repeat_viewing)))
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 app.add_typer(measure_command.measure, name="measure")
 app.command()(bench_command.bench)

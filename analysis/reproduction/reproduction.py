@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Protocol
 
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
 from evenlight.analysis.reproduction.adaptation_lag import AdaptationInput, LuminanceMaps, adaptation_input
+from evenlight.analysis.reproduction.repeated_sets import RepeatedEffect, ViewingRepeater, repeated_effects
 from evenlight.analysis.session_loading import undamaged_roll
 from evenlight.analysis.tracks.frame_samples import FrameSamples, Image, thumbnails_of
-from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
 from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
@@ -32,11 +34,11 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.choices import SolverName
-from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
+from evenlight.stimuli.scenes.camera import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import built_in_sequence
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -48,7 +50,8 @@ PUBLISHED_LIMIT = "surace2025"
 VIEWING_TASKS = ("rating", "comparison", "search")
 PIPELINE = "pipeline"  # folder of what the pipeline makes on its way
 STIMULI, DATA, CALIBRATION = "stimuli", "data", "calibration"
-STEPS = 2 + len(BUDGETS) + len(EXAMPLES) + len(VIEWING_TASKS)  # the calibration, and the walk
+STEPS = 3 + len(BUDGETS) + len(EXAMPLES) + len(VIEWING_TASKS)  # the calibration, the walk, tables and figures
+PICTURES = "stimuli_as_picture"  # the tracks of the same sequences as a small picture
 
 
 class DatasetSimulator(Protocol):
@@ -68,10 +71,15 @@ class ReproductionPlan:
         Of all random numbers.
     viewers, calibrators : int
         Simulated participants of the viewing experiments, and of the calibration: as many as in the paper.
-    size : (int, int)
-        Width and height of the rendered frames [pixels].
+    size, field_of_view : (int, int), float
+        Width and height of the rendered frames [pixels], and the degrees that their width spans: a headset's
+        (docs/decisions/viewing-geometry.md).
     frames_per_second, walk_frames_per_second : float
         Of the sequences, and of the walk with the online controller [Hz].
+    picture_size, picture_frames_per_second : (int, int), float
+        Of the same sequences where they are shown pixel for pixel, as a picture of a few degrees.
+    sets : int
+        Simulated data sets of each viewing experiment, to show how estimates scatter.
     data : Path or None
         Recorded data, which take the place of simulated ones task by task.
     display : str
@@ -83,9 +91,13 @@ class ReproductionPlan:
     seed: int = 1
     viewers: int = 17
     calibrators: int = 10
-    size: tuple[int, int] = (640, 360)
+    size: tuple[int, int] = (960, 540)
+    field_of_view: float = FIELD_OF_VIEW
     frames_per_second: float = 12.5
     walk_frames_per_second: float = 5.0
+    picture_size: tuple[int, int] = (640, 360)
+    picture_frames_per_second: float = 2.5
+    sets: int = 200
     data: Path | None = None
     display: str = "varjo-xr3"
     quick: bool = False
@@ -113,6 +125,8 @@ class Reproduction:
         The four sequences; checkerboard and sunrise.
     walk : LossCurves
         Of the walk through the house.
+    effects : tuple of RepeatedEffect
+        What simulated viewers are assumed to show, and what many simulated data sets do.
     """
 
     plan: ReproductionPlan
@@ -121,11 +135,12 @@ class Reproduction:
     sequences: tuple[SequenceTracks, ...]
     examples: tuple[SequenceTracks, ...]
     walk: LossCurves
+    effects: tuple[RepeatedEffect, ...] = ()
 
 
 def run_pipeline(
     plan: ReproductionPlan,
-    simulate: DatasetSimulator,
+    simulators: tuple[DatasetSimulator, ViewingRepeater],
     folder: Path,
     report: Callable[[str], None] = lambda step: None,
 ) -> Reproduction:
@@ -133,15 +148,18 @@ def run_pipeline(
 
     Parameters
     ----------
-    plan, simulate : ReproductionPlan, DatasetSimulator
-        How much is done, and who answers where nothing was recorded.
+    plan, simulators : ReproductionPlan, (DatasetSimulator, ViewingRepeater)
+        How much is done; who answers where nothing was recorded, once and many times.
     folder : Path
         Where data sets, calibration and tracks go.
     report : callable, optional
-        Called with each step that is begun.
+        Called with each step that is begun, numbered; the last step, tables and figures, is not done here.
     """
     roll = undamaged_roll(plan.data) if plan.data else None
     recorded = roll.tasks if roll else ()
+    simulate, repeat = simulators
+    simulated = tuple(task for task in VIEWING_TASKS if task not in recorded)
+    report = _numbered(report, STEPS + (1 + len(simulated) if simulated else 0))
     report("calibration")
     tasks = replace(_analysed(plan, simulate, folder, "ramp", recorded), roll=roll)
     limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
@@ -151,11 +169,40 @@ def run_pipeline(
     examples = tuple(tracked(name, budget) for name, budget in EXAMPLES.items())
     report(f"walk through the {WALK}")
     house = built_in_sequence(WALK, plan.size, frames_per_second=plan.walk_frames_per_second)
-    walk = analyze_frames(house.frames(), house.name, panel.display)
+    walk = loss_curves_of(_job(house, BUDGETS["library"], panel, plan.field_of_view), FrameSamples())
     for task in VIEWING_TASKS:
         report(task)
         _merge(tasks, _analysed(plan, simulate, folder, task, recorded))
-    return Reproduction(plan, panel, tasks, sequences, examples, walk)
+    effects = _effects(plan, panel, repeat, folder, simulated, report) if simulated else ()
+    return Reproduction(plan, panel, tasks, sequences, examples, walk, effects)
+
+
+def _numbered(report: Callable[[str], None], steps: int) -> Callable[[str], None]:
+    """Return what reports a step with its number, of so many."""
+    numbers = count(1)
+    return lambda step: report(f"step {next(numbers)} of {steps}, {step}")
+
+
+def _effects(
+    plan: ReproductionPlan,
+    panel: Panel,
+    repeat: ViewingRepeater,
+    folder: Path,
+    tasks: tuple[str, ...],
+    report: Callable[[str], None],
+) -> tuple[RepeatedEffect, ...]:
+    """Return what simulated viewers show over many data sets, and would be assumed to of a small picture."""
+    report("the same sequences as a small picture")
+    for name, budget in BUDGETS.items():
+        source = built_in_sequence(name, plan.picture_size, frames_per_second=plan.picture_frames_per_second)
+        run_optimization(_job(source, budget, panel, None), folder / PICTURES / name)
+    effects: list[RepeatedEffect] = []
+    for task in tasks:
+        report(f"{plan.sets} data sets of the {task}")
+        assumed, sets = repeat(task, folder / STIMULI, plan.viewers, plan.seed, plan.sets)
+        of_pictures, _ = repeat(task, folder / PICTURES, plan.viewers, plan.seed, 0)
+        effects += repeated_effects(task, assumed, sets, of_pictures)
+    return tuple(effects)
 
 
 def _analysed(
@@ -209,7 +256,7 @@ def _tracked(
     """Return the tracks of a built-in sequence."""
     report(f"track of {name.replace('_', ' ')}")
     source = built_in_sequence(name, plan.size, frames_per_second=plan.frames_per_second)
-    return _track_sequence(source, budget, panel, stimuli / name)
+    return _track_sequence(source, budget, panel, plan.field_of_view, stimuli / name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,19 +322,33 @@ class SequenceTracks:
         return thumbnails_of(self.samples)
 
 
-def _track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Path) -> SequenceTracks:
+def _job(
+    source: VideoSource,
+    budget: float,
+    panel: Panel,
+    field_of_view: float | None,
+    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames,
+) -> OptimizationJob:
+    """Return what is asked of the optimizer for a sequence."""
+    request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
+    return OptimizationJob(
+        source, panel.display, request, field_of_view=field_of_view, quiet=True, watch=watch
+    )
+
+
+def _track_sequence(
+    source: VideoSource, budget: float, panel: Panel, field_of_view: float, folder: Path
+) -> SequenceTracks:
     """Optimize a sequence, with the rate limit and without, and write its track into a folder."""
     maps, samples = LuminanceMaps(panel.display), FrameSamples()
 
     def watch(frames: Iterable[Frame]) -> Iterator[Frame]:
         return samples.watch(maps.watch(frames))
 
-    request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
-    summary = run_optimization(
-        OptimizationJob(source, panel.display, request, quiet=True, watch=watch), folder
-    )
+    job = _job(source, budget, panel, field_of_view, watch)
+    summary = run_optimization(job, folder)
     curves = read_loss_curves(folder / "loss_curves.npz")
-    problem = pose(curves, request)
+    problem = pose(curves, job.request)
     track = read_track(folder / "track.csv")
     solver = make_solver(SolverName.SPLITTING, np.random.default_rng(0))  # which draws nothing
     tracks = adaptation_input(problem, track.factors, maps, solver)

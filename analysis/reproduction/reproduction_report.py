@@ -30,6 +30,7 @@ from evenlight.analysis.reproduction.reproduced_tracks import (
     sequence_findings,
 )
 from evenlight.analysis.reproduction.reproduction import PIPELINE, Reproduction
+from evenlight.analysis.reproduction.simulated_viewers import viewer_findings
 from evenlight.data_schema.analysis_results import AnalysisSummary, Origin
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
@@ -63,7 +64,8 @@ MEANINGS = {
 # What rests on no answer but on the rate limit alone; the rest says itself where it comes from.
 COMPUTED = ("thresholded_contrast", "examples", "sequences", "adaptation", "power", "online")
 ON_LIMIT = ("examples", "sequences", "adaptation", "power", "online")
-LED_BY = ("rating", "search", "comparison", "adaptation", "online")  # whose findings the first page gives
+# Whose findings the first page gives.
+LED_BY = ("simulated_viewers", "rating", "search", "comparison", "adaptation", "online")
 
 
 def write_reproduction(made: Reproduction, folder: Path) -> tuple[str, tuple[str, ...]]:
@@ -138,6 +140,7 @@ def _parts_of(made: Reproduction) -> tuple[Findings, ...]:
     parts = (
         slope_findings(found["ramp"], made.panel.rate_limit), contrast_findings(by_name[SHOWN]),
         example_findings(made.examples, simulated), sequence_findings(made.sequences, simulated),
+        *viewer_findings(made.effects, made.plan, made.panel.display),
         detail_quality_findings(found["rating"], found["comparison"]), found["rating"], found["comparison"],
         found["search"], adaptation_findings([sequence.tracks for sequence in made.sequences]),
         power_findings(made.sequences, made.plan.data), _online_findings(made, by_name[SWEPT].curves),
@@ -194,7 +197,7 @@ def _what_came_out(made: Reproduction, parts: Sequence[Findings]) -> Section:
     return section(
         "reproduction/what_came_out",
         simulated=any(simulated[name] for name in LED_BY if name in simulated),
-        leads=[leads[name] for name in LED_BY],
+        leads=[leads[name] for name in LED_BY if name in leads],
         raters_are_simulated=simulated["rating"],
     )
 

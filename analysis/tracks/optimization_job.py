@@ -186,6 +186,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         solver=job.solver.value,
         provenance=provenance_of(job, clips),
         rate_limit_procedure=request.rate_limit.procedure,
+        pixels_per_degree=curves.display.pixels_per_degree,
     )
 
 

@@ -61,6 +61,13 @@ class TrackHeader:
     solver: str = described("which solver made it")
     provenance: Provenance = described("how the file was made")
     rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
+    pixels_per_degree: float | None = quantity(
+        "1/deg",
+        "pixels of the analysed video per degree of visual angle, in its middle: how large it is to be seen; "
+        "null if not known",
+        above=0.0,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

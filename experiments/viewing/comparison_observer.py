@@ -8,8 +8,8 @@ change, so it has only noise. Both have changes of their content, which hide tho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,9 @@ from scipy import special
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.assumed_effect import CHOSEN, CHOSEN_UNMASKED, AssumedEffect
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.data_schema.recordings.viewing import Version
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.experiments.chance import Purpose
 from evenlight.experiments.ramp.ramp_observer import (
     MEDIAN_RATE_LIMIT,
@@ -30,19 +30,20 @@ from evenlight.experiments.ramp.ramp_observer import (
 )
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing.brightness_changes import (
+    STRETCH,
+    BrightnessChanges,
+    LuminanceCourse,
+    changes_in_thresholds,
+    luminance_course,
+)
 from evenlight.experiments.viewing.comparison_task import PlannedComparison
 from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
-from evenlight.method.rate_limit import rate_limit_at, step_luminance
+from evenlight.method.rate_limit import rate_limit_at
 
 REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
-STRETCH = 5.0  # [s] of the paper's ramps, in which the thresholds were measured
-SPANS = (1.25, 2.5, 5.0)  # [s] over which a change within a stretch is seen as one
-STEP = 0.125  # [s] from one span looked at to the next
-DARKEST = 0.01  # [cd/m^2] below it the threshold does not fall any more
-# The slowest change [cd/m^2/s] that counts as one threshold: of luminance [cd/m^2], direction, span [s].
-Thresholds = Callable[[Array, Direction, float], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +94,17 @@ class ComparisonObserver:
 
     def evidence(self, course: LuminanceCourse, seconds: float | None = None) -> Array:
         """Return d' of each stretch of a video, (stretches,), masked by its content's own changes."""
-        changes = changes_in_thresholds(course, self.thresholds, seconds)
+        return self.evidence_of(changes_in_thresholds(course, self.thresholds, seconds))
+
+    def evidence_of(self, changes: BrightnessChanges) -> Array:
+        """Return d' of each stretch, given its changes in multiples of this person's threshold."""
         raised = np.hypot(1.0, self.masking * changes.content)
         return d_prime(changes.modulated / raised, self._function(Direction.DOWN, STRETCH))
+
+    @property
+    def threshold(self) -> float:
+        """Two-interval threshold at the reference luminance [cd/m^2/s]; others are in proportion."""
+        return self._function(Direction.DOWN, STRETCH).threshold
 
     def answer(self, evidence: Array, ours_interval: int, rng: np.random.Generator) -> Response:
         """Return which of the two versions is said to have changed in brightness.
@@ -173,129 +182,10 @@ def chance_of_choice(evidence: Array) -> float:
     return float(1 - np.trapezoid(below * density, x))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LuminanceCourse:
-    """The mean luminance of a video over time, and what of its changes the modulation makes.
-
-    Attributes
-    ----------
-    times : array, (N,)
-        Of its frames, from 0 [s].
-    exposure : array, (N,)
-        Integral of the mean luminance up to each frame [cd s/m^2].
-    modulated, content : array, (N,)
-        What modulation and content have added to the luminance up to each frame [cd/m^2].
-    """
-
-    times: Array
-    exposure: Array
-    modulated: Array
-    content: Array
-
-
-def luminance_course(track: BrightnessTrack, factors: Array, display: Display) -> LuminanceCourse:
-    """Return the course of a video's luminance, dimmed by some factors.
-
-    From frame to frame D = b Ī + L_refl changes by Δb · (mean of the two Ī), which the modulation makes, and
-    by (mean of the two b) · ΔĪ, which the content makes; together that is all.
-
-    Parameters
-    ----------
-    track : BrightnessTrack
-        A track of the video, from whose columns Ī follows.
-    factors : array, (N,)
-        b of each frame.
-    display : Display
-        For the light that it reflects.
-    """
-    full = (track.mean_luminance - display.reflected_luminance) / track.factors
-    steps = np.diff(factors) * step_luminance(full), (factors[:-1] + factors[1:]) / 2 * np.diff(full)
-    luminance = factors * full + display.reflected_luminance
-    light = step_luminance(luminance) * np.diff(track.times)
-    exposure, modulated, content = (_cumulated(step) for step in (light, *steps))
-    return LuminanceCourse(np.asarray(track.times - track.times[0]), exposure, modulated, content)
-
-
-def _cumulated(steps: Array) -> Array:
-    """Return the sum of all steps before each frame, (N,)."""
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BrightnessChanges:
-    """The strongest changes of each stretch of a video, in multiples of a person's threshold.
-
-    Attributes
-    ----------
-    modulated, content : array, (stretches,)
-        Of the modulation, and of the content.
-    """
-
-    modulated: Array
-    content: Array
-
-
-def changes_in_thresholds(
-    course: LuminanceCourse, thresholds: Thresholds, seconds: float | None = None
-) -> BrightnessChanges:
-    """Return the strongest changes of each stretch of a video, in multiples of a threshold.
-
-    The video is cut into stretches of 5 s and a rest. In each, every span of 1.25, 2.5 and 5 s is taken: the
-    net change from its beginning to its end, per second, over the threshold of a ramp so long at the mean
-    luminance of the span. The largest counts, wherever in the stretch it lies.
-
-    Parameters
-    ----------
-    course : LuminanceCourse
-        The video's.
-    thresholds : callable
-        Threshold of (luminance [cd/m^2], direction, duration [s]), in cd/m^2/s.
-    seconds : float, optional
-        How much of it is seen, from its beginning [s].
-    """
-    end = float(course.times[-1]) if seconds is None else min(seconds, float(course.times[-1]))
-    rows = [
-        [
-            _strongest(course, cumulated, (begin, until), thresholds)
-            for cumulated in (course.modulated, course.content)
-        ]
-        for begin, until in _stretches(end)
-    ]
-    modulated, content = np.array(rows).T
-    return BrightnessChanges(modulated, content)
-
-
-def _stretches(end: float) -> Iterator[tuple[float, float]]:
-    """Yield beginning and end of each stretch; a rest shorter than the shortest span is part of the last."""
-    begin = 0.0
-    while end - begin >= STRETCH + SPANS[0]:
-        yield begin, begin + STRETCH
-        begin += STRETCH
-    yield begin, end
-
-
-def _strongest(
-    course: LuminanceCourse, cumulated: Array, stretch: tuple[float, float], thresholds: Thresholds
-) -> float:
-    """Return the largest change in a stretch, over any span, in multiples of its threshold."""
-    largest = 0.0
-    length = stretch[1] - stretch[0]
-    for span in sorted({min(span, length) for span in SPANS} - {0.0}):
-        begin = np.append(np.arange(stretch[0], stretch[1] - span, STEP), stretch[1] - span)
-        rate = _gained(course.times, cumulated, begin, span) / span
-        luminance = np.maximum(_gained(course.times, course.exposure, begin, span) / span, DARKEST)
-        for direction, sign in ((Direction.UP, 1.0), (Direction.DOWN, -1.0)):
-            largest = max(largest, float((sign * rate / thresholds(luminance, direction, span)).max()))
-    return largest
-
-
-def _gained(times: Array, cumulated: Array, begin: Array, span: float) -> Array:
-    """Return by how much something cumulated grows over spans of a length, from where each begins [s]."""
-    return np.asarray(np.interp(begin + span, times, cumulated) - np.interp(begin, times, cumulated))
-
-
 class ChangeViews:
-    """The courses of some sequences, as they are compared in their two versions.
+    """How strongly some sequences change in brightness, as they are compared in their two versions.
+
+    A person's thresholds are those of anybody, times a factor: so a sequence's changes are computed once.
 
     Parameters
     ----------
@@ -310,10 +200,29 @@ class ChangeViews:
             stimulus.name: luminance_course(stimulus.track, stimulus.factors(Version.OURS), display)
             for stimulus in stimuli
         }
+        self._known: dict[tuple[Any, ...], BrightnessChanges] = {}
 
-    def of(self, planned: PlannedComparison) -> LuminanceCourse:
-        """Return the course of the modulated version of what a trial shows; the other has no modulation."""
-        return self.courses[planned.sequence]
+    def changes(
+        self, person: ComparisonObserver, sequence: str, seconds: float | None = None
+    ) -> BrightnessChanges:
+        """Return the changes of a sequence's modulated version as a person sees them; the other has none.
+
+        Parameters
+        ----------
+        person, sequence : ComparisonObserver, str
+            Who sees what.
+        seconds : float, optional
+            How much of it is seen, from its beginning [s].
+        """
+        eye = person.eye
+        anybody = ComparisonObserver(
+            SimulatedObserver(eye.limit, 1.0, {}, 1.0, 0.0, 0.0, eye.amount_share, eye.up_ratio)
+        )
+        key = (sequence, seconds, eye.limit.name, eye.amount_share, eye.up_ratio)
+        if key not in self._known:
+            self._known[key] = changes_in_thresholds(self.courses[sequence], anybody.thresholds, seconds)
+        known, keenness = self._known[key], anybody.threshold / person.threshold
+        return BrightnessChanges(keenness * known.modulated, keenness * known.content)
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,14 +242,14 @@ class ComparisonViewing(Viewing):
         self, person: ComparisonObserver, planned: PlannedComparison, rng: np.random.Generator
     ) -> Response:
         """Return which version is said to have changed in brightness."""
-        evidence = person.evidence(self.views.of(planned), planned.seconds)
-        return person.answer(evidence, planned.ours_interval, rng)
+        changes = self.views.changes(person, planned.sequence, planned.seconds)
+        return person.answer(person.evidence_of(changes), planned.ours_interval, rng)
 
     def truth(self, person: ComparisonObserver) -> dict[str, Any]:
         """Return a participant's traits, and how often they would choose each modulated version."""
         sequences = [
-            {"sequence": name, "chosen_without_lapses": chance_of_choice(person.evidence(course))}
-            for name, course in self.views.courses.items()
+            {"sequence": name, "chosen_without_lapses": chance_of_choice(self._evidence(person, name))}
+            for name in self.views.courses
         ]
         eye = {"sensitivity": person.eye.sensitivity, "lapse_rate": person.eye.lapse_rate}
         return {**eye, "masking": person.masking, "bias": person.bias, "sequences": sequences}
@@ -348,6 +257,26 @@ class ComparisonViewing(Viewing):
     def shared_truth(self) -> list[dict[str, Any]]:
         """Return whose thresholds the median person's are; how strong a change is depends on who sees it."""
         return [{"rate_limit": self.limit.name}]
+
+    def assumed(self, setting: SessionSetting) -> tuple[AssumedEffect, ...]:
+        """Return how often the population chooses ours, lapses included, and if nothing hid its changes."""
+        people = self.population_sample()
+        unmasked = [replace(person, masking=0.0) for person in people]
+        return tuple(
+            AssumedEffect(what, name, float(np.mean([self._chance(person, name) for person in who])), "1")
+            for what, who in ((CHOSEN, people), (CHOSEN_UNMASKED, unmasked))
+            for name in self.views.courses
+        )
+
+    def _chance(self, person: ComparisonObserver, name: str) -> float:
+        """Return how often a person chooses the modulated version, which comes first as often as second."""
+        evidence = self._evidence(person, name)
+        sees = np.mean([chance_of_choice(evidence + leaning) for leaning in (person.bias, -person.bias)])
+        return float((1 - person.eye.lapse_rate) * sees + person.eye.lapse_rate / 2)
+
+    def _evidence(self, person: ComparisonObserver, name: str) -> Array:
+        """Return a person's d' of each stretch of a sequence."""
+        return person.evidence_of(self.views.changes(person, name))
 
 
 def comparison_viewing(setting: SessionSetting) -> ComparisonViewing:

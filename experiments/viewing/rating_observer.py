@@ -18,6 +18,7 @@ from scipy import special
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.recordings.assumed_effect import RATED, AssumedEffect
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.experiments.chance import Purpose
@@ -258,6 +259,24 @@ class RatingViewing(Viewing):
             {"sequence": name, "version": version.value, "pooled_contrast_loss": loss}
             for (name, version), loss in self.views.losses.items()
         ]
+
+    def assumed(self, setting: SessionSetting) -> tuple[AssumedEffect, ...]:
+        """Return by how much the population rates ours higher on the mean, sequence by sequence."""
+        losses, people = self.views.losses, self.population_sample()
+
+        def mean_rating(name: str, version: Version) -> float:
+            each = [person.probabilities(losses[name, version]) @ RATINGS for person in people]
+            return float(np.mean(each))
+
+        return tuple(
+            AssumedEffect(
+                RATED,
+                each.name,
+                mean_rating(each.name, Version.OURS) - mean_rating(each.name, Version.BASELINE),
+                "rating points",
+            )
+            for each in setting.stimuli
+        )
 
 
 def rating_viewing(setting: SessionSetting) -> RatingViewing:

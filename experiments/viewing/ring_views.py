@@ -16,8 +16,10 @@ import numpy as np
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.recordings.assumed_effect import TIME_RATIO, AssumedEffect
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS
+from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.chance import Purpose
 from evenlight.experiments.sessions.search_stage import (
     OffscreenPainter,
@@ -49,6 +51,7 @@ from evenlight.stimuli.scenes.camera import Camera, focal_length_of
 from evenlight.stimuli.scenes.scene import Vector, direction_of
 
 SUBSAMPLES = 4  # along each side of a pixel
+SIDE = 0.05  # share by which a location is brightened or dimmed, as the analysis of a search has it
 
 
 class RingViews:
@@ -245,6 +248,33 @@ class SearchViewing(Viewing):
     def shared_truth(self) -> list[dict[str, Any]]:
         """Return how visible each ring is at each brightness factor, before the person's own sensitivity."""
         return self.views.table()
+
+    def assumed(self, setting: SessionSetting) -> tuple[AssumedEffect, ...]:
+        """Return the ratio of times to find a ring that can be found, which is everybody's.
+
+        The geometric mean over the rings of each sequence, and of those that ours brightens or dims by more
+        than a twentieth. People differ in how fast they search and how well they see, which the ratio of a
+        person's own times leaves out.
+        """
+        design: Any = setting.manifest.design
+        ratios: dict[str, list[float]] = {each.name: [] for each in setting.stimuli}
+        for point in search_points(design, setting.stimuli, setting.display, setting.rig.actuator):
+            lighter = point.factors[Version.OURS] / point.factors[Version.BASELINE]
+            side = "brightened" if lighter > 1 + SIDE else "dimmed" if lighter < 1 - SIDE else None
+            for place in (1, 2):
+                ours, baseline = (
+                    self.views.of(planned_search(design, point, version, place, ORIENTATIONS[0], 1))
+                    for version in (Version.OURS, Version.BASELINE)
+                )
+                ratio = self.population.gain * math.log(baseline.visibility / ours.visibility)
+                for group in (point.sequence, side):
+                    if group is not None:
+                        ratios.setdefault(group, []).append(ratio)
+        return tuple(
+            AssumedEffect(TIME_RATIO, group, math.exp(float(np.mean(own))), "1")
+            for group, own in ratios.items()
+            if own
+        )
 
 
 @contextmanager

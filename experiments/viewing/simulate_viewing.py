@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -11,6 +11,7 @@ from typing import Any, cast
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
 from evenlight.data_schema.recordings.dataset_layout import SIMULATED_TRUTH
 from evenlight.data_schema.recordings.dataset_writing import (
     new_dataset,
@@ -19,7 +20,7 @@ from evenlight.data_schema.recordings.dataset_writing import (
     write_session,
 )
 from evenlight.data_schema.recordings.ramp import Trial
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.data_schema.storage.text_files import write_json
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
@@ -69,7 +70,14 @@ class ViewingSimulation:
             provenance=provenance,
             stimuli=tuple(stimulus.stimulus for stimulus in self.stimuli),
         )
-        rig = Rig("simulated", self.display.name, viewing_distance=1.0, refresh_rate=60.0)
+        rig = Rig(
+            "simulated",
+            self.display.name,
+            viewing_distance=1.0,
+            refresh_rate=60.0,
+            actuator=Actuator.BACKLIGHT,  # as the model dims: all that the display emits, its black included
+            backlight="simulated",
+        )
         return SessionSetting(manifest, rig, self.stimuli)
 
 
@@ -138,7 +146,41 @@ def simulate_viewing(
             write_session(staging, dataclasses.replace(setting.manifest, n_trials=len(trials)), trials)
             truths.append({"participant_id": setting.manifest.participant_id, **viewer.truth()})
             report(len(truths))
-        write_json(staging / SIMULATED_TRUTH, _truth_file(simulation, viewing, truths))
+        truth = _truth_file(simulation, viewing, truths)
+        assumed = [mapping_from_record(effect) for effect in viewing.assumed(settings[0])]
+        write_json(staging / SIMULATED_TRUTH, {**truth, "assumed": assumed})
+
+
+def repeated_viewing(
+    simulation: ViewingSimulation, repetitions: int
+) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
+    """Return what is true of the population, and the trials of many data sets, in memory.
+
+    The first has the seed of the simulation, and the trials that `simulate_viewing` writes; the seeds of the
+    others follow it.
+
+    Parameters
+    ----------
+    simulation, repetitions : ViewingSimulation, int
+        Who and what, and how many data sets.
+    """
+    experiment, provenance = EXPERIMENTS[simulation.task], provenance_now(seed=simulation.seed)
+    if experiment.viewing is None:
+        raise TypeError(f"the task {simulation.task} is no viewing experiment")
+    with experiment.viewing(simulation.setting("01", 0, provenance)) as viewing:
+        assumed = viewing.assumed(simulation.setting("01", 0, provenance))
+        seeds = range(simulation.seed, simulation.seed + repetitions)
+        origins = (dataclasses.replace(provenance, seed=seed) for seed in seeds)
+        return assumed, tuple(tuple(_trials_of(simulation, viewing, origin)) for origin in origins)
+
+
+def _trials_of(simulation: ViewingSimulation, viewing: Viewing, provenance: Provenance) -> Iterator[Trial]:
+    """Yield the trials of the data set of a seed, which the provenance has, participant by participant."""
+    for place in range(simulation.participants):
+        who = participant_id(place, simulation.participants)
+        setting = simulation.setting(who, place, provenance)
+        task = cast("ViewingTask[Any]", EXPERIMENTS[simulation.task].task(setting))
+        yield from answered_trials(task, who, SimulatedViewer(viewing, setting.session))
 
 
 def answered_trials(task: ViewingTask[Any], participant: str, viewer: SimulatedViewer) -> list[Trial]:

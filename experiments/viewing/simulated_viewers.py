@@ -14,6 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
 from evenlight.data_schema.recordings.ramp import Response
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.search import ORIENTATIONS
@@ -21,6 +22,8 @@ from evenlight.data_schema.recordings.viewing import LOWEST_RATING
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.search_observer import SearchAnswer
+
+POPULATION_SAMPLE = 200  # people over whom an assumed effect is averaged
 
 
 class Viewing(AbstractContextManager["Viewing"]):
@@ -62,6 +65,15 @@ class Viewing(AbstractContextManager["Viewing"]):
     def shared_truth(self) -> list[dict[str, Any]]:
         """Return what is true of the stimuli for all participants."""
         return []
+
+    def assumed(self, setting: SessionSetting) -> tuple[AssumedEffect, ...]:
+        """Return the effects that the population truly has, which an analysis of its answers estimates."""
+        return ()
+
+    def population_sample(self) -> list[Any]:
+        """Return people of the population, always the same ones."""
+        people = range(POPULATION_SAMPLE)
+        return [self.draw(generator_for(0, place, self.purposes[0])) for place in people]
 
 
 OpenViewing = Callable[[SessionSetting], AbstractContextManager[Viewing]]

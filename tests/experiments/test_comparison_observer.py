@@ -12,15 +12,17 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
+from evenlight.experiments.viewing.brightness_changes import (
+    LuminanceCourse,
+    changes_in_thresholds,
+    luminance_course,
+)
 from evenlight.experiments.viewing.comparison_observer import (
     ComparisonObserver,
     ComparisonPopulation,
-    LuminanceCourse,
     chance_of_choice,
-    changes_in_thresholds,
     d_prime,
     draw_comparer,
-    luminance_course,
 )
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, yes_probability

@@ -94,6 +94,7 @@ def points_by_hand(
 def search_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ring_views, "OffscreenPainter", uniform_painter)
     monkeypatch.setattr(search_task, "search_points", points_by_hand)
+    monkeypatch.setattr(ring_views, "search_points", points_by_hand)
 
 
 def run(task: str, out: Path, stimuli: Path, design_files: dict[str, str], n: int = 4, seed: int = 7) -> Path:
@@ -207,6 +208,7 @@ def test_a_search_without_opengl_is_refused_in_one_line_and_leaves_nothing(
 
     monkeypatch.setattr("moderngl.create_context", refused)
     monkeypatch.setattr(search_task, "search_points", points_by_hand)
+    monkeypatch.setattr(ring_views, "search_points", points_by_hand)
     with pytest.raises(InputError, match=r"need OpenGL 3\.3") as caught:
         run("search", tmp_path / "out", stimuli, design_files)
     assert "\n" not in str(caught.value)

@@ -27,6 +27,8 @@ from evenlight.data_schema.recordings.session import SessionManifest, SessionSta
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.preset_files import load_display
 
 FRAMES = 30
@@ -186,8 +188,9 @@ def test_a_quick_run_says_so_on_every_page_and_in_every_table(folder) -> None:
 
 
 def test_every_step_is_told_with_its_number(folder) -> None:
-    numbers = [f"step {k} of 12" for k in range(1, 13)]  # calibration, 6 tracks, walk, 3 tasks, tables
-    assert [words.partition(",")[0] for words in STEPS_TOLD] == numbers
+    # Calibration, 6 tracks, walk, 3 tasks, small pictures, many sets of the 2 simulated tasks, tables.
+    numbers = [f"step {k} of 15" for k in range(1, 15)]
+    assert [words.partition(",")[0] for words in STEPS_TOLD] == [*numbers, "the last step"]
 
 
 def test_published_numbers_stand_beside_ours_and_every_origin_is_told(folder) -> None:
@@ -220,6 +223,43 @@ def test_every_number_of_the_table_of_the_report_is_in_a_table_of_its_own(folder
     for row in rows:
         assert row.value is not None
         assert f">{row.value:.3g}<" in page, row
+
+
+def test_sequences_are_analysed_at_a_headsets_field_of_view_and_as_a_small_picture(folder) -> None:
+    # 64 pixels over 90 degrees: the picture plane is 32 pixels away, and a degree 32 · π / 180 pixels there.
+    for name in SEQUENCES:
+        headset, picture = (
+            read_loss_curves(folder / "pipeline" / stimuli / name / "loss_curves.npz").display
+            for stimuli in ("stimuli", "stimuli_as_picture")
+        )
+        assert headset.pixels_per_degree == pytest.approx(32 * np.pi / 180)
+        track = read_track(folder / "pipeline" / "stimuli" / name / "track.csv")
+        assert track.header.pixels_per_degree == headset.pixels_per_degree
+        assert picture.pixels_per_degree == load_display("varjo-xr3").pixels_per_degree
+
+
+def test_what_is_assumed_stands_beside_what_is_published_and_estimated(folder) -> None:
+    rows = [row for row in rows_of(folder, "simulated_viewers") if row.group == "gym"]
+    values = {row.what: row.value for row in rows if row.origin is Origin.SIMULATED}
+    for effect in ("mean rating, ours less baseline", "chance of choosing ours"):
+        for what in ("assumed", "assumed, as a picture", "estimate of the data set shown"):
+            assert f"{effect}: {what}" in values
+        (mean,) = (row for row in rows if row.what == f"{effect}: mean of the estimates")
+        assert mean.n == 10  # data sets with --quick
+    # What is lost of detail, and so what raters are assumed to tell apart, depends on how large it is seen.
+    rated = [values[f"mean rating, ours less baseline: {at}"] for at in ("assumed", "assumed, as a picture")]
+    assert abs(rated[0] - rated[1]) > 0.01
+    # The data set that the report shows is the first of them.
+    shown = {row.what: row.value for row in rows_of(folder, "rating") if row.group == "gym"}
+    assert values["mean rating, ours less baseline: estimate of the data set shown"] == pytest.approx(
+        shown["mean difference, ours less baseline"]
+    )
+    assert not [row for row in rows if row.what.startswith("ratio of search times")]  # which were recorded
+    printed = {row.what: row.value for row in rows if row.origin is Origin.PUBLISHED}
+    assert printed["mean rating, ours less baseline"] == pytest.approx(3.71 - 3.23)  # Table 1
+    page = (folder / "report.html").read_text()
+    for words in ("What the simulated viewers reproduce of the paper", "Assumed and estimated"):
+        assert f">{words}" in page
 
 
 def test_tables_and_figures_validate(folder, command) -> None:
