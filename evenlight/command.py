@@ -109,18 +109,18 @@ def _write_power(folder: Path, power_model: str | None) -> list[str]:
     return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
 
 
-def _simulate(task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
+def _simulate(task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None) -> None:
     """Write a data set of simulated participants, in the paper's design."""
-    experiment_commands.simulate(task, out, participants, seed, stimuli=stimuli, quiet=True)
+    experiment_commands.simulate(task, out, *people, display, stimuli=stimuli, quiet=True)
 
 
 def _repeat_viewing(
-    task: str, stimuli: Path, participants: int, seed: int, sets: int
+    task: str, stimuli: Path, people: tuple[int, int], display: str, sets: int
 ) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
     """Return what is true of simulated viewers, and the trials of many data sets of theirs."""
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, repeated_viewing
 
-    return repeated_viewing(load_simulation(task, stimuli, (participants, seed), "varjo-xr3", None), sets)
+    return repeated_viewing(load_simulation(task, stimuli, people, display, None), sets)
 
 
 app.command()(stimuli_commands.render)

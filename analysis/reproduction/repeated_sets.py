@@ -35,9 +35,21 @@ class ViewingRepeater(Protocol):
     """Who answers a viewing experiment many times."""
 
     def __call__(
-        self, task: str, stimuli: Path, participants: int, seed: int, sets: int
+        self, task: str, stimuli: Path, people: tuple[int, int], display: str, sets: int
     ) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
-        """Return what is true of the population, and the trials of data sets, that of the seed the first."""
+        """Return what is true of the population, and the trials of data sets.
+
+        Parameters
+        ----------
+        task, stimuli : str, Path
+            Which experiment; a folder with a track per sequence.
+        people : (int, int)
+            How many, and the seed of the first data set.
+        display : str
+            Name or file of the display of those tracks.
+        sets : int
+            How many data sets.
+        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)

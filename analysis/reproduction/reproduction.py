@@ -57,8 +57,22 @@ PICTURES = "stimuli_as_picture"  # the tracks of the same sequences as a small p
 class DatasetSimulator(Protocol):
     """Who writes the data sets of simulated participants."""
 
-    def __call__(self, task: str, out: Path, participants: int, seed: int, stimuli: Path | None) -> None:
-        """Write a data set of a task; a viewing experiment takes a folder with a track per sequence."""
+    def __call__(
+        self, task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None
+    ) -> None:
+        """Write a data set of a task.
+
+        Parameters
+        ----------
+        task, out : str, Path
+            Which experiment, and where to.
+        people : (int, int)
+            How many, and the seed.
+        display : str
+            Name or file of the display that they look at.
+        stimuli : Path or None
+            A folder with a track per sequence for a viewing experiment.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,8 +213,9 @@ def _effects(
     effects: list[RepeatedEffect] = []
     for task in tasks:
         report(f"{plan.sets} data sets of the {task}")
-        assumed, sets = repeat(task, folder / STIMULI, plan.viewers, plan.seed, plan.sets)
-        of_pictures, _ = repeat(task, folder / PICTURES, plan.viewers, plan.seed, 0)
+        people = (plan.viewers, plan.seed)
+        assumed, sets = repeat(task, folder / STIMULI, people, plan.display, plan.sets)
+        of_pictures, _ = repeat(task, folder / PICTURES, people, plan.display, 0)
         effects += repeated_effects(task, assumed, sets, of_pictures)
     return tuple(effects)
 
@@ -214,8 +229,8 @@ def _analysed(
         return find_in_dataset(plan.data, options, folder / CALIBRATION)
     dataset = folder / DATA / task
     ramp = task == "ramp"
-    people = plan.calibrators if ramp else plan.viewers
-    simulate(task, dataset, people, plan.seed, None if ramp else folder / STIMULI)
+    people = (plan.calibrators if ramp else plan.viewers, plan.seed)
+    simulate(task, dataset, people, plan.display, None if ramp else folder / STIMULI)
     return find_in_dataset(dataset, options, folder / CALIBRATION)
 
 

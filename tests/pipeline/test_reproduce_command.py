@@ -5,6 +5,7 @@ The sequences are small patterns here; rendering has tests of its own.
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.data_schema.storage.tables import read_rows
-from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.storage.text_files import read_json_record, write_toml_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.preset_files import load_display
@@ -289,3 +290,22 @@ def test_what_cannot_be_used_is_refused_in_one_line(lab, command, tmp_path) -> N
         assert said in outcome.err
         assert len(outcome.err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_simulated_participants_look_at_the_display_that_is_named(tmp_path) -> None:
+    desk = replace(load_display("varjo-xr3"), name="desk", peak_luminance=120.0)
+    path = tmp_path / "desk.toml"
+    write_toml_record(path, desk)
+    asked: list[str] = []
+
+    def simulate(task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None) -> None:
+        asked.append(display)
+        command_line._simulate(task, out, (1, people[1]), display, stimuli)
+        raise KeyboardInterrupt  # the calibration is enough
+
+    plan = reproduction.ReproductionPlan(display=str(path))
+    with pytest.raises(KeyboardInterrupt):
+        reproduction.run_pipeline(plan, (simulate, command_line._repeat_viewing), tmp_path / "pipeline")
+    assert asked == [str(path)]
+    (manifest,) = (tmp_path / "pipeline").rglob("manifest.json")
+    assert read_json_record(SessionManifest, manifest).display == desk
