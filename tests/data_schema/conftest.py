@@ -186,7 +186,14 @@ def a_search_design(values: Values) -> Values:
 
 
 def one_of_two_videos(values: Values) -> Values:
-    return values | {"response": Response.FIRST if values["ours_interval"] == 1 else Response.SECOND}
+    """What was chosen is said by interval and response, or by the version where these are not both known."""
+    if values["chosen"] is not None:
+        return values | {"response": None}
+    interval = values["ours_interval"] or 1
+    return values | {
+        "ours_interval": interval,
+        "response": Response.FIRST if interval == 1 else Response.SECOND,
+    }
 
 
 def a_search(values: Values) -> Values:
@@ -222,7 +229,8 @@ def a_view(values: Values) -> Values:
 
 
 def a_session_of_its_task(values: Values) -> Values:
-    return values | {"task": next(t for t, of in TASKS.items() if isinstance(values["design"], of.design))}
+    fitting = (t for t, of in TASKS.items() if isinstance(values["design"], of.design | None))
+    return values | {"task": next(fitting)}
 
 
 def with_a_reason(values: Values) -> Values:
