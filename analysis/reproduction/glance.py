@@ -68,6 +68,8 @@ class GlanceLine:
             return None
         if self.theirs.value is None or ours is None or ours.value is None:
             return None
+        if f"{ours.value:.3g}" == f"{none:.3g}":
+            return "no difference"  # to the digits shown
         same = "same" if (self.theirs.value - none) * (ours.value - none) > 0 else "opposite"
         if ours.ci_low is not None and ours.ci_high is not None and ours.ci_low <= none <= ours.ci_high:
             return f"{same}, unclear"

@@ -31,3 +31,8 @@ def test_the_sign_is_that_of_the_effect_and_unclear_where_the_interval_has_both(
 def test_a_circular_number_and_one_without_a_side_have_no_sign() -> None:
     assert line(number(0.5), number(0.4), Dependence.CIRCULAR, 0.0).sign is None
     assert line(number(0.5), number(0.4), Dependence.INDEPENDENT, None).sign is None
+
+
+def test_a_ratio_that_is_one_to_the_digits_shown_is_no_agreement() -> None:
+    assert line(number(1.75), number(1.0003), Dependence.PARTLY, 1.0).sign == "no difference"
+    assert line(number(1.75), number(1.01), Dependence.PARTLY, 1.0).sign == "same"
