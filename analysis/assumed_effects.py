@@ -28,7 +28,7 @@ ESTIMATED = {
 def with_assumed(findings: Findings, assumed: Sequence[AssumedEffect]) -> Findings:
     """Return findings of simulated answers with what is true of those who gave them.
 
-    Where the assumed observers see nothing to choose by, that is what the lead says, and the sections warn.
+    Where the assumed observers see nothing to choose by, the lead says so, and a note of the first section.
 
     Parameters
     ----------
@@ -40,9 +40,13 @@ def with_assumed(findings: Findings, assumed: Sequence[AssumedEffect]) -> Findin
     if not assumed:
         return findings
     coins = [effect for effect in assumed if effect.is_a_coin]
-    seen = [effect for effect in assumed if effect.what == CHOSEN and not effect.is_a_coin]
+    seen = [
+        (effect, _estimate(findings.statistics, effect))
+        for effect in assumed
+        if effect.what == CHOSEN and not effect.is_a_coin
+    ]
     words = prose("assumed_coins", coins=coins, seen=seen)
-    warned = tuple(replace(own, notes=(*words, *own.notes)) for own in findings.sections)
+    first = tuple(replace(own, notes=(*words, *own.notes)) for own in findings.sections[:1])
     about = section("assumed", (_table(findings, assumed),), simulated=True)
     rows = tuple(
         Statistic(TABLE, effect.group, effect.what, effect.value, effect.unit, Origin.SIMULATED,
@@ -53,7 +57,7 @@ def with_assumed(findings: Findings, assumed: Sequence[AssumedEffect]) -> Findin
         findings,
         lead=" ".join(words) if words else findings.lead,
         statistics=(*findings.statistics, *rows),
-        sections=(*(warned if words else findings.sections), replace(about, below=True)),
+        sections=(*first, *findings.sections[1:], replace(about, below=True)),
     )
 
 

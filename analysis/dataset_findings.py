@@ -10,7 +10,7 @@ from typing import Any
 from evenlight.analysis.assumed_effects import with_assumed
 from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
-from evenlight.analysis.integrity.concern import Concern, cautious
+from evenlight.analysis.integrity.concern import Concern, ConcernKind, cautious
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.report import Report, Section
 from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
@@ -137,8 +137,15 @@ class DatasetFindings:
 
     @property
     def concerns(self) -> tuple[Concern, ...]:
-        """What is wrong with the trials, of all tasks."""
-        return tuple(own for findings in self.findings.values() for own in findings.concerns)
+        """What is wrong with the trials of all tasks, and with sessions that are not read for it."""
+        own = tuple(own for findings in self.findings.values() for own in findings.concerns)
+        entries = self.roll.sessions if self.roll else ()
+        wrong = sum(entry.use is SessionUse.WRONG for entry in entries)
+        if not wrong:
+            return own
+        verb, them = ("is", "it") if wrong == 1 else ("are", "them")
+        words = f"{wrong} of {len(entries)} sessions {verb} not read, as something is wrong with {them}"
+        return (*own, Concern(ConcernKind.UNREAD, words))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -270,7 +277,7 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
         "What the data show",
         cautious(found.concerns, " ".join(findings.lead for findings in found.findings.values())),
         (
-            *_warnings(found),
+            *to_be_looked_at(found),
             *((roll_section(found.roll),) if found.roll else ()),
             *sections,
             provenance_section({"analysis": origin}),
@@ -280,7 +287,7 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
     )
 
 
-def _warnings(found: DatasetFindings) -> tuple[Section, ...]:
+def to_be_looked_at(found: DatasetFindings) -> tuple[Section, ...]:
     """Return what the reader should be warned of first; of sessions the roll-call tells."""
     told = found.roll.warnings if found.roll else ()
     notes = tuple(words for words in found.warnings if words not in told)

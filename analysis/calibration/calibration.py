@@ -32,7 +32,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 
 CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are reported
-NO_CATCH_TRIALS = "there are no catch trials: how often people say yes to nothing is the prior's word"
+NO_CATCH_TRIALS = "there are no catch trials: the prior, not the data, sets the false-alarm rate"
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,6 @@ from evenlight.analysis.wording import first_few, spaced
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
-SEVERAL = 4  # answers of one person before "always the same" is worth saying: by chance once in eight
 RARE = 0.2  # share of the rarer order below which the order counts as nearly constant: 3 of 17
 PREFERENCE = "ours chosen by a person in the middle"
 LEANING = "first chosen by a person in the middle"
@@ -250,7 +249,7 @@ def _order_warnings(
 
 
 def _warnings(trials: Sequence[ComparisonTrial], names: Sequence[str]) -> tuple[str, ...]:
-    """Return what is wrong with the answers: missing ones, and people who always give the same."""
+    """Return which answers are missing."""
     people = sorted({trial.participant_id for trial in trials})
     cells = {(trial.participant_id, trial.sequence) for trial in trials}
     warnings = []
@@ -261,17 +260,6 @@ def _warnings(trials: Sequence[ComparisonTrial], names: Sequence[str]) -> tuple[
                 f"comparison of {spaced(name)}: no answer of {len(missing)} of {len(people)} participants "
                 f"({first_few(missing)})"
             )
-    always = []
-    for who in people:
-        first = [chose_first(trial) for trial in trials if trial.participant_id == who]
-        orders = {trial.ours_interval for trial in trials if trial.participant_id == who}
-        if len(first) >= SEVERAL and len(set(first)) == 1 and len(orders) == 2:
-            always.append(who)
-    if always:
-        warnings.append(
-            f"{len(always)} of {len(people)} participants chose the same interval every time, whichever held "
-            f"ours ({first_few(always)}); they are used"
-        )
     return tuple(warnings)
 
 

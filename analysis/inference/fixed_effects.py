@@ -32,7 +32,7 @@ class FitFlag(enum.Enum):
 
     NONE = ""
     NO_VARIATION = "all answers are the same: nothing can be estimated"
-    NOTHING_OBSERVED = "nothing was ever found: nothing can be estimated"
+    NOTHING_OBSERVED = "nothing was ever found"
     NO_SCATTER = "the times leave no scatter to judge by: nothing can be estimated"
     SEPARATED = "an effect runs to infinity: the data separate perfectly"
     APART = "participants hardly vary within themselves: their standard deviation runs to infinity"

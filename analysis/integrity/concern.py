@@ -16,6 +16,7 @@ class ConcernKind(enum.Enum):
     VERSION_ORDER = "version confounded with order"
     REPEATED_ROWS = "repeated rows"
     MORE_TRIALS = "more trials than the design has"
+    UNREAD = "sessions that are not read"
     HALVES = "halves of a session that differ"
     NOTHING_FOUND = "nothing found"
     ONE_ANSWER = "always one answer"

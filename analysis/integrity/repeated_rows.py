@@ -15,6 +15,7 @@ from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few
 from evenlight.data_schema.recordings.ramp import Placement, RampDesign
 
+ROUNDING = 1e-6  # [s] what floating point leaves of a rounded time
 FEW_CELLS = 3  # of a participant, below which everybody's say how often an item was answered
 Data = TypeVar("Data", bound=TaskData[Any])
 
@@ -57,12 +58,12 @@ def without_repeats(data: Data) -> tuple[Data, tuple[Concern, ...]]:
 
 def _are_repeats(trials: Sequence[Any], designed: dict[tuple[str, str], int]) -> list[bool]:
     """Return which rows come again: copies, and more of a cell than a session or a participant has."""
-    usual = _usual_counts(trials)
+    usual, fine = _usual_counts(trials), _to_the_millisecond(trials)
     counts: Counter[Hashable] = Counter()
     moments: set[Hashable] = set()
     found = []
     for trial in trials:
-        who, session, cell, moment = trial.participant_id, key_of(trial), cell_of(trial), _moment(trial)
+        who, session, cell, moment = trial.participant_id, key_of(trial), cell_of(trial), _moment(trial, fine)
         many = bool(cell) and (
             (session in designed and counts[session, cell] >= designed[session])
             or (who in usual and counts[cell] >= usual[who])
@@ -113,9 +114,21 @@ def _usual_counts(trials: Sequence[Any]) -> dict[str, int]:
     }
 
 
-def _moment(trial: Any) -> Hashable | None:
-    """Return what two answers of a person never share: item, answer and the measured times of both."""
-    times = tuple(getattr(trial, name, None) for name in ("onset", "response_time"))
-    if None in times or trial.simulated:
+def _moment(trial: Any, to_the_millisecond: bool) -> Hashable | None:
+    """Return what two answers of a person share by no chance: item, version, answer and its measured time.
+
+    Of ramps, which come often and are answered fast, the onset too.
+    """
+    time, onset = getattr(trial, "response_time", None), None
+    if hasattr(trial, "rate"):
+        onset = trial.onset
+        to_the_millisecond = onset is not None
+    if time is None or trial.simulated or not to_the_millisecond:
         return None
-    return trial.participant_id, item_of(trial), getattr(trial, "version", None), given_of(trial), times
+    return trial.participant_id, item_of(trial), getattr(trial, "version", None), given_of(trial), time, onset
+
+
+def _to_the_millisecond(trials: Sequence[Any]) -> bool:
+    """Return whether response times are finer than 0.01 s, so that two agree by no chance."""
+    times = (getattr(trial, "response_time", None) for trial in trials)
+    return any(time is not None and abs(time - round(time, 2)) > ROUNDING for time in times)

@@ -33,6 +33,7 @@ def rating_findings(data: TaskData[RatingTrial], seed: int = 1) -> Findings:
         Of the permutations, and of the experiments that are drawn for the smallest difference.
     """
     results, confound = rating_results(data, seed), confounded_order(data)
+    unknown = all(trial.place_in_pair is None for trial in data.trials)
     caption = (
         f"Detail ratings of {results.people}: how often each rating was given to each version, and how the "
         "two differ for the same people (left of 0 the baseline is rated higher). Means with 95 % confidence "
@@ -41,10 +42,10 @@ def rating_findings(data: TaskData[RatingTrial], seed: int = 1) -> Findings:
     drawing = Drawing("rating", png_bytes(rating_figure(results)), caption, rating_points(results))
     return Findings(
         name="rating",
-        lead=lead_of(results, confound),
+        lead=lead_of(results, confound, order_unknown=unknown),
         statistics=rating_statistics(results),
         drawings=(drawing,),
-        sections=rating_sections(results, drawing.picture, confound),
+        sections=rating_sections(results, drawing.picture),
         warnings=(*data.warnings, *_warnings(results)),
     )
 
@@ -54,9 +55,6 @@ def _warnings(results: RatingResults) -> tuple[str, ...]:
     warnings = []
     if len(results.participant_ids) == 1:
         warnings.append("ratings of one participant: nothing can be tested, nothing is said of other people")
-    if results.alike:
-        who = ", ".join(f"{name} ({rating})" for name, rating in results.alike.items())
-        warnings.append(f"participants who always gave the same rating: {who}")
     if results.unrated:
         names = listed([spaced(name) for name in results.unrated])
         warnings.append(f"nobody rated {names}: Holm's adjustment counts the other sequences only")
@@ -66,7 +64,7 @@ def _warnings(results: RatingResults) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def lead_of(results: RatingResults, confound: str = "") -> str:
+def lead_of(results: RatingResults, confound: str = "", *, order_unknown: bool = False) -> str:
     """Return what came out, in a sentence or two, and whether it may be the order of the versions."""
     tested = any(p is not None for p in results.adjusted)
     different = len(results.different) if tested else None
@@ -75,15 +73,16 @@ def lead_of(results: RatingResults, confound: str = "") -> str:
         "rated": len(results.rated),
         "different": different,
         "confound": confound,
+        "order_unknown": order_unknown,
     }
     return prose("rating_lead", results=results, **values)[0]
 
 
-def rating_sections(results: RatingResults, picture: Picture, confound: str = "") -> tuple[Section, ...]:
+def rating_sections(results: RatingResults, picture: Picture) -> tuple[Section, ...]:
     """Return the sections, in the order in which they are read."""
     sections = (
         _versions_section(results, picture),
-        _effects_section(results, confound),
+        _effects_section(results),
         _model_section(results),
         _order_section(results),
     )
@@ -113,13 +112,12 @@ def _versions_section(results: RatingResults, picture: Picture) -> Section:
         "rating_versions",
         (table,),
         (picture,),
-        alike=[f"{name} (always {rating})" for name, rating in results.alike.items()],
         unrated=[spaced(name) for name in results.unrated],
         lacking=results.incomplete,
     )
 
 
-def _effects_section(results: RatingResults, confound: str) -> Section:
+def _effects_section(results: RatingResults) -> Section:
     """Return which sequences differ, by how much, and what so many ratings can show."""
     limits = [result.smallest for result in results.pairs if result.smallest is not None]
     overall = results.overall.smallest if len(results.pairs) > 1 else None
@@ -127,7 +125,6 @@ def _effects_section(results: RatingResults, confound: str) -> Section:
         "rating_effects",
         (_effects_table(results), _tests_table(results)),
         different=[in_words(name) for name in results.different],
-        confound=confound,
         reach=list(dict.fromkeys(_two_digits(end) for end in (min(limits), max(limits)))) if limits else [],
         overall=_two_digits(overall),
         why_none=list(dict.fromkeys(result.why_no_smallest for result in results.pairs)),
@@ -212,13 +209,15 @@ def _order_section(results: RatingResults) -> Section:
         f"{in_words(name)}: difference with ours first less that with ours second": test
         for name, test in order.by_sequence.items()
     }
+    if all(test.effect.value is None for test in effects.values()):
+        return section("rating_order", unknown=order.place.effect.flag)
     table = Table(
         "Effects of the order [rating points] with exact tests and confidence intervals (CI). The p of "
         "single sequences are not adjusted here; rating_statistics.csv has the adjusted ones too.",
         ("effect", "value", "95 % CI", "p", "n", "remark"),
         tuple(_order_row(what, test) for what, test in effects.items()),
     )
-    return section("rating_order", (table,))
+    return section("rating_order", (table,), unknown="")
 
 
 def _order_row(what: str, test: ContrastTest) -> tuple[Cell, ...]:

@@ -150,14 +150,6 @@ def incomplete(pairs: Sequence[PairedRatings]) -> tuple[str, ...]:
     return tuple(sorted(who for who in everybody if any(who not in p.participant_ids for p in pairs)))
 
 
-def always_alike(trials: Sequence[RatingTrial]) -> dict[str, int]:
-    """Return who gave one and the same rating in all of at least two trials, and which."""
-    own: dict[str, list[int]] = {}
-    for trial in trials:
-        own.setdefault(trial.participant_id, []).append(trial.rating)
-    return {who: given[0] for who, given in own.items() if len(given) > 1 and len(set(given)) == 1}
-
-
 def _means(trials: Iterable[RatingTrial]) -> dict[str, Fraction]:
     """Return the mean rating of each participant."""
     own: dict[str, list[int]] = {}

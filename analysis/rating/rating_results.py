@@ -32,7 +32,6 @@ from evenlight.analysis.rating.rating_order import OrderEffects, order_effects
 from evenlight.analysis.rating.rating_pairs import (
     PairedRatings,
     VersionRatings,
-    always_alike,
     incomplete,
     over_sequences,
     paired_ratings,
@@ -120,8 +119,6 @@ class RatingResults:
         Whether the difference depends on the sequence, without a model.
     order : OrderEffects
         What the order does.
-    alike : dict of str to int
-        Who always gave the same rating, and which.
     simulated : bool
         Whether simulated participants answered.
     """
@@ -134,7 +131,6 @@ class RatingResults:
     model: RatingModel
     permuted: InteractionTest
     order: OrderEffects
-    alike: dict[str, int]
     simulated: bool
 
     @property
@@ -199,7 +195,6 @@ def rating_results(data: TaskData[RatingTrial], seed: int) -> RatingResults:
         model=rating_model(trials, rated),
         permuted=permuted_interaction([pair for pair in pairs if pair.name in rated], rng),
         order=order_effects(trials, sequences, rng),
-        alike=always_alike(trials),
         simulated=data.simulated,
     )
 

@@ -25,8 +25,10 @@ NAME = "at_a_glance"
 LAG = "integral of |static - dynamic response| over time: per pixel"  # what the paper integrates
 CAPTION = (
     "Numbers that the paper prints, or that follow from two of them, and ours. Sign: whether both lie on the "
-    "same side of no effect; unclear where our interval has both sides."
+    "same side of no effect; unclear where our interval has both sides, or ours has none and lies within "
+    "5 % of no effect."
 )
+NEAR = 0.05  # of no effect, or of what is printed where that is 0: within it a number alone has no sign
 
 
 class Dependence(enum.Enum):
@@ -70,6 +72,9 @@ class GlanceLine:
             return None
         if f"{ours.value:.3g}" == f"{none:.3g}":
             return "no difference"  # to the digits shown
+        near = abs(ours.value - none) <= NEAR * abs(none or self.theirs.value)
+        if near and (ours.ci_low is None or ours.ci_high is None):
+            return "unclear"
         same = "same" if (self.theirs.value - none) * (ours.value - none) > 0 else "opposite"
         if ours.ci_low is not None and ours.ci_high is not None and ours.ci_low <= none <= ours.ci_high:
             return f"{same}, unclear"
@@ -205,7 +210,7 @@ def _power(part: Findings) -> Iterator[GlanceLine]:
         if ours is not None and full is not None and ours.value is not None and full.value:
             saved = replace(ours, table=NAME, what=what, value=1 - ours.value / full.value, unit="1",
                             ci_low=None, ci_high=None, interval=None)  # fmt: skip
-        yield GlanceLine(place, theirs, saved, Dependence.CIRCULAR, "budgets and power model", 0.0)
+        yield GlanceLine(place, theirs, saved, Dependence.CIRCULAR, "budgets and power model")
 
 
 def _online(part: Findings, limit: RateLimit) -> GlanceLine:

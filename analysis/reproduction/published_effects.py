@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass
 
@@ -11,9 +12,21 @@ from evenlight.analysis.inference.binomial_tests import clopper_pearson
 from evenlight.analysis.published import SEQUENCES, published
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, NOTHING_TO_SEE, TIME_RATIO
 
-NEAR, BOTH, NEITHER = "near one half", "sign and size", "neither"
 BRIGHTENED = "brightened"  # locations of a search at which ours gives more light
 FACTOR = 2.0  # of the published size, within which an effect counts as of that size
+COUNTS = 0.1  # of the published size; an effect below is too small to count
+
+
+class Verdict(enum.Enum):
+    """What of a published effect an assumed one has."""
+
+    SIZE = "sign and size"  # the size within a factor
+    SIGN = "sign"
+    SMALL = "too small to count"
+    OPPOSITE = "opposite sign"
+    OPEN = "published sign not established"
+    NEAR_HALF = "near one half"
+    NOT_NEAR_HALF = "not near one half"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,25 +47,50 @@ class PublishedEffect:
     interval: tuple[float, float] | None = None
     sign: int | None = None
 
-    def verdict(self, value: float | None, no_effect: float) -> str | None:
-        """Return what of it a value reproduces, in words; None where the paper says nothing.
+    def is_established(self, no_effect: float) -> bool:
+        """Whether a sign is published whose interval, if it has one, excludes no effect."""
+        if self.sign is None or self.interval is None:
+            return self.sign is not None
+        return not self.interval[0] <= no_effect <= self.interval[1]
+
+    def verdict(self, value: float | None, no_effect: float) -> Verdict | None:
+        """Return what of it an assumed value has; None where the paper says nothing.
 
         A size counts as the published one within a factor of 2, a chance as near one half within 0.05: the
         intervals of 17 people are too wide to tell.
 
-        >>> PublishedEffect(0.5, sign=1).verdict(0.05, 0.0)
-        'sign, 10 % of the size'
+        >>> PublishedEffect(0.5, sign=1).verdict(0.04, 0.0)
+        <Verdict.SMALL: 'too small to count'>
         """
         if value is None or (self.value is None and self.sign is None):
             return None
         if self.sign is None:
-            return NEAR if abs(value - no_effect) < NOTHING_TO_SEE else "no, not near one half"
+            near = abs(value - no_effect) < NOTHING_TO_SEE
+            return Verdict.NEAR_HALF if near else Verdict.NOT_NEAR_HALF
+        if not self.is_established(no_effect):
+            return Verdict.OPEN
+        share = self._share(value, no_effect)
+        if share is not None and abs(share) < COUNTS:
+            return Verdict.SMALL
         if (value - no_effect) * self.sign <= 0:
-            return NEITHER
-        if self.value is None:
-            return "sign"
-        share = (value - no_effect) / (self.value - no_effect)
-        return BOTH if 1 / FACTOR <= share <= FACTOR else f"sign, {100 * share:.0f} % of the size"
+            return Verdict.OPPOSITE
+        return Verdict.SIZE if share is not None and 1 / FACTOR <= share <= FACTOR else Verdict.SIGN
+
+    def verdict_words(self, value: float | None, no_effect: float) -> str | None:
+        """Return the verdict for a cell, with the size where the sign alone agrees.
+
+        >>> PublishedEffect(0.5, sign=1).verdict_words(0.1, 0.0)
+        'sign, 20 % of the size'
+        """
+        found = self.verdict(value, no_effect)
+        share = None if value is None else self._share(value, no_effect)
+        if found is Verdict.SIGN and share is not None:
+            return f"{found.value}, {100 * share:.0f} % of the size"
+        return None if found is None else found.value
+
+    def _share(self, value: float, no_effect: float) -> float | None:
+        """Return an effect as a share of the published one; None where no size is published."""
+        return None if self.value is None else (value - no_effect) / (self.value - no_effect)
 
 
 def published_effect(what: str, group: str) -> PublishedEffect:

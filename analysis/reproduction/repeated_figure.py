@@ -57,7 +57,7 @@ def effects_figure(effects: Sequence[RepeatedEffect], sets: int) -> Figure:
         left, width = 8.0 * em, PAGE.width - 9.5 * em
         lines, above = heading_lines(
             "Effects assumed of simulated viewers, estimated, and published",
-            f"Simulated: {sets} data sets each. Hills: estimates. Line: assumed. Ring: the data set of this "
+            f"Simulated: {sets} data sets each. Gray: estimates. Line: assumed. Ring: the data set of this "
             "report. Diamond: published, with the 95 % interval that its numbers allow.",
             width, em,
         )  # fmt: skip

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evenlight.analysis.dataset_findings import to_be_looked_at
 from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.findings import Findings, write_drawing, write_statistics
 from evenlight.analysis.integrity.concern import cautious
@@ -181,7 +182,7 @@ def reproduction_report(made: Reproduction, parts: Sequence[Findings], origin: P
         # What is wrong with the answers comes first, what they say follows with its origin.
         cautious(made.tasks.concerns, f"{named['sequences'].lead} {named['power'].lead}"),
         (
-            *first.sections, _what_came_out(made, parts), _how_to_read(made),
+            *to_be_looked_at(made.tasks), *first.sections, _what_came_out(made, parts), _how_to_read(made),
             *(own for part in others for own in _sections(made, part)),
             *((roll_section(made.tasks.roll),) if made.tasks.roll else ()),
             provenance_section({"reproduction": origin}), files_section(_files(parts)),

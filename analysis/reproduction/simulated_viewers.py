@@ -13,6 +13,7 @@ from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.analysis.report import Cell, Table
 from evenlight.analysis.report_prose import section
+from evenlight.analysis.reproduction.published_effects import COUNTS, FACTOR, Verdict
 from evenlight.analysis.reproduction.repeated_figure import effect_points, effects_figure
 from evenlight.analysis.reproduction.repeated_sets import RepeatedEffect
 from evenlight.analysis.reproduction.reproduction import ReproductionPlan
@@ -57,11 +58,21 @@ def viewer_findings(
         plan=plan,
         degrees=degrees,
         ratings=of[RATED],
+        established=sum(effect.published.is_established(effect.no_effect) for effect in of[RATED]),
+        near=_agreeing(of[RATED], [effect.assumed.value for effect in of[RATED]]),
+        far=_agreeing(of[RATED], [effect.as_picture for effect in of[RATED]]),
         choices=of[CHOSEN],
         searches=[effect for effect in of[TIME_RATIO] if effect.assumed.group in ("brightened", "dimmed")],
     )
     rows = tuple(row for effect in effects for row in _rows(effect))
     return (Findings(NAME, about.paragraphs[0], rows, (drawing,), (about,)),)
+
+
+def _agreeing(effects: Sequence[RepeatedEffect], assumed: Sequence[float | None]) -> tuple[int, int]:
+    """Return how many assumed values have an established published sign, and how many its size too."""
+    found = [e.published.verdict(value, e.no_effect) for e, value in zip(effects, assumed, strict=True)]
+    sizes = found.count(Verdict.SIZE)
+    return sizes + found.count(Verdict.SIGN), sizes
 
 
 def picture_degrees(plan: ReproductionPlan, display: Display) -> float:
@@ -77,13 +88,15 @@ def _paper_table(effects: Sequence[RepeatedEffect], plan: ReproductionPlan, degr
     for effect in effects:
         at, told = (effect.assumed.value, effect.as_picture), effect.published
         shown = (_number(told.value), _range(told.interval), *(_number(value) for value in at))
-        rows.append((_named(effect), *shown, *(told.verdict(value, effect.no_effect) for value in at)))
+        rows.append((_named(effect), *shown, *(told.verdict_words(value, effect.no_effect) for value in at)))
     return Table(
         f"What simulated viewers are assumed to show, in the population, where a sequence fills a headset's "
-        f"field of view ({near}) and as a picture of {far}, and what of the published effect that is; its "
-        "size counts as reproduced within a factor of 2. CI: 95 % confidence interval.",
-        ("effect", "published", "CI", f"assumed, {near}", f"assumed, {far}", f"reproduced, {near}",
-         f"reproduced, {far}"),
+        f"field of view ({near}) and as a picture of {far}, and what of the published effect that has: it "
+        "agrees by construction. A published sign is established where its interval excludes no effect; a "
+        f"size agrees within a factor of {FACTOR:g}, and below {100 * COUNTS:.0f} % of it is too small "
+        "to count. CI: 95 % confidence interval.",
+        ("effect", "published", "CI", f"assumed, {near}", f"assumed, {far}", f"agrees, {near}",
+         f"agrees, {far}"),
         tuple(rows),
     )  # fmt: skip
 
@@ -99,7 +112,8 @@ def _sets_table(effects: Sequence[RepeatedEffect], plan: ReproductionPlan) -> Ta
     return Table(
         f"Estimates from {plan.sets} simulated data sets of {plan.viewers} people, {plan.field_of_view:g}°: "
         "the one that this report shows, the middle 95 % of all, how often they have the published sign, and "
-        "how often p ≤ 0.05 (unadjusted).",
+        "how often p ≤ 0.05 (unadjusted). Ratios of search times are of a model of those locations or that "
+        "sequence alone; the section on search times has one model for all sides.",
         ("effect", "assumed", "this report", "middle 95 %", "published sign [%]", "p ≤ 0.05 [%]"),
         tuple(rows),
     )

@@ -279,6 +279,7 @@ def _draw_panel(axes: Axes, curves: list[FoundOverTime]) -> None:
     axes.set(xlim=(0, curves[0].times[-1]), ylim=(0, 100), xlabel="search time [s]")
     axes.set_yticks(range(0, 101, 20))
     axes.grid(color=FAINT, linewidth=size / 18)
-    title = f"{curves[0].panel}: {curves[0].locations} locations, {curves[0].n} searches each"
+    searches = ", ".join(f"{curve.version} {curve.n}" for curve in curves)
+    title = f"{curves[0].panel} (searches: {searches})"
     axes.annotate(title, (0.0, 1.0), xycoords="axes fraction", xytext=(0, 0.6 * size),
                   textcoords="offset points", color=MUTED)  # fmt: skip

@@ -22,7 +22,7 @@ from evenlight.analysis.search.search_statistics import (
     people_slope,
 )
 from evenlight.analysis.search.search_trials import ABOUT_EQUAL
-from evenlight.analysis.search.search_words import ALPHA, lead_of, range_text
+from evenlight.analysis.search.search_words import ALPHA, design_of, lead_of, range_text
 from evenlight.analysis.wording import p_text
 
 COLUMNS = ("ratio", "95 % CI", "p")
@@ -42,7 +42,12 @@ def _section(
 def times_section(found: SearchResults, picture: Picture, confound: str = "") -> Section:
     """Return how soon the rings were found at each location, and whether it may be the order of versions."""
     flags = [(result.location.name, flag) for result in found.locations for flag in _cell_flags(result)]
-    values = {"lead": lead_of(found, confound), "flags": flags, "unpaired": found.unpaired}
+    values = {
+        "lead": lead_of(found, confound),
+        "design": design_of(found.table),
+        "flags": flags,
+        "unpaired": found.unpaired,
+    }
     return _section(found, "times", (_location_table(found),), (picture,), **values)
 
 
@@ -171,7 +176,10 @@ def _slope_table(found: SearchResults) -> Table:
 
 def pairs_section(found: SearchResults) -> Section:
     """Return what needs no model of times: which was found first, which at all, which correctly; practice."""
-    return _section(found, "pairs", (_first_table(found), _correct_table(found), _order_table(found)))
+    tables = (_first_table(found),) if found.first else ()
+    return _section(
+        found, "pairs", (*tables, _correct_table(found), _order_table(found)), paired=bool(found.first)
+    )
 
 
 def _first_table(found: SearchResults) -> Table:

@@ -100,8 +100,8 @@ class FoundOverTime:
     ----------
     panel, version : str
         Which side, and which version.
-    locations, n : int
-        How many locations, and searches.
+    n : int
+        How many searches.
     times, share : array (k,)
         Time [s], and the share found until then.
     low, high : array (k,)
@@ -110,7 +110,6 @@ class FoundOverTime:
 
     panel: str
     version: str
-    locations: int
     n: int
     times: Array
     share: Array
@@ -146,5 +145,4 @@ def _curve(own: SearchTable, panel: str, version: str, limit: float) -> FoundOve
         for ends in zip(*((s.value, s.ci_low, s.ci_high) for s in shares), strict=True)
     )
     low[0], high[0] = low[0] * 0.0, high[0] * 0.0  # at time 0 nothing can be found; nan stays
-    locations = int(np.unique(own.location).size)
-    return FoundOverTime(panel, version, locations, own.times.size, times, value, low, high)
+    return FoundOverTime(panel, version, own.times.size, times, value, low, high)

@@ -11,7 +11,7 @@ from evenlight.analysis.report_prose import prose
 from evenlight.analysis.search.search_models import VERSION, effect_of
 from evenlight.analysis.search.search_results import SearchResults
 from evenlight.analysis.search.search_statistics import people_slope
-from evenlight.analysis.search.search_trials import ABOUT_EQUAL, BrightnessEffect
+from evenlight.analysis.search.search_trials import ABOUT_EQUAL, BrightnessEffect, SearchTable
 from evenlight.analysis.wording import p_in_words
 
 ALPHA = 0.05
@@ -38,6 +38,21 @@ def lead_of(found: SearchResults, confound: str = "") -> str:
         ratio=ratio_text,
         counted=_counted,
     )[0]
+
+
+def design_of(table: SearchTable) -> str:
+    """Return how often people looked for a ring, in which version: as designed, or the searches in each."""
+    cells = np.stack([table.participant, table.location, table.ours])
+    people, places = len(table.participants), len(table.locations)
+    if table.times.size == np.unique(cells, axis=1).shape[1] == 2 * people * places:
+        return "Each person looked once for a ring at each location in each version."
+    both = sum(place.in_both for place in table.locations)
+    ours = int(np.count_nonzero(table.ours))
+    return (
+        f"There are {_counted(ours, 'search', 'searches')} in ours and {table.times.size - ours} in the "
+        f"baseline; {both} of {_counted(places, 'location')} {'was' if both == 1 else 'were'} seen in both "
+        "versions."
+    )
 
 
 def slope_words(slope: FixedEffect, both: FixedEffect | None = None) -> str:

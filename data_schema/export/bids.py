@@ -126,7 +126,7 @@ def _refuse_problems(dataset: Path) -> None:
         raise InputError(f"{dataset}: is an export in the layout of Psych-DS; export the data set itself")
     problems = [problem for checked in validate(dataset) for problem in checked.problems]
     if problems:
-        more = f" (and {len(problems) - 1} problems more)" if len(problems) > 1 else ""
+        more = f", the first of {len(problems)} problems" if len(problems) > 1 else ""
         raise InputError(
             f"{problems[0]}{more}; a data set is exported when `evenlight validate` finds no problem in it"
         )

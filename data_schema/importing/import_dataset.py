@@ -10,8 +10,8 @@ from typing import Any
 from evenlight.data_schema.checking.dataset_checks import personal_columns
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_mapping import ImportMapping, ImportRequest
-from evenlight.data_schema.importing.imported_trials import first_few, imported_trials
-from evenlight.data_schema.importing.source_cells import taken_columns
+from evenlight.data_schema.importing.imported_trials import imported_trials, wanted_rows
+from evenlight.data_schema.importing.source_cells import TRUTHS, taken_columns
 from evenlight.data_schema.importing.source_tables import SourceTable, read_sources
 from evenlight.data_schema.provenance import provenance_now, sha256_of_file
 from evenlight.data_schema.quantities import file_key
@@ -21,6 +21,7 @@ from evenlight.data_schema.recordings.dataset_writing import (
     write_participants,
     write_session,
 )
+from evenlight.data_schema.recordings.roll_call import SessionUse, call_roll
 from evenlight.data_schema.recordings.session import TASKS, ImportSource, SessionManifest, SessionStatus
 
 
@@ -41,7 +42,10 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
         raise InputError(
             f"{table.path}: the column {who!r} for participant_id looks like personal data; expected codes"
         )
+    adopted = not request.simulated and _simulated(table, taken)
+    request = dataclasses.replace(request, simulated=request.simulated or adopted)
     rows, told = imported_trials(table, taken, request)
+    told += ["simulated: all rows say so"] if adopted else []
     trials = [trial for _, trial in rows]
     sessions: dict[tuple[str, str], list[Any]] = {}
     files: dict[tuple[str, str], Path] = {}
@@ -53,7 +57,10 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
                 f"{row.path}: session {key[1]} of participant {key[0]} is in {files[key]} too; name the "
                 "column that tells sessions apart (--column session_id=THEIRS), or join the two files"
             )
-    sources = {path: _source(path, table, taken) for path in request.paths}
+    sources = {
+        path: _source(path, f"file {number} of {len(request.paths)}", table, taken)
+        for number, path in enumerate(request.paths, start=1)
+    }
     _write(request, dataset, {key: sources[path] for key, path in files.items()}, sessions)
     people = len({participant for participant, _ in sessions})
     counts = {"participant": people, "session": len(sessions), "trial": len(trials)}
@@ -80,10 +87,11 @@ def _write(
     provenance = provenance_now(inputs=files)
     people = list(dict.fromkeys(participant for participant, _ in sessions))
     with new_dataset(dataset) as staging:
-        names = first_few(list(files))
+        number = len(request.paths)
+        kind = next(iter(sources.values())).file_format
+        names = f"{number} file{'s' * (number != 1)} ({kind})"  # without their names, which may be people's
         origin = f"imported from {names} into Evenlight"
-        name = f"{request.task} trials of {names}"
-        write_description(staging, name, request.simulated, provenance, origin)
+        write_description(staging, f"{request.task} trials of {names}", request.simulated, provenance, origin)
         write_participants(staging, people, request.simulated)
         for (participant, session), trials in sessions.items():
             source = sources[participant, session]
@@ -101,9 +109,29 @@ def _write(
                 source=source,
             )
             write_session(staging, manifest, sorted(trials, key=lambda trial: trial.trial_index))
+        for entry in call_roll(staging).sessions:
+            if entry.use is SessionUse.WRONG:
+                raise InputError(
+                    f"{request.paths[0]}: participant {entry.participant_id}, session {entry.session_id}: "
+                    f"{entry.why}; take one of them out"
+                )
 
 
-def _source(path: Path, table: SourceTable, taken: ImportMapping) -> ImportSource:
+def _simulated(table: SourceTable, taken: ImportMapping) -> bool:
+    """Return whether all rows say that they are simulated; refuse those of which only some do."""
+    column = next((name for name in table.columns if name.lower() == "simulated"), None)
+    rows = wanted_rows(table, taken) if column else []
+    said = [(line, table.cell(cells, column or "").lower()) for line, cells in rows]
+    known = {TRUTHS.get(text) for _, text in said if text}
+    if True in known and known != {True}:
+        line = next(line for line, text in said if text and not TRUTHS.get(text))
+        raise InputError(
+            f"{table.place(line, column or '')}: not simulated, but others are; import them apart (--only)"
+        )
+    return True in known
+
+
+def _source(path: Path, name: str, table: SourceTable, taken: ImportMapping) -> ImportSource:
     """Return where sessions come from, for their manifests."""
     values: dict[str, str] = {}
     for ours, meanings in taken.values.items():
@@ -111,7 +139,7 @@ def _source(path: Path, table: SourceTable, taken: ImportMapping) -> ImportSourc
             key = f"{ours}:{value}"
             values[key] = f"{values[key]}, {theirs}" if key in values else theirs
     return ImportSource(
-        file=path.name,
+        file=name,
         file_format=table.file_format,
         sha256=sha256_of_file(path),
         columns=taken.columns | taken.wide,

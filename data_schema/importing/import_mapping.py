@@ -130,6 +130,8 @@ def import_mapping(
     """
     mapping, fields = ImportMapping(record), fields_by_name(record)
     said = [*_file_options(path)] if path else []
+    overridden = {text.partition("=")[0] for text in options.get("only", ())}
+    said = [one for one in said if one[1] != "only" or one[2].partition("=")[0] not in overridden]
     said += [(f"--{name}", name, text) for name, texts in options.items() for text in texts]
     for where, name, text in said:
         ours, found, theirs = text.partition("=")

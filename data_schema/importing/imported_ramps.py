@@ -22,7 +22,7 @@ def complete_ramps(
 
     Parameters
     ----------
-    rows : list of (int, dict)
+    rows : list of (Row, dict)
         Line of each, and its values by our attributes, which are filled in.
     table : SourceTable
         Where they come from, for messages.

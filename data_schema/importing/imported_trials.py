@@ -5,21 +5,27 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
+import statistics
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.importing.import_mapping import ImportMapping, ImportRequest
+from evenlight.data_schema.importing.import_mapping import UNITS, ImportMapping, ImportRequest, fields_by_name
 from evenlight.data_schema.importing.imported_ramps import complete_ramps
-from evenlight.data_schema.importing.source_cells import CellReader, rows_of_cells
+from evenlight.data_schema.importing.source_cells import CellReader, Cells, rows_of_cells
 from evenlight.data_schema.importing.source_tables import Row, SourceTable
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.recordings.session import TASKS
 
 MOST_SHOWN = 8  # lines that are listed
+COPIED_RAMPS = 10  # rows in the same order that agree in every cell by no chance (choice)
+PERSONAL_ID = re.compile(
+    r"\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4}|[A-Z][a-z]+,? [A-Z][a-z]+"
+)
 ONLY_SESSION = "01"  # of rows that name none
 SESSION = ("participant_id", "session_id")
 # A row in which all of these are empty is no trial.
@@ -64,9 +70,12 @@ def imported_trials(
     """
     task, record = request.task, TASKS[request.task].trial
     _require_columns(table, taken, task)
-    only = taken.only.items()
-    wanted = [row for row in table.rows if all(table.cell(row[1], theirs) in known for theirs, known in only)]
+    wanted = wanted_rows(table, taken)
+    if not wanted:
+        asked = " and ".join(f"{theirs}={' or '.join(known)}" for theirs, known in taken.only.items())
+        raise InputError(f"{table.path}: none of {len(table.rows)} rows has --only {asked}")
     cells = list(rows_of_cells(dataclasses.replace(table, rows=tuple(wanted)), taken))
+    _require_occurring(table, taken, cells)
     reader = CellReader(table, taken, cells)
     answered = [
         any(reader.value(name, own, line) is not None for name in ANSWERS[task]) for line, own in cells
@@ -93,6 +102,24 @@ def imported_trials(
         plain = {keys[name]: value for name, value in values.items()} | {"simulated": request.simulated}
         trials.append((line, record_from_mapping(record, plain, table.place(line))))
     return trials, told
+
+
+def _require_occurring(table: SourceTable, taken: ImportMapping, cells: list[tuple[Row, Cells]]) -> None:
+    """Refuse a value of theirs that no row has: it may be written otherwise."""
+    for name, meanings in taken.values.items():
+        there = dict.fromkeys(own[name][0] for _, own in cells if name in own and own[name][0])
+        unused = next((text for text in meanings if text not in there), None)
+        if unused is not None and not meanings.keys() & there.keys():
+            raise InputError(
+                f"{table.path}: {unused!r} of --value {name}:{meanings[unused]}={unused} is nowhere; "
+                f"there are {first_few(list(map(repr, there)))}"
+            )
+
+
+def wanted_rows(table: SourceTable, taken: ImportMapping) -> list[tuple[Row, dict[str, str]]]:
+    """Return the rows that `only` asks for; all where it asks for none."""
+    only = taken.only.items()
+    return [row for row in table.rows if all(table.cell(row[1], theirs) in known for theirs, known in only)]
 
 
 def _require_answers(table: SourceTable, answered: list[Row]) -> None:
@@ -122,10 +149,22 @@ def _require_columns(table: SourceTable, taken: ImportMapping, task: str) -> Non
     must = [(f.name,) for f in dataclasses.fields(record) if f.default is dataclasses.MISSING]
     for names in [*(one for one in must if one[0] not in free), *NEEDED.get(task, ())]:
         if not taken.given.intersection(names):
+            _require_unit_of(table, record, names)
             raise InputError(
                 f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
                 f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE; its columns are "
                 f"{', '.join(table.columns)}"
+            )
+
+
+def _require_unit_of(table: SourceTable, record: type[Any], names: tuple[str, ...]) -> None:
+    """Refuse a column that is there, and whose unit is not known."""
+    for column in table.columns:
+        if column.lower() in names:
+            unit = fields_by_name(record)[column.lower()].metadata.get("unit", "1")
+            raise InputError(
+                f"{table.path}: the unit of {column!r} is not known; give it with --unit "
+                f"{column.lower()}=UNIT, one of {', '.join(UNITS.get(unit, {}))}"
             )
 
 
@@ -144,13 +183,13 @@ def _require_values(own: _Rows, task: str) -> None:
 
 def _identity(own: _Rows) -> Iterator[str]:
     """Make participants, sessions and sequences fit for names of folders, and number the trials."""
-    _make_names(own, "participant_id")
+    yield from _make_names(own, "participant_id")
     if "session_id" in own.taken.given:
-        _make_names(own, "session_id")
+        yield from _make_names(own, "session_id")
     else:
         yield f"session_id: {ONLY_SESSION}, as none is named"
     if "sequence" in own.taken.given:
-        _make_names(own, "sequence")
+        yield from _make_names(own, "sequence")
     numbered = "trial_index" in own.taken.given
     if not numbered:
         yield "trial_index: the order of rows"
@@ -160,13 +199,19 @@ def _identity(own: _Rows) -> Iterator[str]:
         session = (values["participant_id"], values["session_id"])
         counts[session] = counts.get(session, -1) + 1
         values["trial_index"] = values["trial_index"] if numbered else counts[session]
-    _require_different(own, (*SESSION, "trial_index"))
+    _require_different(
+        own,
+        (*SESSION, "trial_index"),
+        "; name a column that counts all trials, or none (--column trial_index=), or leave out practice "
+        "rows with --only",
+    )
 
 
-def _make_names(own: _Rows, name: str) -> None:
-    """Reduce texts to names; refuse two that become one, or differ in zeros or capitals only."""
+def _make_names(own: _Rows, name: str) -> list[str]:
+    """Reduce texts to names, and say which changed; refuse two that differ in zeros or capitals only."""
     is_sequence = name == "sequence"
     first: dict[str, tuple[str, Row]] = {}
+    changed: dict[str, str] = {}
     for line, values in own.rows:
         text = values[name] or ""
         whole = re.fullmatch(r"(\d+)\.0+", text)  # as tables with gaps write whole numbers
@@ -176,6 +221,8 @@ def _make_names(own: _Rows, name: str) -> None:
             else re.sub("[^0-9A-Za-z]", "", whole[1] if whole else text)
         )
         where = own.where(line, name)
+        if name == "participant_id" and PERSONAL_ID.fullmatch(text):
+            raise InputError(f"{where}: {text!r} looks like a name or a date; expected a code such as P01")
         if not fit or "@" in text:
             raise InputError(f"{where}: expected a code of letters and digits as {name}, got {text!r}")
         key = fit.lower() if is_sequence else fit.lower().lstrip("0")
@@ -186,6 +233,11 @@ def _make_names(own: _Rows, name: str) -> None:
                 f"one {name}; write them alike if they are, else so that letters or digits differ"
             )
         values[name] = fit
+        if fit != text:
+            changed[text] = fit
+    return (
+        [f"{name}: {first_few([f'{fit} for {text!r}' for text, fit in changed.items()])}"] if changed else []
+    )
 
 
 def _require_different(own: _Rows, names: tuple[str, ...], advice: str = "") -> None:
@@ -215,6 +267,7 @@ def _of_task(own: _Rows, task: str, display: Display | None) -> Iterator[str]:
     if task == "search":
         _censor(own)
     if task == "ramp":
+        _refuse_copied_ramps(own)
         yield from complete_ramps(own.rows, own.table, own.taken, display)
 
 
@@ -228,11 +281,57 @@ def _repetitions(own: _Rows, item: tuple[str, ...]) -> Iterator[str]:
             "the order of trials (--column trial_index=THEIRS), else take it out",
         )
     else:
+        _refuse_copies(own, item)
+    cells = Counter(tuple(values[name] for name in item) for _, values in own.rows)
+    several = statistics.median_low(cells.values()) > 1
+    if several:
         yield "repetition: by trial_index"
-    counts: dict[tuple[Any, ...], int] = {}
+    elif len(cells) < len(own.rows):
+        yield "repetition: 1 in all rows, as most was answered once; further answers count as repeated rows"
+    counts: Counter[tuple[Any, ...]] = Counter()
     for _, values in sorted(own.rows, key=lambda row: row[1]["trial_index"]):
         key = tuple(values[name] for name in item)
-        values["repetition"] = counts[key] = counts.get(key, 0) + 1
+        counts[key] += 1
+        values["repetition"] = counts[key] if several else 1
+
+
+def _refuse_copies(own: _Rows, item: tuple[str, ...]) -> None:
+    """Refuse a further answer that is an earlier one, in the measured time too."""
+    first: dict[tuple[Any, ...], Row] = {}
+    names = [name for name in item if name != "session_id"]
+    for line, values in own.rows:
+        answer = [values.get(name) for name in ("rating", "response", "chosen")]
+        time = values.get("response_time")
+        before = first.setdefault((*(values[name] for name in names), *answer, time), line)
+        if time is not None and before != line:
+            raise InputError(
+                f"{own.table.place(line)}: the same item, answer and response time as in "
+                f"{own.table.counted} {before.beside(line)}; a copy? take it out, or name the column of "
+                "repetitions (--column repetition=THEIRS)"
+            )
+
+
+def _refuse_copied_ramps(own: _Rows) -> None:
+    """Refuse many rows on end that a participant has before, in all cells but the index."""
+    cells, index = dict(own.table.rows), own.taken.columns.get("trial_index")
+    people: dict[str, list[Row]] = {}
+    for line, values in own.rows:
+        people.setdefault(values["participant_id"], []).append(line)
+    for lines in people.values():
+        kinds = [tuple(text for name, text in cells[line].items() if name != index) for line in lines]
+        first: dict[tuple[Any, ...], int] = {}
+        for end in range(COPIED_RAMPS, len(lines) + 1):
+            block, start = tuple(kinds[end - COPIED_RAMPS : end]), end - COPIED_RAMPS
+            before = first.setdefault(block, start)
+            if start - before >= COPIED_RAMPS and len(set(block)) > 2:
+                was, now = (
+                    f"{lines[one].number} to {lines[one + COPIED_RAMPS - 1].beside(lines[start])}"
+                    for one in (before, start)
+                )
+                raise InputError(
+                    f"{own.table.place(lines[start])}: {own.table.counted}s {now} are {was} again, but for "
+                    "the index; a copy? take it out"
+                )
 
 
 def _place_in_pairs(own: _Rows) -> None:
@@ -242,9 +341,10 @@ def _place_in_pairs(own: _Rows) -> None:
         key = tuple(values[name] for name in (*SESSION, "sequence", "repetition"))
         pairs.setdefault(key, []).append(values)
     for pair in pairs.values():
-        if len({values["version"] for values in pair}) == 2:
-            for place, values in enumerate(pair, start=1):
-                values["place_in_pair"] = place
+        versions = list(dict.fromkeys(values["version"] for values in pair))
+        if len(versions) == 2:
+            for values in pair:
+                values["place_in_pair"] = versions.index(values["version"]) + 1
 
 
 def _choose_intervals(own: _Rows) -> None:

@@ -9,6 +9,7 @@ import re
 import types
 import typing
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.errors import InputError
@@ -100,12 +101,40 @@ def _wide_places(table: SourceTable, taken: ImportMapping) -> list[tuple[Cells, 
                 f"{table.path}: no column is like --wide {ours}={pattern}; its columns are "
                 f"{', '.join(table.columns)}"
             )
+        _refuse_unknown_versions(table, taken, ours, [match for _, match in found if match])
         for column, match in found:
             if match:
                 told = {name: (match[name], column) for name in names}
                 key = tuple(match[name] for name in sorted(names))
                 places.setdefault(key, (told, {}))[1][ours] = column
     return list(places.values())
+
+
+def _refuse_unknown_versions(
+    table: SourceTable, taken: ImportMapping, ours: str, matches: list[re.Match[str]]
+) -> None:
+    """Refuse a column that is like others of a pattern, but for a choice that is not known."""
+    pattern, kinds = taken.wide[ours], type_hints(taken.record)
+    choices = [name for name in matches[0].groupdict() if issubclass(plain_kind(kinds[name]), enum.Enum)]
+    shape = re.escape(pattern).replace(r"\{", "{").replace(r"\}", "}")
+    loose = re.sub(r"\{(\w+)\}", lambda part: f"(?P<{fields_by_name(taken.record)[part[1]].name}>.+)", shape)
+    whole = {match[0] for match in matches}
+    rest = {
+        tuple(text for name, text in match.groupdict().items() if name not in choices) for match in matches
+    }
+    for column in table.columns:
+        match = re.fullmatch(loose, column)
+        if not choices or match is None or column in {*whole, *taken.columns.values(), *taken.only}:
+            continue
+        if tuple(text for name, text in match.groupdict().items() if name not in choices) in rest:
+            name, text = choices[0], match[choices[0]]
+            members = list(typing.cast("type[enum.Enum]", plain_kind(kinds[name])))
+            known = taken.values.get(name, {}).values()
+            value = next((one.value for one in reversed(members) if one.value not in known), members[0].value)
+            raise InputError(
+                f"{table.path}: the column {column!r} is like --wide {ours}={pattern}, but what {text!r} "
+                f"means is not known; say it, as with --value {name}:{value}={text}"
+            )
 
 
 def _expression(pattern: str, taken: ImportMapping) -> tuple[str, list[str]]:
@@ -148,25 +177,25 @@ class CellReader:
         The file.
     taken : ImportMapping
         What its columns, units and values mean.
-    rows : list of (int, Cells)
-        All of them: their numbers tell whether decimals come after commas.
+    rows : list of (Row, Cells)
+        All of them: the numbers of each file tell whether its decimals come after commas.
     """
 
     def __init__(self, table: SourceTable, taken: ImportMapping, rows: list[tuple[Row, Cells]]) -> None:
         self._table, self._mapping = table, taken
         self._fields = {each.name: each for each in dataclasses.fields(taken.record)}
         self._kinds = {name: plain_kind(kind) for name, kind in type_hints(taken.record).items()}
-        numbers = {
-            n for name in taken.given if self._kinds[name] in (int, float) for n in self._texts(rows, name)
+        numeric = [name for name in taken.given if self._kinds[name] in (int, float)]
+        numbers: dict[Path, set[str]] = {}
+        for row, cells in rows:
+            numbers.setdefault(row.path, set()).update(cells[name][0] for name in numeric if name in cells)
+        self.decimal_commas = {
+            path
+            for path, texts in numbers.items()
+            if table.may_have_decimal_commas
+            and any(_COMMA_NUMBER.fullmatch(text) for text in texts)
+            and not any(_POINT_NUMBER.fullmatch(text) for text in texts)
         }
-        commas = any(_COMMA_NUMBER.fullmatch(text) for text in numbers)
-        points = any(_POINT_NUMBER.fullmatch(text) for text in numbers)
-        self.decimal_commas = table.may_have_decimal_commas and commas and not points
-
-    @staticmethod
-    def _texts(rows: list[tuple[Row, Cells]], name: str) -> set[str]:
-        """Return the texts of a column."""
-        return {cells[name][0] for _, cells in rows if name in cells}
 
     def value(self, name: str, cells: Cells, line: Row) -> Any:
         """Return what a cell stands for, as JSON would hold it; None if it is empty or not there.
@@ -191,6 +220,8 @@ class CellReader:
                     f"{where}: expected true or false, got {text!r}; {_value_hint(name, 'true')}"
                 )
             return TRUTHS[text.lower()]
+        if line.path in self.decimal_commas:
+            text = text.replace(",", ".") if kind in (int, float) else text
         value: Any = text if kind is str else self._number(name, kind, text, where)
         try:
             if not own.metadata.get("pattern"):  # names are made fit later
@@ -207,7 +238,7 @@ class CellReader:
 
     def _number(self, name: str, kind: type[Any], text: str, where: str) -> float:
         """Return a number in our unit."""
-        number = number_in(text.replace(",", ".") if self.decimal_commas else text, where)
+        number = number_in(text, where)
         unit = self._fields[name].metadata.get("unit", "1")
         number *= UNITS[unit][self._mapping.units[name]] if name in self._mapping.units else 1.0
         if kind is not int:

@@ -166,7 +166,7 @@ def _json_table(path: Path, text: str) -> SourceTable:
     else:
         content = parse_json(text, str(path), EXPECTED)
         if not isinstance(content, list):
-            raise InputError(f"{path}: expected a list of trials, got {shown(content)}")
+            raise InputError(f"{path}: expected a list of trials, got an object")
         trials = content
     for number, one in enumerate(trials, start=1):
         if not isinstance(one, dict):

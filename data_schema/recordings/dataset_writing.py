@@ -52,10 +52,10 @@ Sessions of a psychophysics experiment on temporal brightness management, {origi
 The participants are {kind}.
 
 `sub-XX/ses-YY/beh` holds one row per trial; the .json beside each table says what its columns mean. The
-files that Evenlight itself reads lie in `sub-XX/ses-YY`: `manifest.json` (participant, display, rig, design,
-software, seed), `trials.jsonl` (the trials as they were written), `frames.jsonl` (when each frame appeared,
-and what it showed), `events.jsonl` (what happened). Trials marked `practice` or with a `flag` are left out of
-the analysis.
+files that Evenlight itself reads lie in `sub-XX/ses-YY`: `manifest.json` (participant, and as far as known
+display, rig, design, software, seed), `trials.jsonl` (the trials as they were written), and of recorded
+sessions `frames.jsonl` (when each frame appeared, and what it showed) and `events.jsonl` (what happened).
+Trials marked `practice` or with a `flag` are left out of the analysis.
 """
 
 

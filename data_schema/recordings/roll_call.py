@@ -38,7 +38,7 @@ class SessionUse(enum.Enum):
 
     READ = "read"
     LEFT_OUT = "left_out"  # nothing is wrong with it, and there is nothing to read
-    WRONG = "wrong"  # left out until it is put right: its name, its task, a copy
+    WRONG = "wrong"  # left out until it is put right: its name, its task, no trial though complete, a copy
     DAMAGED = "damaged"  # refused: trials without a manifest, or files that cannot be read
 
 
@@ -196,7 +196,9 @@ def _as_used(entry: RollEntry, task: str) -> RollEntry:
     if entry.status == SessionStatus.DECLINED.value:
         return _not_read(entry, SessionUse.LEFT_OUT, "the participant declined")
     if not entry.n_trials:
-        return _not_read(entry, SessionUse.LEFT_OUT, f"it has no trial (status: {entry.status or 'none'})")
+        done = entry.status in (SessionStatus.COMPLETE.value, SessionStatus.IMPORTED.value)
+        use = SessionUse.WRONG if done else SessionUse.LEFT_OUT
+        return _not_read(entry, use, f"it has no trial (status: {entry.status or 'none'})")
     return entry
 
 

@@ -61,7 +61,7 @@ WHOLE = (SessionStatus.COMPLETE, SessionStatus.IMPORTED)  # all trials are there
 class ImportSource:
     """The file of another program that a session was imported from, and how it was read."""
 
-    file: str = described("its name")
+    file: str = described("which of the files it was, without its name, which may be a person's")
     file_format: str = described("what kind of table it is, as it was recognized")
     sha256: str = described("SHA-256 of the file")
     columns: dict[str, str] = field(

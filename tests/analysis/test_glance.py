@@ -35,4 +35,12 @@ def test_a_circular_number_and_one_without_a_side_have_no_sign() -> None:
 
 def test_a_ratio_that_is_one_to_the_digits_shown_is_no_agreement() -> None:
     assert line(number(1.75), number(1.0003), Dependence.PARTLY, 1.0).sign == "no difference"
-    assert line(number(1.75), number(1.01), Dependence.PARTLY, 1.0).sign == "same"
+    assert line(number(1.75), number(1.06), Dependence.PARTLY, 1.0).sign == "same"
+
+
+@pytest.mark.parametrize("value", [0.988, 1.03])
+def test_a_number_without_interval_near_no_effect_has_no_sign(value: float) -> None:
+    assert line(number(1.75), number(value), Dependence.PARTLY, 1.0).sign == "unclear"
+    # With an interval, the interval tells.
+    held = number(value, value - 0.005, value + 0.005)
+    assert line(number(1.75), held, Dependence.PARTLY, 1.0).sign == ("same" if value > 1 else "opposite")

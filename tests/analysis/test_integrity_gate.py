@@ -12,6 +12,7 @@ import clean_answers as made
 import numpy as np
 import pytest
 
+from evenlight.analysis.dataset_findings import AnalysisOptions, task_findings
 from evenlight.analysis.integrity.concern import Concern, ConcernKind, noun_of
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.session_loading import TaskData
@@ -128,6 +129,31 @@ def test_a_row_under_another_index_is_left_out_and_said(task: str, make: Callabl
     assert sorted(map(repr, data.trials)) == sorted(map(repr, trials))
 
 
+def test_a_copied_comparison_with_a_repetition_of_its_own_is_found_by_its_response_time() -> None:
+    answers = made.comparisons(np.random.default_rng(2))
+    trials = [
+        dataclasses.replace(t, simulated=False, onset=None, response_time=0.501 + 0.013 * k)
+        for k, t in enumerate(answers)
+    ]
+    copied = dataclasses.replace(repeated(trials[5], 90), repetition=2)
+    data, found = checked(made.data_of("comparison", [*trials, copied]))
+    assert "1 of 69 comparisons repeats" in of_kind(found, ConcernKind.REPEATED_ROWS).words
+    assert sorted(map(repr, data.trials)) == sorted(map(repr, trials))
+    findings = [
+        task_findings(made.data_of("comparison", own), AnalysisOptions())
+        for own in (trials, [*trials, copied])
+    ]
+    p_values = [[row.p_value for row in own.statistics] for own in findings]
+    assert p_values[0] == p_values[1]
+    assert findings[1].cautious_lead.startswith("Caution: 1 of 69 comparisons repeats")
+
+
+def test_equal_times_of_repetitions_that_are_rounded_to_hundredths_are_no_copies() -> None:
+    answers = made.comparisons(np.random.default_rng(2), repetitions=3)
+    trials = [dataclasses.replace(t, simulated=False, onset=None, response_time=1.25) for t in answers]
+    assert not concerns("comparison", trials)
+
+
 def test_the_first_of_two_differing_answers_is_kept() -> None:
     trials = made.ratings(np.random.default_rng(2))
     other = dataclasses.replace(repeated(trials[5], 90), rating=trials[5].rating % 5 + 1, onset=None)
@@ -185,7 +211,7 @@ def test_rows_of_a_table_in_memory_are_repeats_of_what_others_answered_once() ->
     assert of_kind(found, ConcernKind.REPEATED_ROWS)
     assert data.rows == tuple(trials)
     twice = tuple(repeated(t, t.trial_index + 8 * k) for k in range(2) for t in trials)
-    twice = tuple(dataclasses.replace(t, onset=None) for t in twice)
+    twice = tuple(dataclasses.replace(t, onset=None, response_time=None) for t in twice)
     data, found = checked(dataclasses.replace(rows, rows=twice))
     assert not any(own.kind is ConcernKind.REPEATED_ROWS for own in found)
     assert len(data.trials) == 2 * len(trials)
@@ -382,3 +408,10 @@ def test_twenty_participants_with_500_trials_each_cost_less_than_a_fifth_of_a_se
         checked(data)
         best = min(best, time.process_time() - begun)
     assert best < 0.2
+
+
+@pytest.mark.parametrize("seed", range(7))
+@pytest.mark.parametrize(("task", "make"), [("rating", made.ratings), ("comparison", made.comparisons)])
+def test_clean_data_raise_no_warning(task: str, make: Callable[..., list[Any]], seed: int) -> None:
+    found = task_findings(made.data_of(task, make(np.random.default_rng(seed))), AnalysisOptions())
+    assert not found.warnings

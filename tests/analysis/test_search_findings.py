@@ -24,7 +24,7 @@ from evenlight.analysis.search.search_sections import (
 )
 from evenlight.analysis.search.search_statistics import statistics_of
 from evenlight.analysis.search.search_trials import search_table
-from evenlight.analysis.search.search_words import lead_of, slope_words
+from evenlight.analysis.search.search_words import design_of, lead_of, slope_words
 from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.search import SearchTrial
@@ -127,7 +127,7 @@ def test_locations_come_by_sequence_from_the_most_brightened_on() -> None:
 def test_everything_undetected_gives_counts_and_no_times() -> None:
     found, rows = results(map(lost, searches()))
     assert rows["versions", "all", RATIO].value is None
-    assert rows["versions", "all", RATIO].flag == "nothing was ever found: nothing can be estimated"
+    assert rows["versions", "all", RATIO].flag == "nothing was ever found"
     assert rows["detections", "all", "rings found, ours"].value == 0.0
     change = rows["detections", "all", "rings found, ours - baseline"]
     assert (change.value, change.ci_low, change.p_value) == (0.0, None, None)
@@ -341,12 +341,53 @@ def test_gaps_that_are_all_told_wrongly_make_the_times_doubtful() -> None:
     assert guessed.value == 1.0
     assert "not shown to be above chance" in guessed.flag
     wrong = f"{RATIO}; gaps identified wrongly count as undetected"
-    assert rows["undetected", "all", wrong].flag == "nothing was ever found: nothing can be estimated"
+    assert rows["undetected", "all", wrong].flag == "nothing was ever found"
 
 
 def test_one_version_alone_is_refused_in_one_line() -> None:
     with pytest.raises(InputError, match="20 searches are of the version 'ours'; a comparison needs"):
         search_findings(task_data(changed(lambda t: t if t.version is Version.OURS else None)))
+
+
+@pytest.mark.parametrize(
+    ("estimate", "p_value", "words"),
+    [(0.85, 0.01, "searches take longer: the time ratio is 2.34"),
+     (-0.85, 0.01, "searches take less time: the time ratio is 0.43"),
+     (0.85, 0.06, "(4 locations) the time ratio is 2.34")],
+)  # fmt: skip
+def test_the_lead_says_that_searches_take_longer_where_the_test_does(
+    estimate: float, p_value: float, words: str
+) -> None:
+    found = as_simulated()[0]
+    effect = FixedEffect("dimmed", estimate, 0.3, estimate - 0.6, estimate + 0.6, p_value, df=4.0)
+    side = dataclasses.replace(found.models.sides[-1], locations=4, effect=effect)
+    models = dataclasses.replace(found.models, sides=(side,))
+    assert words in lead_of(dataclasses.replace(found, models=models))
+
+
+def test_the_design_is_that_of_the_data() -> None:
+    table = as_simulated()[0].table
+    assert design_of(table) == "Each person looked once for a ring at each location in each version."
+    one = table.locations[0]
+    alone = changed(
+        lambda t: None if (t.keypoint, t.version) == (one.keypoint, Version.OURS)
+        and t.sequence == one.sequence else t
+    )  # fmt: skip
+    words = (
+        "There are 15 searches in ours and 20 in the baseline; 3 of 4 locations were seen in both versions."
+    )
+    assert design_of(search_table(task_data(alone))[0]) == words
+    assert words in times_section(results(alone)[0], None).paragraphs[1]
+
+
+def test_without_pairs_there_is_a_sentence_and_no_empty_table() -> None:
+    halves = ({"01", "02"}, Version.OURS), ({"03", "04", "05"}, Version.BASELINE)
+    alone = changed(
+        lambda t: t if any(t.participant_id in who and t.version is v for who, v in halves) else None
+    )
+    about = pairs_section(results(alone)[0])
+    assert "there is no pair to compare" in about.paragraphs[0]
+    assert all(table.rows for table in about.tables)
 
 
 def test_a_slowing_of_nothing_is_refused() -> None:

@@ -29,11 +29,11 @@ def imported(tmp_path, command):
     return run
 
 
-def test_each_file_is_a_participant_and_is_named_in_its_manifest(imported, tmp_path, command) -> None:
+def test_each_file_is_a_participant_and_is_numbered_in_its_manifest(imported, tmp_path, command) -> None:
     outcome = imported({"a.csv": rows("1", 5, 2), "b.csv": rows("2", 4, 3)})
     assert outcome.code == 0, outcome.err
     assert "2 participants, 2 sessions, 4 trials" in outcome.out
-    for name, participant, ratings in (("a.csv", "1", [5, 2]), ("b.csv", "2", [4, 3])):
+    for name, participant, ratings in (("file 1 of 2", "1", [5, 2]), ("file 2 of 2", "2", [4, 3])):
         session = tmp_path / "lab" / f"sub-{participant}" / "ses-001"
         manifest = json.loads((session / "manifest.json").read_text())
         assert manifest["source"]["file"] == name
@@ -42,7 +42,7 @@ def test_each_file_is_a_participant_and_is_named_in_its_manifest(imported, tmp_p
         assert [trial["rating"] for trial in trials] == ratings
     assert command("validate", tmp_path / "lab").code == 0
     assert command("analyze", tmp_path / "lab", "--out", tmp_path / "report").code == 0
-    assert "imported from a.csv, b.csv" in (tmp_path / "report" / "report.html").read_text()
+    assert "imported from file 1 of 2, file 2 of 2" in (tmp_path / "report" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -71,3 +71,20 @@ def test_a_session_in_two_files_is_refused_until_a_column_tells_them_apart(impor
     outcome = imported(files, "--column", "session_id=date")
     assert outcome.code == 0, outcome.err
     assert "1 participant, 2 sessions, 4 trials" in outcome.out
+
+
+def test_each_file_has_decimals_of_its_own(imported, tmp_path) -> None:
+    def timed(participant: str, time: str) -> str:
+        return rows(participant, 5, 2).replace(",", ";").replace("date;", "rt").replace(";1;", f";{time}")
+
+    outcome = imported(
+        {"a.csv": timed("1", "1,5"), "b.csv": timed("2", "2.5")},
+        "--column", "response_time=rt", "--unit", "response_time=s",
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    times = {
+        json.loads(line)["response_time_s"]
+        for path in (tmp_path / "lab").glob("sub-*/ses-*/trials.jsonl")
+        for line in path.read_text().splitlines()
+    }
+    assert times == {1.5, 2.5}

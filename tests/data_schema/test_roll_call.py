@@ -66,7 +66,7 @@ S = "sub-02/ses-01"
 DAMAGES: dict[str, tuple[Callable[[Path], object], str, SessionUse, str]] = {
     "no trial in it": (
         lambda d: (d / S / "trials.jsonl").write_text("\n"),
-        S, SessionUse.LEFT_OUT, "it has no trial (status: complete)",
+        S, SessionUse.WRONG, "it has no trial (status: complete)",
     ),
     "no file of trials, only begun": (
         lambda d: [
@@ -78,7 +78,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str, SessionUse, str]] = {
         lambda d: [
             (d / S / "trials.jsonl").unlink(), rewrite(d / S / "manifest.json", "complete", "imported"),
         ],
-        S, SessionUse.LEFT_OUT, "it has no trial (status: imported)",
+        S, SessionUse.WRONG, "it has no trial (status: imported)",
     ),
     "declined": (
         lambda d: rewrite(d / S / "manifest.json", "complete", "declined"),

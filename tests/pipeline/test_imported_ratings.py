@@ -100,10 +100,10 @@ def test_validate_finds_no_problem_and_the_manifest_invents_nothing(long_table, 
     assert manifest.n_trials == 8
     assert manifest.started == ""
     assert manifest.source is not None
-    assert manifest.source.file == "ratings.csv"
+    assert manifest.source.file == "file 1 of 1"
     assert manifest.source.columns["participant_id"] == "Participant"
     assert not manifest.order_known
-    assert "imported from ratings.csv" in (tmp_path / "lab/README").read_text()
+    assert "imported from 1 file (CSV with commas)" in (tmp_path / "lab/README").read_text()
 
 
 @pytest.mark.parametrize("standard", ["bids", "psych-ds"])

@@ -115,13 +115,14 @@ def test_analyze_has_the_roll_in_its_summary_and_its_report(
     assert CASES[empty][1] in summary.warnings
     assert summary.roll is not None
     assert [entry.use for entry in summary.roll.sessions] == [
-        SessionUse.READ, SessionUse.LEFT_OUT, SessionUse.READ,
+        SessionUse.READ, SessionUse.WRONG, SessionUse.READ,
     ]  # fmt: skip
     assert summary.roll.listed == ("01", "02", "03")
     page = (tmp_path / "out" / "report.html").read_text()
     assert (
         "The list of participants names 3; 3 participants have sessions, and those of 2 can be read" in page
     )
+    assert "Caution: 1 of 3 sessions is not read, as something is wrong with it." in page
     assert page.count(CASES[empty][1]) == 1
 
 

@@ -148,7 +148,8 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
     if distinct.size < needed:
         raise InputError(
             f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
-            f"got {distinct.size}; measure more levels, or choose a lower degree"
+            f"got {distinct.size}; measure more levels, or choose a lower degree with "
+            "`evenlight fit --degree`"
         )
     basis = CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
     condition = float(np.linalg.cond(basis.design(distinct)))

@@ -252,7 +252,7 @@ def _require_one_task(thresholds: Sequence[Threshold]) -> None:
 
 
 def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
-    """Refuse thresholds most of which lie outside the rates tested: they are the prior's word."""
+    """Refuse thresholds most of which lie outside the rates tested: the prior sets them."""
     below = sum(t.flag in OUTSIDE[:2] for t in thresholds)
     above = sum(t.flag in OUTSIDE[2:] for t in thresholds)
     if 2 * (below + above) <= len(thresholds):
