@@ -3,6 +3,7 @@
 import dataclasses
 import enum
 import functools
+import json
 import types
 import typing
 from collections.abc import Callable
@@ -370,3 +371,21 @@ def manifest_of() -> Callable[..., SessionManifest]:
         return SessionManifest(**(values | changes))
 
     return made
+
+
+@pytest.fixture
+def importing(tmp_path, command):
+    """Import a text as a file; returns the outcome, and the trials of each session."""
+
+    def run(text: str, task: str, *options: str, name: str = "table.csv") -> tuple[Any, list[dict[str, Any]]]:
+        (tmp_path / name).write_text(text)
+        out = tmp_path / "lab"
+        outcome = command("import", tmp_path / name, "--task", task, "--out", out, *options)
+        if outcome.code:
+            assert not out.exists(), "half-written"
+            return outcome, []
+        assert command("validate", out, "--quiet").out == ""
+        files = sorted(out.glob("sub-*/ses-*/trials.jsonl"))
+        return outcome, [json.loads(line) for file in files for line in file.read_text().splitlines()]
+
+    return run

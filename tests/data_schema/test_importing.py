@@ -1,10 +1,10 @@
 """Other programs' tables of trials: what is taken for what, what stays unknown, what is refused."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+from foreign_tables import RAMP_OPTIONS, RAMPS, RATINGS, SEARCH_OPTIONS, SEARCHES, refusal
 
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.recordings.session import SessionManifest
@@ -48,32 +48,6 @@ response_time = "ms"
 [only]
 task = "rating"
 """
-RATINGS = "participant,sequence,version,rating\na,gym,ours,4\na,gym,baseline,3\n"
-
-
-@pytest.fixture
-def importing(tmp_path, command):
-    """Import a text as a file; returns the outcome, and the trials of each session."""
-
-    def run(text: str, task: str, *options: str, name: str = "table.csv") -> tuple[Any, list[dict[str, Any]]]:
-        (tmp_path / name).write_text(text)
-        out = tmp_path / "lab"
-        outcome = command("import", tmp_path / name, "--task", task, "--out", out, *options)
-        if outcome.code:
-            assert not out.exists(), "half-written"
-            return outcome, []
-        assert command("validate", out, "--quiet").out == ""
-        files = sorted(out.glob("sub-*/ses-*/trials.jsonl"))
-        return outcome, [json.loads(line) for file in files for line in file.read_text().splitlines()]
-
-    return run
-
-
-def refusal(outcome: Any, tmp_path: Path) -> str:
-    """The one line of a refusal, without the folder of the test."""
-    assert outcome.code == 2
-    assert outcome.err.count("\n") == 1
-    return str(outcome.err.replace(f"{tmp_path}/", "").removeprefix("evenlight: ").strip())
 
 
 PSYCHOPY_OPTIONS = (
@@ -153,20 +127,6 @@ def test_a_choice_whose_interval_is_known_is_said_by_it(importing) -> None:
     assert [(t["response"], t["chosen"]) for t in trials] == [("second", None), ("first", None)]
 
 
-SEARCHES = """\
-vp;szene;ort;version;gefunden;zeit
-1;library;Regal 1;ours;ja;3,25
-1;library;Regal 1;baseline;nein;
-2;library;Regal 1;ours;ja;2,5
-2;library;Regal 1;baseline;nein;30
-"""
-SEARCH_OPTIONS = (
-    "--column", "participant_id=vp", "--column", "sequence=szene", "--column", "keypoint=ort",
-    "--column", "found=gefunden", "--value", "found:true=ja", "--value", "found:false=nein",
-    "--column", "search_time=zeit", "--unit", "search_time=s", "--constant", "time_limit=30",
-)  # fmt: skip
-
-
 def test_searches_are_censored_at_the_limit_and_know_no_ring(importing) -> None:
     outcome, trials = importing(SEARCHES, "search", *SEARCH_OPTIONS)
     assert [t["search_time_s"] for t in trials] == [3.25, 30.0, 2.5, 30.0]
@@ -204,21 +164,6 @@ def test_searches_without_brightness_or_order_are_analysed_without_them(importin
     slopes = [row for row in found if row.what == "change of ln(time) per ln(brightness ratio)"]
     assert slopes
     assert {row.value for row in slopes} == {None}
-
-
-RAMPS = """\
-Subject,L0,L1,dur_ms,still,answer
-01,52.2,41.8,5000,0,y
-01,52.3,41.9,5000,0,n
-01,52.1,52.0,5000,1,n
-01,20.9,18.8,2500,0,y
-"""
-RAMP_OPTIONS = (
-    "--column", "initial_luminance=L0", "--unit", "initial_luminance=cd/m^2",
-    "--column", "final_luminance=L1", "--unit", "final_luminance=nit",
-    "--column", "duration=dur_ms", "--unit", "duration=ms", "--column", "is_catch=still",
-    "--column", "response=answer", "--value", "response:yes=y", "--value", "response:no=n",
-)  # fmt: skip
 
 
 def test_ramps_follow_from_luminances_and_the_display(importing) -> None:
@@ -342,216 +287,3 @@ def test_the_source_is_told(importing, tmp_path) -> None:
     assert source.units == {"response_time": "s"}
     assert source.values == {"version:ours": "TBM", "version:baseline": "const"}
     assert len(source.sha256) == 64
-
-
-@pytest.mark.parametrize(
-    ("text", "task", "options", "message"),
-    [
-        (
-            "",
-            "rating",
-            (),
-            "table.csv, line 1: no header; expected the names of the columns, each once",
-        ),
-        (
-            "a,a\n1,2\n",
-            "rating",
-            (),
-            "table.csv, line 1: the column 'a' is there twice; expected the names of the columns, each once",
-        ),
-        (
-            "participant,rating\n",
-            "rating",
-            (),
-            "table.csv: has no row; expected one for each trial",
-        ),
-        (
-            RATINGS + "a,gym\n",
-            "rating",
-            (),
-            "table.csv, line 4: expected 4 cells, got 2",
-        ),
-        (
-            "id,sequence,version,rating\na,gym,ours,3\n",
-            "rating",
-            (),
-            "table.csv: no column participant_id; name the one that it is with --column "
-            "participant_id=THEIRS, or give --constant participant_id=VALUE; its columns are id, "
-            "sequence, version, rating",
-        ),
-        (
-            RATINGS,
-            "rating",
-            ("--column", "rating=score"),
-            "table.csv: no column 'score'; its columns are participant, sequence, version, rating",
-        ),
-        (
-            RATINGS,
-            "rating",
-            ("--column", "ratin=rating"),
-            "--column ratin=rating: unknown column 'ratin'; did you mean 'rating'?",
-        ),
-        (
-            RATINGS,
-            "rating",
-            ("--column", "rating"),
-            "--column: expected OURS=THEIRS, got 'rating'",
-        ),
-        (
-            RATINGS,
-            "rating",
-            ("--unit", "rating=points"),
-            "--unit rating=points: expected one of 1, %",
-        ),
-        (
-            RATINGS.replace("ours", "TBM"),
-            "rating",
-            (),
-            "table.csv, line 2, column 'version': expected one of 'ours', 'baseline', got 'TBM'; say "
-            "what stands for them, as with --value version:ours=THEIRS",
-        ),
-        (
-            RATINGS.replace(",4", ",7"),
-            "rating",
-            (),
-            "table.csv, line 2, column 'rating': rating must be at most 5, got 7",
-        ),
-        (
-            RATINGS.replace(",4", ",3.5"),
-            "rating",
-            (),
-            "table.csv, line 2, column 'rating': expected a whole number, got '3.5'",
-        ),
-        (
-            RATINGS.replace(",4", ",good"),
-            "rating",
-            (),
-            "table.csv, line 2, column 'rating': expected a number, got 'good'",
-        ),
-        (
-            RATINGS.replace(",4", ",").replace(",3", ","),
-            "rating",
-            (),
-            "table.csv: none of 2 rows has an answer in 'rating'",
-        ),
-        (
-            RATINGS + "a,gym,ours,4\n",
-            "rating",
-            (),
-            "table.csv, line 4: participant_id a, session_id 01, sequence gym, version ours is there "
-            "already, in line 2; if it is a repetition, name the column that counts them (--column "
-            "repetition=THEIRS) or the order of trials (--column trial_index=THEIRS), else take it "
-            "out",
-        ),
-        (
-            RATINGS + "A-,gym,ours,4\n",
-            "rating",
-            (),
-            "table.csv, line 4, column 'participant': 'A-', and 'a' of line 2, would be one "
-            "participant_id; write them alike if they are, else so that letters or digits differ",
-        ),
-        (
-            RATINGS + "--,gym,ours,4\n",
-            "rating",
-            (),
-            "table.csv, line 4, column 'participant': expected a code of letters and digits as "
-            "participant_id, got '--'",
-        ),
-        (
-            RATINGS + "eve@lab.org,gym,ours,4\n",
-            "rating",
-            (),
-            "table.csv, line 4, column 'participant': expected a code of letters and digits as "
-            "participant_id, got 'eve@lab.org'",
-        ),
-        (
-            RATINGS.replace("participant", "full_name"),
-            "rating",
-            ("--column", "participant_id=full_name"),
-            "table.csv: the column 'full_name' for participant_id looks like personal data; expected codes",
-        ),
-        (
-            "subject," + RATINGS.replace("\na", "\nb,a"),
-            "rating",
-            (),
-            "table.csv: 'subject' and 'participant' may both be participant_id; say which with "
-            "--column participant_id=THEIRS",
-        ),
-        (
-            RATINGS.replace("rating", "rating,rt").replace(",4", ",4,812").replace(",3", ",3,713"),
-            "rating",
-            ("--column", "response_time=rt"),
-            "table.csv: the unit of 'rt' (response_time) is not known; give it with --unit "
-            "response_time=UNIT, one of s, ms, min",
-        ),
-        (
-            "participant,sequence\na,gym\n",
-            "rating",
-            ("--wide", "rating={sequence}_{version}"),
-            "table.csv: no column is like --wide rating={sequence}_{version}; its columns are "
-            "participant, sequence",
-        ),
-        (
-            SEARCHES.replace("nein;30", "nein;12"),
-            "search",
-            SEARCH_OPTIONS,
-            "table.csv, line 5, column 'zeit': expected nothing, or the time limit of 30 s, where "
-            "nothing was found, got 12 s",
-        ),
-        (
-            RAMPS,
-            "ramp",
-            RAMP_OPTIONS,
-            "table.csv: ramps need --display, a preset's name or a file: a rate limit holds for the "
-            "display on which its ramps were shown, and for no other",
-        ),
-        (
-            RAMPS.replace("20.9", "209"),
-            "ramp",
-            (*RAMP_OPTIONS, "--display", "varjo-xr3"),
-            "table.csv, line 5: initial_luminance is 209 cd/m^2, but the display 'varjo-xr3' shows 0 "
-            "to 104.4; give that of the ramps with --display",
-        ),
-        (
-            "[1, 2]",
-            "rating",
-            (),
-            "table.csv, trial 1: expected names and values, got 1",
-        ),
-    ],
-)
-def test_what_cannot_be_read_is_refused_in_one_line(
-    importing, tmp_path, text, task, options, message
-) -> None:
-    outcome, _ = importing(text, task, *options)
-    assert refusal(outcome, tmp_path) == message
-
-
-def test_a_first_line_that_names_the_delimiter_is_counted_and_not_read(importing, tmp_path) -> None:
-    outcome, _ = importing("sep=;\nparticipant;sequence;version;rating\na;gym;ours;9\n", "rating")
-    words = "table.csv, line 3, column 'rating': rating must be at most 5, got 9"
-    assert refusal(outcome, tmp_path) == words
-
-
-def test_a_trial_of_a_list_is_named_by_its_place(importing, tmp_path) -> None:
-    text = json.dumps(
-        [{"participant": "a", "sequence": "gym", "version": "ours", "rating": n} for n in (4, 0)]
-    )
-    outcome, _ = importing(text, "rating", name="data.json")
-    words = "data.json, trial 2, column 'rating': rating must be at least 1, got 0"
-    assert refusal(outcome, tmp_path) == words
-
-
-def test_a_data_set_that_is_there_is_not_overwritten(importing, tmp_path, command) -> None:
-    importing(RATINGS, "rating")
-    again = command("import", tmp_path / "table.csv", "--task", "rating", "--out", tmp_path / "lab")
-    assert "is there already and data are never overwritten" in refusal(again, tmp_path)
-
-
-def test_an_imported_session_cannot_be_resumed(importing, tmp_path, command) -> None:
-    importing(RATINGS.replace("a,", "1,"), "rating")
-    resumed = command(
-        "run", "rating", "--participant", "1", "--session", "01", "--rig", "simulated", "--simulate", "data",
-        "--resume", "--out", tmp_path / "lab", "--stimuli", tmp_path,
-    )  # fmt: skip
-    assert "imported" in refusal(resumed, tmp_path)
