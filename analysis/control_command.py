@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.analysis.track_options import (
+    AcceptWideBandOption,
     ContrastModelOption,
     CurvesOption,
     DeviceOption,
@@ -87,6 +88,7 @@ def control(
     jobs: JobsOption = 1,
     device: DeviceOption = Device.CPU,
     other_display_ok: OtherDisplayOption = False,
+    accept_wide_band: AcceptWideBandOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
@@ -124,7 +126,7 @@ def control(
     unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
     require_between("--horizon", seconds, HORIZONS)
     panel = load_display(display)
-    limit = load_rate_limit_for(panel, rate_limit, other_display_ok)
+    limit = load_rate_limit_for(panel, rate_limit, other_display_ok, accept_wide_band)
     power = load_power_model(power_model)
     request = Request(1.0 if budget is None else budget, unit, power, limit, limit_curve, modulated)
     if budget is not None:

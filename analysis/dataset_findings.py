@@ -255,7 +255,8 @@ def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
     how = ANALYSES[data.task].findings
     if how is None:
         others = [name for name, analysis in ANALYSES.items() if analysis.findings]
-        raise InputError(f"the task must be {', '.join(others[:-1])} or {others[-1]}, got {data.task!r}")
+        known = f"{', '.join(others[:-1])} and {others[-1]}"
+        raise InputError(f"there is no analysis of the task {data.task!r} here, only of {known}")
     data, concerns = checked(data)
     found = how(data, options)
     said = tuple(concern.words for concern in concerns)

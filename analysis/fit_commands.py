@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 from evenlight.progress import Progress, shown_progress
 
@@ -31,10 +31,23 @@ def fit(
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results; those of sweeps get folders in it.")],
+    model: Annotated[
+        RateLimitModel | None,
+        typer.Option(
+            help="All answers at once, a threshold each and then a curve, or all answers pooled.",
+            show_default="joint; individual for --form rate",
+        ),
+    ] = None,
     form: Annotated[
-        RateLimitForm, typer.Option(help="What the polynomial describes.")
-    ] = RateLimitForm.LN_RATE,
-    degree: Annotated[int, typer.Option(help="Degree of the polynomial.")] = 4,
+        RateLimitForm | None,
+        typer.Option(help="What the polynomial describes; else by predictive score (joint), or ln_rate."),
+    ] = None,
+    degree: Annotated[
+        int | None, typer.Option(help="Its degree; else by predictive score (joint), or 4.")
+    ] = None,
+    monotone: Annotated[
+        bool, typer.Option("--monotone", help="A curve that does not fall with luminance (joint).")
+    ] = False,
     procedure: Annotated[
         Procedure | None, typer.Option(help="Task whose answers are fitted, if there are several.")
     ] = None,
@@ -57,7 +70,9 @@ def fit(
 ) -> None:
     """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse measured power."""
     from evenlight.analysis.calibration.choices.choice_on_clip import open_clip, require_budget
-    from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+    from evenlight.analysis.calibration.choices.limit_choices_report import LOG_LOG_LIMIT, SAFE_LIMIT
+    from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
+    from evenlight.analysis.earlier_results import files_in, remove_stale
     from evenlight.analysis.measurement.sweeps.sweep_loading import newest_sweeps
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
@@ -69,8 +84,8 @@ def fit(
         from evenlight.analysis.measurement.played_power.power_report import write_power_results
         from evenlight.method.preset_files import load_power_model
 
-        model = load_power_model(power_model) if power_model else None
-        said = write_power_results(dataset, out, model)
+        panel = load_power_model(power_model) if power_model else None
+        said = write_power_results(dataset, out, panel)
         if not quiet:
             typer.echo("\n".join(said))
         return
@@ -79,7 +94,13 @@ def fit(
     if no_clip and clip is not None:
         raise InputError(f"--no-clip and --clip {clip} contradict each other; give one of them")
     options = RateLimitOptions(
-        form=form, degree=degree, procedure=procedure, direction=direction, ramp_duration=ramp_duration
+        form=form,
+        degree=degree,
+        ramp_duration=ramp_duration,
+        direction=direction,
+        procedure=procedure,
+        model=model or default_model(form),
+        monotone=monotone,
     )
     require_budget(budget)
     sweeps = newest_sweeps(dataset)
@@ -91,12 +112,15 @@ def fit(
     with results_folder(out) as folder, shown_progress(quiet) as progress:
         results = _write_results(task, folder, progress) if task else None
         measured = _write_sweeps(sweeps, folder, needed=task is None) if sweeps else None
+        written = files_in(folder)
+    if results:  # an earlier fit's edge or curve does not belong to this one's limit
+        remove_stale(out, (SAFE_LIMIT, LOG_LOG_LIMIT), written)
     warnings = (*(results.calibration.warnings if results else ()), *(measured.warnings if measured else ()))
     for warning in (*warnings, *roll.warnings):
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
         if results:
-            _tell(results, degree, out)
+            _tell(results, out)
         if measured:
             typer.echo("\n".join((*measured.lines, f"the files of sweeps are in {out}")))
 
@@ -142,7 +166,7 @@ def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.method.preset_files import load_power_model
 
-    progress.step("fitting thresholds")
+    progress.step("fitting thresholds and curve")
     calibration = calibrate(task.data, task.options, progress.at)
     inputs = {"dataset": task.data.sha256}
     write_calibration(calibration, folder, provenance_now(inputs=inputs))
@@ -162,13 +186,15 @@ def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     return _Results(calibration, choices, in_words(choices, comparison) if comparison else "")
 
 
-def _tell(results: _Results, degree: int, out: Path) -> None:
+def _tell(results: _Results, out: Path) -> None:
     """Say what was found, in a few lines."""
     data, thresholds = results.calibration.data, results.calibration.thresholds
+    limit = results.calibration.rate_limit.limit
     kind = "simulated participants" if data.simulated else "participants"
     typer.echo(
-        f"{len(thresholds)} thresholds of {len(data.participant_ids)} {kind}, and a rate limit of "
-        f"degree {degree}, in {out}"
+        f"{len(thresholds)} thresholds of {len(data.participant_ids)} {kind}, and a rate limit "
+        f"({results.calibration.models.chosen.value} model, {limit.form.value} of degree "
+        f"{len(limit.coefficients) - 1}), in {out}"
     )
     if results.on_clip:
         typer.echo(results.on_clip)

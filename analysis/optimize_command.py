@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.analysis.track_options import (
+    AcceptWideBandOption,
     BudgetUnitOption,
     ContrastModelOption,
     CurvesOption,
@@ -79,6 +80,7 @@ def optimize(
         float, typer.Option(help="Share of the gain to give up for a calmer track, e.g. 0.02.")
     ] = 0.0,
     other_display_ok: OtherDisplayOption = False,
+    accept_wide_band: AcceptWideBandOption = False,
     seed: Annotated[int, typer.Option(help="Seed of the solver's start (slsqp).")] = 1,
     quiet: QuietOption = False,
 ) -> None:
@@ -114,7 +116,7 @@ def optimize(
     if start is not None and solver is not SolverName.SPLITTING:
         raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
     panel = load_display(display)
-    limit = load_rate_limit_for(panel, rate_limit, other_display_ok)
+    limit = load_rate_limit_for(panel, rate_limit, other_display_ok, accept_wide_band)
     request = Request(
         budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
         weights=() if weights is None else tuple(read_rows(WeightSection, weights)),
@@ -162,6 +164,7 @@ def _print_result(summary: OptimizationSummary, out: Path) -> None:
         f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
     )
     asked = "" if summary.rate_limit_procedure is None else f" ({summary.rate_limit_procedure.value})"
+    accepted = ", whose wide band was accepted" if summary.wide_band_accepted else ""
     typer.echo(
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
         f"{summary.mean_power / summary.full_power:.1%} of full power, "
@@ -170,7 +173,7 @@ def _print_result(summary: OptimizationSummary, out: Path) -> None:
         f"{summary.objective_baseline:.4g} at constant dimming ({less:.1%} less; "
         f"{certified})\n"
         f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}{asked}"
-        f"{beyond_the_fitted(summary)}\n"
+        f"{accepted}{beyond_the_fitted(summary)}\n"
         f"results in {out}"
     )
 

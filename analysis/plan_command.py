@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from evenlight.analysis.plans.viewing_plan import Truth
 
 OPTIONS_OF_TASK = {  # beside those that go with every task
-    "ramp": ("precision", "trials", "design", "display"),
+    "ramp": ("precision", "trials", "design", "display", "thorough"),
     "rating": ("power", "difference", "spread", "agreement", "sequences"),
     "comparison": ("power", "share", "margin", "spread", "repetitions", "sequences"),
     "search": ("power", "ratio", "undetected", "margin", "spread", "locations"),
@@ -28,7 +28,6 @@ OPTIONS_OF_TASK = {  # beside those that go with every task
 RAMP_PARTICIPANTS, RAMP_TRIALS = "5,10,20,40", "20,40,60,100"
 DISPLAY = "varjo-xr3"
 STANDARD_DESIGNS = ("paper", "yes_no_targeted", "recommended", "psi_marginal")
-QUICK_POOL, QUICK_DRAWS = 12, 12
 RAMP_COLUMNS = {  # of the printed table: heading, and how a row fills it
     "design": "{0.design}",
     "trials": "{0.trials_per_level}",
@@ -121,27 +120,36 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
             bool,
             typer.Option(
                 "--quick",
-                help="Rough, in a third of the time: people needed are off by a quarter, typically.",
+                help="Rough, in half of the time or less: people needed are off by half, typically.",
+            ),
+        ] = False,
+        thorough: Annotated[
+            bool,
+            typer.Option(
+                "--thorough", help="ramp: three times as many simulated people, twice the experiments."
             ),
         ] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no table.")] = False,
     ) -> None:
         """Plan an experiment: participants for a wanted precision or power, by simulation."""
         from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+        from evenlight.analysis.plans.ramp_plan import EFFORTS
 
         options = {
             "precision": precision, "trials": trials, "design": design, "display": display, "power": power,
             "difference": difference, "share": share, "ratio": ratio, "margin": margin, "spread": spread,
             "agreement": agreement, "undetected": undetected, "sequences": sequences,
-            "repetitions": repetitions, "locations": locations,
+            "repetitions": repetitions, "locations": locations, "thorough": thorough or None,
         }  # fmt: skip
         given = {name: value for name, value in options.items() if value is not None}
         _refuse_options_of_others(task, given)
+        if quick and thorough:
+            raise InputError("--quick and --thorough cannot be had together; give one of them")
         with marked_figures(QUICK_MARK if quick else ""):
             if task == "ramp":
                 request = _ramp_request(given, participants or RAMP_PARTICIPANTS, seed, load_design)
-                if quick:
-                    request = dataclasses.replace(request, pool=QUICK_POOL, draws=QUICK_DRAWS)
+                pool, draws = EFFORTS["quick" if quick else "thorough" if thorough else "default"]
+                request = dataclasses.replace(request, pool=pool, draws=draws)
                 _plan_ramps(request, simulate, out, quiet)
             else:
                 _plan_viewing(task, given, participants, {"seed": seed, "quick": quick, "quiet": quiet}, out)
@@ -183,7 +191,7 @@ def _ramp_request(
 def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet: bool) -> None:
     """Plan a calibration, write the plan and print it."""
     from evenlight.analysis.plans.plan_files import write_plan
-    from evenlight.analysis.plans.ramp_plan import in_words, plan_ramps
+    from evenlight.analysis.plans.ramp_plan import PLANNED_MODEL, chance_in_words, in_words, plan_ramps
     from evenlight.data_schema.storage.whole_files import results_folder
 
     with results_folder(out) as folder:
@@ -193,7 +201,8 @@ def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet:
         write_plan(folder, plan)
     if not quiet:
         rows = [[cell.format(row) for cell in RAMP_COLUMNS.values()] for row in plan.rows]
-        _print_plan([list(RAMP_COLUMNS), *rows], in_words(plan), out)
+        notes = (PLANNED_MODEL, chance_in_words(plan))
+        _print_plan([list(RAMP_COLUMNS), *rows], (*notes, *in_words(plan)), out)
 
 
 def _plan_viewing(
@@ -244,14 +253,14 @@ def _truth(task: str, options: Mapping[str, Any]) -> Truth:
 
 
 def _print_plan(rows: Sequence[Sequence[str]], words: Iterable[str], out: Path) -> None:
-    """Print a table (headings first; the first column to the left), and what it comes to."""
+    """Print a table (headings first; the first column to the left), and last what it comes to."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         others = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
         typer.echo("  ".join([row[0].ljust(widths[0]), *others]))
+    typer.echo(f"all with simulated participants; results in {out}")
     for sentence in words:
         typer.echo(sentence)
-    typer.echo(f"all with simulated participants; results in {out}")
 
 
 def whole_numbers(text: str, option: str) -> tuple[int, ...]:

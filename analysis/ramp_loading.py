@@ -10,6 +10,11 @@ from evenlight.analysis.session_loading import Session, TaskData, load_task
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS
+from evenlight.data_schema.recordings.display_calibrations import (
+    calibrations_in_words,
+    calibrations_of,
+    why_apart,
+)
 from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial
 from evenlight.data_schema.recordings.roll_call import RollCall
 from evenlight.data_schema.recordings.session import SessionManifest
@@ -32,10 +37,23 @@ class RampData(TaskData[RampTrial]):
     Attributes
     ----------
     display : Display
-        The one display of all sessions.
+        The display of all sessions, by its newest calibration.
+    earlier_displays : tuple of Display
+        Its earlier calibrations, in order of measuring.
     """
 
     display: Display
+    earlier_displays: tuple[Display, ...] = ()
+
+    @property
+    def displays(self) -> tuple[Display, ...]:
+        """The calibrations of the display, in order of measuring."""
+        return (*self.earlier_displays, self.display)
+
+    @property
+    def display_fingerprints(self) -> tuple[str, ...]:
+        """Identities of the display's calibrations, if it has several."""
+        return tuple(display.fingerprint for display in self.displays) if self.earlier_displays else ()
 
 
 def load_ramp_data(dataset: Path, roll: RollCall | None = None) -> RampData:
@@ -44,15 +62,26 @@ def load_ramp_data(dataset: Path, roll: RollCall | None = None) -> RampData:
     Raises
     ------
     InputError
-        As of `load_task`; and if sessions ran on different displays, or a trial is one that design and
-        display cannot have shown.
+        As of `load_task`; and if sessions ran on displays that are no calibrations of one, or a trial is
+        one that design and display cannot have shown.
     """
     data = load_task(dataset, TASK, RampTrial, roll)
-    display = _one_display(data.sessions, dataset)
+    manifests = [session.manifest for session in data.sessions]
+    if why := why_apart(manifests):
+        raise InputError(f"{dataset}: {why}")
     for session in data.sessions:
         _check_levels(session)
+    *earlier, display = calibrations_of(manifests)
+    said = calibrations_in_words(manifests)
     return RampData(
-        TASK, data.sessions, data.simulated, data.sha256, data.warnings, roll=data.roll, display=display
+        task=TASK,
+        sessions=data.sessions,
+        simulated=data.simulated,
+        sha256=data.sha256,
+        warnings=(*data.warnings, *((said,) if said else ())),
+        roll=data.roll,
+        display=display,
+        earlier_displays=tuple(earlier),
     )
 
 
@@ -82,28 +111,3 @@ def _check_levels(session: RampSession) -> None:
                 f"{where}: initial_luminance_cd_m2 is {trial.initial_luminance:g}, but {trial.screen} at "
                 f"factor {trial.factor:g} has {right:g} cd/m^2 on the session's display"
             )
-
-
-def _one_display(sessions: tuple[RampSession, ...], dataset: Path) -> Display:
-    """Return the display of all sessions, or refuse a data set of several."""
-    first, shown = sessions[0].manifest, _display_of(sessions[0])
-    for session in sessions[1:]:
-        other, display = session.manifest, _display_of(session)
-        if display.fingerprint != shown.fingerprint:
-            raise InputError(
-                f"{dataset}: session {other.session_id} of participant {other.participant_id} ran on the "
-                f"display {display.name!r}, session {first.session_id} of participant "
-                f"{first.participant_id} on {shown.name!r} with other photometry; a rate limit holds "
-                "for one display: fit them apart"
-            )
-    return shown
-
-
-def _display_of(session: RampSession) -> Display:
-    """Return the display of a session, or refuse one that is unknown."""
-    if session.manifest.display is None:
-        raise InputError(
-            f"{session.folder / MANIFEST}: display is null; expected that of the ramps, for which alone "
-            "their rate limit holds"
-        )
-    return session.manifest.display

@@ -151,8 +151,22 @@ def roll_section(roll: RollCall) -> Section:
     present = {entry.participant_id for entry in roll.sessions if entry.session_id}
     usable = {entry.participant_id for entry in roll.read}
     sources = first_few(list(dict.fromkeys(entry.source for entry in roll.read if entry.source)))
-    said = section("sessions", (table,), roll=roll, present=len(present), usable=len(usable), sources=sources)
+    tables = (table, *_displays(roll))
+    said = section("sessions", tables, roll=roll, present=len(present), usable=len(usable), sources=sources)
     return replace(said, notes=roll.warnings)
+
+
+def _displays(roll: RollCall) -> tuple[Table, ...]:
+    """Return a table of which sessions ran on which display and calibration; none if it was one."""
+    own: dict[str, list[str]] = {}
+    for entry in roll.read:
+        own.setdefault(entry.display, []).append(f"{entry.participant_id}/{entry.session_id}")
+    if len(own) < 2:
+        return ()
+    rows = tuple(
+        (display.replace("^2", "²") or None, len(names), ", ".join(names)) for display, names in own.items()
+    )
+    return (Table("Displays and their calibrations.", ("display", "sessions", "participant/session"), rows),)
 
 
 def provenance_section(origins: Mapping[str, Provenance]) -> Section:

@@ -52,6 +52,9 @@ DeviceOption = Annotated[
 OtherDisplayOption = Annotated[
     bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
 ]
+AcceptWideBandOption = Annotated[
+    bool, typer.Option("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")]
 
 

@@ -44,6 +44,15 @@ def p_in_words(value: float) -> str:
     return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
+def sentence(words: str) -> str:
+    """Return words that begin with a capital letter.
+
+    >>> sentence("the limit is a line")
+    'The limit is a line'
+    """
+    return words[:1].upper() + words[1:]
+
+
 def listed(names: Sequence[str]) -> str:
     """Return names with commas and an "and".
 

@@ -151,6 +151,9 @@ class RampPlanRow:
     half_width: float = quantity(
         "1", "typical half-width of the rate limit's 95 % confidence band, as a share"
     )
+    half_width_mc_error: float = quantity(
+        "1", "Monte Carlo standard error of half_width, as a share of it: other simulated people and draws"
+    )
     half_width_assured: float = quantity("1", "half-width that 80 % of the experiments stay within")
     error: float = quantity("1", "RMS error of the rate limit against the truth, as a share")
     bias: float = quantity("1", "mean error of the rate limit, as a share")

@@ -69,6 +69,16 @@ class Display:
         return self.pixels_per_degree / 2
 
     @property
+    def calibration(self) -> str:
+        """What was measured, and when, in words.
+
+        >>> Display("desk", 248.0, 0.25, 2.2, pixels_per_degree=38.0, measured="2026-11-21").calibration
+        '248 cd/m^2, gamma 2.2, measured 2026-11-21'
+        """
+        measured = f", measured {self.measured[:10]}" if self.measured else ""
+        return f"{self.peak_luminance:g} cd/m^2, gamma {self.gamma:g}{measured}"
+
+    @property
     def fingerprint(self) -> str:
         """Identity of the display's photometry, by which a rate limit knows the display it was fitted on.
 

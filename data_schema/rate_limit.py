@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import check_limits, described, quantity
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
@@ -17,6 +18,24 @@ LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from ov
 LARGEST_RATE = 1e9  # [cd/m^2/s] a thousand times a blinding luminance, within a second
 ROUNDING = 1e-6  # relative, of numbers written with few digits
 SAMPLES = 201  # positions at which the polynomial is looked at: finer than a polynomial of degree 20 bends
+# Upper over lower edge: as far as thresholds of 95 % of people reach (SD 0.35 of ln: e^(2 · 1.96 · 0.35)).
+# A wider band tells no more of the median than one person picked at random (docs/decisions/wide-bands.md).
+WIDEST_USABLE_BAND = 4.0
+
+
+class RateLimitModel(enum.Enum):
+    """How answers became a curve."""
+
+    JOINT = "joint"  # all answers at once, participants and shape included; the default
+    INDIVIDUAL = "individual"  # a threshold for each participant and level, then a curve through them
+    POOLED = "pooled"  # all answers of a level as if of one person, then a curve; a reading of the paper
+
+
+class BandKind(enum.Enum):
+    """What a band holds with the confidence stated."""
+
+    POINTWISE = "pointwise"  # the curve at any one luminance
+    SIMULTANEOUS = "simultaneous"  # the whole curve, at all luminances at once
 
 
 class RateLimitForm(enum.Enum):
@@ -51,22 +70,22 @@ class RateLimit:
         min_items=1,
     )
     luminance_range: tuple[float, float] = quantity(
-        "cd/m^2", "lowest and highest luminance measured", minimum=LOWEST_LUMINANCE
+        "cd/m^2", "lowest and highest luminance measured; the same for a constant", minimum=LOWEST_LUMINANCE
     )
     band_luminance: tuple[float, ...] = quantity(
         "cd/m^2",
-        "luminances at which the band is sampled; empty if no degree of freedom was left to estimate it",
+        "luminances at which the band is sampled; empty without a band",
         above=0.0,
         default=(),
     )
     band_lower: tuple[float, ...] = quantity(
-        "cd/m^2/s", "lower edge of the pointwise confidence band", minimum=0.0, default=()
+        "cd/m^2/s", "lower edge of the confidence band", minimum=0.0, default=()
     )
     band_upper: tuple[float, ...] = quantity(
-        "cd/m^2/s", "upper edge of the pointwise confidence band", minimum=0.0, default=()
+        "cd/m^2/s", "upper edge of the confidence band", minimum=0.0, default=()
     )
     band_level: float = quantity(
-        "1", "confidence level of the band, at each luminance", above=0.0, maximum=1.0, default=0.95
+        "1", "confidence level of the band, by its kind", above=0.0, maximum=1.0, default=0.95
     )
     point_luminance: tuple[float, ...] = quantity(
         "cd/m^2", "luminances of the thresholds that it was fitted to", above=0.0, default=()
@@ -76,6 +95,10 @@ class RateLimit:
     )
     condition_number: float | None = quantity(
         "1", "condition number of the least-squares design in this basis", minimum=1.0, default=None
+    )
+    display_fingerprints: tuple[str, ...] = described(
+        "identities of all calibrations of that display that its ramps were shown on; empty if it is one",
+        default=(),
     )
     simulated: bool = described("true if the participants were simulated", default=False)
     source: str = described("where it comes from", default="")
@@ -89,12 +112,22 @@ class RateLimit:
     ramp_duration: float | None = quantity(
         "s", "duration of the ramps; null if not known", above=0.0, default=None
     )
+    model: RateLimitModel | None = described(
+        "how answers became the curve: joint, individual or pooled; null if not known", default=None
+    )
+    band_kind: BandKind = described(
+        "what the band holds at its level: the curve at any one luminance, or all of it",
+        default=BandKind.POINTWISE,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
         low, high = self.luminance_range
-        if not low < high:
-            raise ValueError(f"luminance_range_cd_m2 must rise, got {low:g} to {high:g}")
+        if not (low < high or (low == high and len(self.coefficients) == 1)):
+            raise ValueError(
+                f"luminance_range_cd_m2 must rise (or be one luminance, for a constant), "
+                f"got {low:g} to {high:g}"
+            )
         if not len(self.band_luminance) == len(self.band_lower) == len(self.band_upper):
             raise ValueError("the three band lists must be equally long")
         if len(self.point_luminance) != len(self.point_rate):
@@ -106,6 +139,10 @@ class RateLimit:
         low, high = self.luminance_range
         form = f"{self.form.value} of degree {len(self.coefficients) - 1}"
         return f"<RateLimit {self.name!r}: {form}, {low:g} to {high:g} cd/m^2, display {self.display_name!r}>"
+
+    def holds_for(self, display: Display) -> bool:
+        """Return whether it was fitted on a display, by any of the calibrations that its ramps ran on."""
+        return display.fingerprint in (self.display_fingerprint, *self.display_fingerprints)
 
     @property
     def at_limit_in_words(self) -> str:
@@ -127,6 +164,35 @@ class RateLimit:
             way = "falling" if self.direction is Direction.DOWN else "rising"
             words.append(f"{way} ramps of {self.ramp_duration:g} s")
         return ", ".join(words)
+
+    @property
+    def band_words(self) -> str:
+        """The level and the kind of the band, for a sentence."""
+        return f"{100 * self.band_level:g} % {self.band_kind.value} band"
+
+    @property
+    def widest_band(self) -> tuple[float, float, float] | None:
+        """Where the band is widest [cd/m^2], and its edges there [cd/m^2/s]; None without a band.
+
+        >>> band = {"band_luminance": (1.0, 9.0), "band_lower": (0.5, 0.1), "band_upper": (1.0, 1.0)}
+        >>> RateLimit("r", "d", "", RateLimitForm.RATE, (0.4,), (1.0, 9.0), **band).widest_band
+        (9.0, 0.1, 1.0)
+        """
+        places = zip(self.band_luminance, self.band_lower, self.band_upper, strict=True)
+        return max(places, key=_width, default=None)
+
+    @property
+    def wide_band(self) -> str:
+        """How wide the band is, in words, if that is too wide for use; else empty."""
+        widest = self.widest_band
+        if widest is None or _width(widest) <= WIDEST_USABLE_BAND:
+            return ""
+        at, lower, upper = widest
+        ratio = f", a ratio of {_width(widest):.3g}" if lower else ""
+        return (
+            f"at {at:.4g} cd/m^2 its {self.band_words} reaches from {lower:.3g} to {upper:.3g} cd/m^2/s"
+            f"{ratio}; at most {WIDEST_USABLE_BAND:g} is of use"
+        )
 
     def _check_band(self) -> None:
         """Refuse a band that cannot be looked up: unordered, upside down, or not as wide as the range."""
@@ -163,6 +229,12 @@ class RateLimit:
                 f"coefficients give ln(rate) = {worst:.4g} within luminance_range_cd_m2; need "
                 f"{-LARGEST_LN_RATE:g} to {LARGEST_LN_RATE:g} (is it the rate itself? then form = rate)"
             )
+
+
+def _width(edges: tuple[float, float, float]) -> float:
+    """Return the ratio of upper to lower edge of (luminance, lower, upper)."""
+    _, lower, upper = edges
+    return upper / lower if lower > 0 else math.inf
 
 
 def _legendre_sum(coefficients: Sequence[float], z: float) -> float:

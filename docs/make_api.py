@@ -19,7 +19,7 @@ GROUPS = {
     "A brightness track": ("optimize", "Track", "load", "loss_curves", "LossCurves", "frame_loss"),
     "Online": ("OnlineController",),
     "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
-    "Viewing tasks": ("register_task", "ViewingTaskDeclaration"),
+    "Tasks of your own": ("register_task", "TaskDeclaration"),
     "Errors": ("InputError",),
 }  # fmt: skip
 HEAD = """# The Python interface

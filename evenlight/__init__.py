@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from evenlight.loss import frame_loss, loss_curves
     from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
     from evenlight.online import OnlineController
+    from evenlight.registered_tasks import TaskDeclaration, register_task
     from evenlight.stimuli.sequences import open_video
     from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
     from evenlight.track import Track, load, optimize
-    from evenlight.viewing_task import ViewingTaskDeclaration, register_task
 
 # In the order of docs/api.md: what goes in, a track, online, data.
 _PLACES = {
@@ -48,13 +48,14 @@ _PLACES = {
     "RampFit": "evenlight.tables",
     "analyze": "evenlight.tables",
     "Analysis": "evenlight.tables",
-    "register_task": "evenlight.viewing_task",
-    "ViewingTaskDeclaration": "evenlight.viewing_task",
+    "register_task": "evenlight.registered_tasks",
+    "TaskDeclaration": "evenlight.registered_tasks",
+    "ViewingTaskDeclaration": "evenlight.registered_tasks",  # its earlier name
     "InputError": "evenlight.data_schema.errors",
 }
 __all__ = [
     "Analysis", "Display", "Frame", "InputError", "LossCurves", "OnlineController", "PowerModel", "RampFit",
-    "RateLimit", "Track", "ViewingTaskDeclaration",
+    "RateLimit", "TaskDeclaration", "Track",
     "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
     "loss_curves", "open_video", "optimize", "register_task",
 ]  # fmt: skip

@@ -27,12 +27,12 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
-from evenlight.experiments import play_command, run_command
+from evenlight.experiments import play_command, run_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
+from evenlight.registered_tasks import load_tasks
 from evenlight.stimuli import commands as stimuli_commands
-from evenlight.viewing_task import load_tasks
 
 if TYPE_CHECKING:
     from evenlight.analysis.plans.ramp_plan_pool import TrueThresholds
@@ -52,7 +52,14 @@ DATASET = "dataset"  # the demo's
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
-TASK_COMMANDS = ("run", "simulate", "validate", "analyze", "export")  # they know tasks from elsewhere
+TASK_COMMANDS = (
+    "run",
+    "watch",
+    "simulate",
+    "validate",
+    "analyze",
+    "export",
+)  # they know tasks from elsewhere
 
 
 @app.callback(invoke_without_command=True)
@@ -126,6 +133,7 @@ def _repeat_viewing(
 app.command()(stimuli_commands.render)
 app.command()(play_command.play_command(_write_power))
 app.command()(run_command.run_command(_fit_sweep))
+app.command()(watch_command.watch)
 app.command()(experiment_commands.simulate)
 app.command()(fit_commands.fit)
 app.command()(analyze_command.analyze)

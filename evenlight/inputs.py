@@ -26,7 +26,7 @@ from evenlight.method.preset_files import (
     load_power_model,
     load_rate_limit,
 )
-from evenlight.method.rate_limit import require_same_display
+from evenlight.method.rate_limit import require_known, require_same_display
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -53,11 +53,17 @@ def contrast_model_of(given: Named | ContrastModel) -> ContrastModel:
     return _record_of("contrast_model", given, ContrastModel, load_contrast_model)
 
 
-def rate_limit_of(given: Named | RateLimit, display: Display, other_display_ok: bool = False) -> RateLimit:
-    """Return the rate limit of a preset, of a file, or the record itself, if it holds for a display."""
+def rate_limit_of(
+    given: Named | RateLimit,
+    display: Display,
+    other_display_ok: bool = False,
+    accept_wide_band: bool = False,
+) -> RateLimit:
+    """Return the rate limit of a preset, of a file, or the record itself, if it may be used on a display."""
     limit = _record_of("rate_limit", given, RateLimit, load_rate_limit)
     if not other_display_ok:
         require_same_display(limit, display)
+    require_known(limit, accept_wide_band)
     return limit
 
 

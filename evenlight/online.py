@@ -86,6 +86,8 @@ class OnlineController:
         Frame rate that K_i and K_d are meant for [Hz].
     limit_curve : {"fitted", "safe"}
         The fitted rate limit, or the lower edge of its band.
+    accept_wide_band : bool
+        Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
 
     Attributes
     ----------
@@ -100,7 +102,7 @@ class OnlineController:
     ------
     InputError
         If neither a target nor a budget is given, a value is out of its range, a preset or file is not there,
-        or the rate limit was fitted on another display.
+        or the rate limit was fitted on another display or is known too badly.
 
     Examples
     --------
@@ -131,13 +133,14 @@ class OnlineController:
         derivative: float = 0.05,
         gain_rate: float = 90.0,
         limit_curve: str = "fitted",
+        accept_wide_band: bool = False,
     ) -> None:
         if target_loss is None and budget is None:
             raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
         self._display = display_of(display)
         self._model = contrast_model_of(contrast_model)
         self._power = power_model_of(power_model)
-        limit = rate_limit_of(rate_limit, self._display)
+        limit = rate_limit_of(rate_limit, self._display, accept_wide_band=accept_wide_band)
         lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
         unit, curve = (
             choice("budget_unit", budget_unit, BudgetUnit),

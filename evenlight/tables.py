@@ -14,7 +14,7 @@ import pandas as pd
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.fit_report import write_calibration
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
 from evenlight.analysis.dataset_findings import DEFAULT_SLOWING, AnalysisOptions, task_findings
 from evenlight.analysis.findings import Findings, write_findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
@@ -25,7 +25,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, nullable_fields, record_from_mapping
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.quantities import file_key
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.whole_files import results_folder
@@ -125,8 +125,10 @@ def fit_ramps(
     *,
     display: Named | Display = "varjo-xr3",
     simulated: bool = False,
-    form: str = "ln_rate",
-    degree: int = 4,
+    model: str | None = None,
+    form: str | None = None,
+    degree: int | None = None,
+    monotone: bool = False,
     procedure: str | None = None,
 ) -> RampFit:
     """Fit psychometric functions and the rate limit to a table of luminance ramps (Section 3.4).
@@ -143,10 +145,17 @@ def fit_ramps(
         What the ramps were shown on: the rate limit holds for it alone.
     simulated : bool
         Whether simulated participants answered; thresholds, rate limit and tracks say so.
-    form : {"ln_rate", "rate", "log_log"}
-        What the polynomial describes: ln(rate) over luminance, the rate, ln(rate) over ln(luminance).
-    degree : int
-        Of the polynomial; 4 in the paper.
+    model : {"joint", "individual", "pooled"}, optional
+        How answers become the curve: all at once, with a simultaneous band; a threshold for each participant
+        and level, then a curve; all answers pooled, as if of one person. The others are fitted too. Default:
+        "joint", but "individual" for the form "rate".
+    form : {"ln_rate", "rate", "log_log"}, optional
+        What the polynomial describes: ln(rate) over luminance, the rate, ln(rate) over ln(luminance). Else by
+        predictive score (joint), or "ln_rate".
+    degree : int, optional
+        Of the polynomial. Else by predictive score (joint), or 4 as in the paper.
+    monotone : bool
+        Whether the curve may not fall with luminance (joint).
     procedure : {"yes_no", "two_interval"}, optional
         The task whose answers are fitted, where the table holds both.
 
@@ -160,10 +169,13 @@ def fit_ramps(
         If a column is missing, a row cannot be (which names the row), or there are too few levels.
     """
     panel = display_of(display)
+    described = None if form is None else choice("form", form, RateLimitForm)
     options = RateLimitOptions(
-        form=choice("form", form, RateLimitForm),
-        degree=whole("degree", degree),
+        form=described,
+        degree=None if degree is None else whole("degree", degree),
         procedure=None if procedure is None else choice("procedure", procedure, Procedure),
+        model=default_model(described) if model is None else choice("model", model, RateLimitModel),
+        monotone=monotone,
     )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
     trials = [

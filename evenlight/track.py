@@ -216,6 +216,7 @@ def optimize(
     tolerance: float = 0.001,
     jobs: int = 1,
     other_display_ok: bool = False,
+    accept_wide_band: bool = False,
     seed: int = 1,
 ) -> Track:
     """Return the brightness track of a video under a power budget (Eq. 6).
@@ -252,6 +253,8 @@ def optimize(
         Frames to analyse at a time, each on a core; 0 for all cores.
     other_display_ok : bool
         Whether a rate limit that was fitted on another display will do.
+    accept_wide_band : bool
+        Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
     seed : int
         Of the start of `slsqp`.
 
@@ -272,7 +275,8 @@ def optimize(
     shown = known.display if known is not None else display_of(display)
     request = Request(
         number("budget", budget), choice("budget_unit", budget_unit, BudgetUnit), power_model_of(power_model),
-        rate_limit_of(rate_limit, shown, other_display_ok), choice("limit_curve", limit_curve, LimitCurve),
+        rate_limit_of(rate_limit, shown, other_display_ok, accept_wide_band),
+        choice("limit_curve", limit_curve, LimitCurve),
         choice("modulated", modulated, ModulatedLuminance),
     )  # fmt: skip
     require_possible(request, number("lowest_factor", lowest_factor, *LOWEST_FACTORS))

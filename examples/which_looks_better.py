@@ -170,7 +170,7 @@ You see the same video twice, marked 1 and 2. Then you are asked which of the tw
 Press {first} for the first, {second} for the second. Press {proceed} to begin with practice.
 """
 evenlight.register_task(
-    evenlight.ViewingTaskDeclaration(
+    evenlight.TaskDeclaration(
         name="which_looks_better",
         title="Which looks better",
         design=LooksDesign,

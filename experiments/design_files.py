@@ -1,8 +1,9 @@
-"""Designs of the experiments: presets by name, files by path."""
+"""Designs of the experiments: presets by name, ours and those of installed packages; files by path."""
 
 from __future__ import annotations
 
 import difflib
+from importlib import metadata, resources
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,8 +13,10 @@ from evenlight.data_schema.recordings.session import TASKS, Design
 from evenlight.data_schema.recordings.sweep import DESIGN_OF_SWEEP, SweepDesign
 from evenlight.data_schema.storage.text_files import read_toml_record
 
+GROUP = "evenlight.designs"  # of entry points, each a package with designs beside its modules
 DESIGNS = Path(__file__).parent / "designs"
 SUFFIX = ".design.toml"
+DEFAULT = "paper"
 
 
 def load_design(name_or_path: str) -> RampDesign:
@@ -31,20 +34,25 @@ def load_design(name_or_path: str) -> RampDesign:
 
 
 def load_task_design(task: str, name_or_path: str | None) -> Design:
-    """Return the design of a preset, or of a toml file, for a task, None for its default; errors as there.
+    """Return the design of a preset, or of a toml file, for a task; errors as there.
+
+    None stands for the preset `paper` or, where a task has none, for its design without any change.
 
     >>> load_task_design("search", "paper").ring_gap
     10.0
     """
     cls = TASKS[task].design
-    return cast(Design, cls() if name_or_path is None else _load(cls, task, name_or_path))
+    if name_or_path is None and DEFAULT not in design_names(task):
+        return cast(Design, cls())
+    return cast(Design, _load(cls, task, name_or_path or DEFAULT))
 
 
 def _load(cls: type[Any], task: str, name_or_path: str) -> Any:
     """Return the design of a preset, or of a toml file, for a task or sweep."""
-    known = design_names(task)
+    presets = _presets(task)
+    known = sorted(presets)
     if name_or_path in known:
-        return read_toml_record(cls, DESIGNS / f"{name_or_path}{_suffix(task)}")
+        return read_toml_record(cls, presets[name_or_path])
     path = Path(name_or_path)
     if not path.exists():
         hint = difflib.get_close_matches(name_or_path, known, n=1)
@@ -66,12 +74,47 @@ def load_sweep_design(task: str, name_or_path: str) -> SweepDesign:
 def design_names(task: str = "ramp") -> list[str]:
     """Return the names of the presets of a task.
 
-    >>> design_names("search")
-    ['paper', 'quick']
+    >>> {"paper", "quick"} <= set(design_names("search"))
+    True
+    """
+    return sorted(_presets(task))
+
+
+def _presets(task: str) -> dict[str, Path]:
+    """Return the files of the presets of a task, by name.
+
+    Raises
+    ------
+    InputError
+        If an installed package names designs that cannot be found, or one that there is already.
     """
     suffix = _suffix(task)
-    names = (path.name.removesuffix(suffix) for path in DESIGNS.glob(f"*{suffix}"))
-    return sorted(name for name in names if "." not in name)
+    presets: dict[str, Path] = {}
+    for owner, folder in {"": DESIGNS, **_folders_of_packages()}.items():
+        for path in sorted(folder.glob(f"*{suffix}")):
+            name = path.name.removesuffix(suffix)
+            if name in presets:
+                raise InputError(f"{owner}: its design {path} has the name of {presets[name]}; rename it")
+            if "." not in name:
+                presets[name] = path
+    return presets
+
+
+def _folders_of_packages() -> dict[str, Path]:
+    """Return the folders of designs that installed packages name, by what messages call them."""
+    folders = {}
+    for entry in metadata.entry_points(group=GROUP):
+        package = entry.dist.name if entry.dist else "of no name"
+        owner = f"the installed package {package}"
+        try:
+            folder = Path(str(resources.files(entry.value)))
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            raise InputError(f"{owner}: its designs {entry.name!r} cannot be loaded: {why}") from error
+        if not any(folder.glob(f"*{SUFFIX}")):
+            raise InputError(f"{owner}: its designs {entry.name!r}: {folder} holds no file *{SUFFIX}")
+        folders[f"{owner}, {entry.name}"] = folder
+    return folders
 
 
 def _suffix(task: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_observer import ramp_answers
@@ -30,7 +31,8 @@ class Experiment:
     task : callable
         Makes its task in a setting.
     viewing : callable or None
-        Opens what its simulated observers see in a setting; None for ramps, whose observers are others.
+        Opens what its simulated observers see in a setting; None for ramps, whose observers are others, and
+        for tasks without one.
     shows_videos : bool
         Whether the videos of its sequences are shown.
     pages : mapping of str to mapping of str to str
@@ -62,9 +64,14 @@ def simulated_answers(setting: SessionSetting) -> AnswersOf:
     Raises
     ------
     InputError
-        If something that the observer sees cannot be had.
+        If something that the observer sees cannot be had, or the task has no simulated observer.
     """
     who = int(sha256_of_bytes(setting.manifest.participant_id.encode())[:12], 16)
     chance = generator_for(who, 0, Purpose.PERSON)
-    open_viewing = EXPERIMENTS[setting.manifest.task].viewing
-    return viewing_answers(open_viewing, setting, chance) if open_viewing else ramp_answers(setting, chance)
+    task = setting.manifest.task
+    open_viewing = EXPERIMENTS[task].viewing
+    if open_viewing is not None:
+        return viewing_answers(open_viewing, setting, chance)
+    if task != "ramp":
+        raise InputError(f"--simulate: the task {task!r} declares no simulated observer")
+    return ramp_answers(setting, chance)

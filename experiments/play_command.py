@@ -79,7 +79,7 @@ def _walk(
     refuse(for_videos, screen, "track")
     if not live.dims:
         words = "{} is for walks that are dimmed online: give it with --target-loss"
-        refuse(words, live, "rate_limit", "device", "limit_curve", "tuning")
+        refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", "tuning")
         refuse(for_videos, screen, "other_display_ok")
     refuse(for_videos, power)
     refuse(for_videos, video)

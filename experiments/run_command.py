@@ -72,6 +72,9 @@ def run(
     pages: Annotated[
         Path | None, typer.Option(help="Folder with your own pages in place of those that come along.")
     ] = None,
+    font: Annotated[
+        Path | None, typer.Option(help="Font file of the pages, for scripts that DejaVu Sans does not have.")
+    ] = None,
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Rehearse at the pace of a session, not as fast as it goes.")
     ] = False,
@@ -116,7 +119,7 @@ def run(
     staging = Staging(simulate.value if simulate else None, real_time, screenshots)
     if task in SWEEPS:
         of_people: dict[str, object] = {"--stimuli": stimuli, "--pages": pages, "--language": language}
-        of_people |= {"--real-time": real_time or None, "--screenshots": screenshots}
+        of_people |= {"--font": font, "--real-time": real_time or None, "--screenshots": screenshots}
         for option, given in of_people.items():
             if given is not None:
                 raise InputError(f"{option} is for sessions with people; leave it out of {task}")
@@ -155,7 +158,7 @@ def run(
         rig=loaded,
         display=display,
         design=load_task_design(task, design) if design else None,
-        pages=load_pages(language or loaded.language, pages, EXPERIMENTS[task].pages),
+        pages=load_pages(language or loaded.language, pages, EXPERIMENTS[task].pages, font),
         staging=staging,
         seed=seed,
         resume=resume,
@@ -192,16 +195,14 @@ def run_command(analyse_sweep: AnalyseSweep) -> Callable[..., None]:
 
 @contextmanager
 def _bar(words: str, counted: str, *, off: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """Yield what shows on the terminal how many trials or readings are done and planned, and what goes on.
-
-    An interrupt tells the operator what is safe: elsewhere nothing is left then, here everything is.
-    """
+    """Yield what shows on the terminal how many trials or readings are done and planned, and what goes on."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console, done = Console(stderr=True), 0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=off or not console.is_terminal) as bars:
+    shown = Progress(*columns, console=console, transient=True, disable=off or not console.is_terminal)
+    with shown as bars, _told_if_interrupted(lambda: f"{done} {counted}"):
         bar = bars.add_task(words, total=None)
 
         def show(completed: int, planned: int, description: str) -> None:
@@ -209,16 +210,22 @@ def _bar(words: str, counted: str, *, off: bool) -> Iterator[Callable[[int, int,
             done = completed
             bars.update(bar, completed=completed, total=planned, description=description)
 
-        try:
-            yield show
-        except BaseException as error:
-            if isinstance(error, Exception | SystemExit):
-                raise
-            print(
-                f"evenlight: interrupted after {done} {counted}; all of them are safe, go on with --resume",
-                file=sys.stderr,
-            )
-            sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
+        yield show
+
+
+@contextmanager
+def _told_if_interrupted(done: Callable[[], str]) -> Iterator[None]:
+    """Tell the operator after an interrupt what is safe: elsewhere nothing is left, here everything."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, Exception | SystemExit):
+            raise
+        print(
+            f"evenlight: interrupted after {done()}; all of them are safe, go on with --resume",
+            file=sys.stderr,
+        )
+        sys.exit(INTERRUPTED if isinstance(error, KeyboardInterrupt) else TERMINATED)
 
 
 def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
@@ -240,18 +247,26 @@ def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
 
 
 def _run_session(request: SessionRequest, quiet: bool) -> None:
-    """Run a session with its progress on the experimenter's terminal, and say how it ended."""
+    """Run a session with a live view on the experimenter's terminal, and say how it ended."""
+    from evenlight.data_schema.recordings.dataset_layout import session_folder
+    from evenlight.experiments.live_view.live_view import live_view
     from evenlight.experiments.run_session import run_session
 
-    words = f"participant {request.participant_id}, session {request.session_id}"
-    with _bar(words, "trials", off=quiet) as show:
+    folder = session_folder(request.dataset, request.participant_id, request.session_id)
+    done = 0
+    with (
+        _told_if_interrupted(lambda: f"{done} trials"),
+        live_view(folder, quiet, rehearsal=request.staging.simulated) as show,
+    ):
 
         def report(progress: SessionProgress) -> None:
-            flagged = f"{progress.flagged} flagged" if progress.flagged else ""
-            parts = (words, progress.practised, flagged)
-            show(progress.done, progress.planned, ", ".join(part for part in parts if part))
+            nonlocal done
+            done = progress.done
+            show()
 
-        outcome = run_session(request, report)
+        outcome = run_session(
+            request, report, lambda said: print(f"evenlight: note: {said}", file=sys.stderr)
+        )
     if not quiet:
         _close(outcome)
 
@@ -266,7 +281,7 @@ def _close(outcome: SessionOutcome) -> None:
     if outcome.status is SessionStatus.DECLINED:
         print("evenlight: the participant declined; no trial was shown", file=sys.stderr)
     elif outcome.status is not SessionStatus.COMPLETE:
-        print(f"evenlight: stopped after {words}; go on with --resume", file=sys.stderr)
+        print(f"evenlight: stopped after {words}: {outcome.reason}; go on with --resume", file=sys.stderr)
     elif outcome.done < outcome.planned:
         print(
             f"evenlight: complete with {words}; flagged trials are left out of the analysis ({EVENTS})",

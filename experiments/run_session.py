@@ -14,15 +14,16 @@ from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS, session_folder
 from evenlight.data_schema.recordings.dataset_writing import enrol
+from evenlight.data_schema.recordings.display_calibrations import require_joinable
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import (
-    TASKS,
     Design,
     EventKind,
     SessionManifest,
     SessionStatus,
 )
 from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
 from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
 from evenlight.experiments.sessions.pages import Pages
@@ -103,6 +104,8 @@ class SessionOutcome:
         Trials left out of the analysis.
     folder : Path
         Where it lies.
+    reason : str
+        Why it was stopped; empty otherwise.
     """
 
     status: SessionStatus
@@ -110,32 +113,48 @@ class SessionOutcome:
     planned: int
     flagged: int
     folder: Path
+    reason: str = ""
 
 
 def run_session(
-    request: SessionRequest, report: Callable[[SessionProgress], None] = lambda progress: None
+    request: SessionRequest,
+    report: Callable[[SessionProgress], None] = lambda progress: None,
+    tell: Callable[[str], None] = lambda words: None,
 ) -> SessionOutcome:
     """Run a session, new or resumed, and return how it ended.
 
     Whatever can be refused is refused before a file is written or a window opens.
 
+    Parameters
+    ----------
+    request : SessionRequest
+        What was asked for.
+    report : callable, optional
+        Called with the progress of the session.
+    tell : callable, optional
+        Called before the session with what forbids nothing, and the experimenter should know.
+
     Raises
     ------
     InputError
         If the session is there already, or is not and was to be resumed; if it was begun with another task,
-        display, design, stimuli, seed or kind of participant; if something cannot be shown on the display.
+        display, design, stimuli, seed or kind of participant; if something cannot be shown on the display;
+        if its ramps cannot be fitted together with those of the data set.
     """
     began = _began(request) if request.resume else None
-    design = (began and began.design) or request.design or TASKS[request.task].design()
+    design = (began and began.design) or request.design or load_task_design(request.task, None)
     stimuli = _stimuli(request, design)
     manifest = began or _new_manifest(request, design, stimuli)
     _refuse_other_than_began(request, manifest, stimuli)
+    recalibrated = require_joinable(request.dataset, manifest)
+    if recalibrated:
+        tell(recalibrated)
     setting = SessionSetting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
     make_task = EXPERIMENTS[request.task].task
     task = make_task(setting)
     simulated = simulated_answers(setting) if request.staging.simulated else None
     with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
-        stage.prepare(*request.pages.longest(request.rig.keys))
+        stage.prepare(*request.pages.longest(request.rig.keys), request.pages.font)
         task.prepare(stage)
         store = _opened(request, manifest, setting)
         setting = dataclasses.replace(setting, manifest=store.manifest)
@@ -143,12 +162,15 @@ def run_session(
         with store:
             if request.old_calibration:
                 store.note(EventKind.OLD_CALIBRATION, request.old_calibration)
+            if recalibrated:
+                store.note(EventKind.RECALIBRATED, recalibrated)
             participant = _participant(setting, simulated, press)
             cast = SessionParts(task, stage, participant, request.pages, request.rig.keys)
             status = conduct_session(store, cast, report)
             done = sum(trial.usable for trial in store.trials)
             flagged = sum(task.is_flagged(trial) for trial in store.trials if not trial.practice)
-            return SessionOutcome(status, done, task.n_trials, flagged, store.folder)
+            reason = store.events[-1].detail if status is SessionStatus.ABORTED else ""
+            return SessionOutcome(status, done, task.n_trials, flagged, store.folder, reason)
 
 
 def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, ...]:
@@ -200,8 +222,9 @@ def _new_manifest(
 
 
 def _essence(rig: Rig) -> Rig:
-    """Return a rig without what may be another when a session is resumed: language, keys, paths, meters."""
+    """Return a rig without what may be another when a session is resumed: language, keys, paths, devices."""
     plain = dataclasses.replace(rig, language="en", keys=Keys(), backlight_curve="")
+    plain = dataclasses.replace(plain, triggers=(), photodiode_patch=None)
     return dataclasses.replace(plain, luminance_meter="none", power_meter="none")
 
 
@@ -252,9 +275,10 @@ def _refuse_other_than_began(
     )
     for option, began, asked in differing:
         if began != asked:
+            remedy = "leave it out" if option == "--design" else "resume it with the same"
             raise InputError(
-                f"{folder}: {option} is not as it was when this session began; resume it with the same, or "
-                "give another --session"
+                f"{folder}: {option} is not as it was when this session began; {remedy}, or give another "
+                "--session"
             )
 
 

@@ -6,14 +6,18 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.recordings.rig import Actuator, Rig
+from evenlight.data_schema.recordings.rig import Actuator, Corner, PhotodiodePatch, Rig
 from evenlight.hardware.protocols import Backlight, Window
 from evenlight.method.contrast.luminance import dimmed_luminance, displayed_luminance
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
+
+if TYPE_CHECKING:
+    import moderngl
 
 LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a picture
 ROUNDING = 1e-9  # of a time or a factor that was computed
@@ -38,6 +42,8 @@ class Screen:
         Pictures of the screens.
     take_pause : callable
         Raises `PausePressed` if the pause key was pressed.
+    mark : callable, optional
+        Is told, before a flip, what kind of stimulus it shows; for triggers.
     """
 
     window: Window
@@ -46,6 +52,7 @@ class Screen:
     brightness: Brightness
     screenshots: Screenshots
     take_pause: Callable[[], None]
+    mark: Callable[[str], None] = lambda stimulus: None
 
     def show(self, fields: FieldRenderer, field: Field, refresh: int, kind: str = "", text: str = "") -> None:
         """Show a field for one refresh; a screenshot is taken of those that have a kind."""
@@ -78,6 +85,28 @@ def settle(on: Screen, fields: FieldRenderer, factor: float, ground: float) -> N
             return
         on.show(fields, Field(ground), refresh)
         refresh += 1
+
+
+def draw_patch(
+    framebuffer: moderngl.Framebuffer, size: tuple[int, int], patch: PhotodiodePatch, *, lit: bool
+) -> None:
+    """Draw the corner that a photodiode looks at.
+
+    Parameters
+    ----------
+    framebuffer : moderngl.Framebuffer
+        Where to.
+    size : (int, int)
+        Width and height of the window [pixels].
+    patch : PhotodiodePatch
+        Which corner, how large.
+    lit : bool
+        Whether it is white, black otherwise.
+    """
+    side = min(patch.size, *size)
+    left = size[0] - side if patch.corner in (Corner.TOP_RIGHT, Corner.BOTTOM_RIGHT) else 0
+    bottom = size[1] - side if patch.corner in (Corner.TOP_LEFT, Corner.TOP_RIGHT) else 0
+    framebuffer.clear(*(float(lit),) * 3, 1.0, viewport=(left, bottom, side, side))
 
 
 class Screenshots:

@@ -40,12 +40,13 @@ def simulate(
     if not 1 <= participants <= MAX_PARTICIPANTS:
         raise InputError(f"--participants must lie in 1 to {MAX_PARTICIPANTS}, got {participants}")
     require_seed(seed)
-    if (task == "ramp") == (stimuli is not None):
+    viewing = [name for name, of in TASKS.items() if "sequences" in of.design.__dataclass_fields__]
+    if (task in viewing) != (stimuli is not None):
         raise InputError(
-            f"--stimuli goes with {', '.join(list(TASKS)[1:-1])} and {list(TASKS)[-1]}, which need it; got "
+            f"--stimuli goes with {', '.join(viewing[:-1])} and {viewing[-1]}, which need it; got "
             f"the task {task} {'with' if stimuli else 'without'} it"
         )
-    simulated = _ramps if stimuli is None else _viewing(task, stimuli)
+    simulated = _ramps if task == "ramp" else _viewing(task, stimuli)
     run = simulated(participants, seed, display, design)
     with shown_progress(quiet) as progress:
         progress.step("simulating participants", participants)
@@ -75,8 +76,8 @@ def _ramps(participants: int, seed: int, display: str, design: str | None) -> Si
     return lambda out, report: simulate_dataset(simulation, out, report)
 
 
-def _viewing(task: str, stimuli: Path) -> Callable[[int, int, str, str | None], Simulation]:
-    """Return what makes the simulation of a viewing experiment on some stimuli."""
+def _viewing(task: str, stimuli: Path | None) -> Callable[[int, int, str, str | None], Simulation]:
+    """Return what makes the simulation of another experiment, on some stimuli."""
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
 
     def simulation(participants: int, seed: int, display: str, design: str | None) -> Simulation:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -38,6 +39,8 @@ class RampInterval:
         Of the dithering noise.
     label : str
         Number of the interval, shown during the adaptation; empty for none.
+    mark_contrast : float
+        Weber contrast of the fixation mark against the field, once the number is gone; 0 for no mark.
     """
 
     initial_luminance: float
@@ -48,6 +51,7 @@ class RampInterval:
     hold: float
     noise_seed: int
     label: str = ""
+    mark_contrast: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +217,17 @@ class SearchResult:
     frames_dropped: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class SentTrigger:
+    """A trigger that told other recorders what is shown."""
+
+    label: str  # a name of `data_schema.recordings.rig.TriggerCodes`
+    code: int  # what was sent
+    time: float  # of the flip that it belongs to, on the stage's clock [s]
+    delay: float | None  # from there until the devices had taken it [s]; None if none took it
+    failures: tuple[str, ...] = ()  # of devices that did not take it; they are not tried again
+
+
 class Stage(Protocol):
     """Shows what a session asks for, and takes the keys pressed."""
 
@@ -222,8 +237,8 @@ class Stage(Protocol):
     def apparatus(self) -> dict[str, str]:
         """Return what the devices say of themselves."""
 
-    def prepare(self, pages: Sequence[str], questions: Sequence[str]) -> None:
-        """Set some texts before the session begins.
+    def prepare(self, pages: Sequence[str], questions: Sequence[str], font: Path | None = None) -> None:
+        """Set some texts before the session begins; from then on in a lab's own font, if one is given.
 
         Raises
         ------
@@ -232,7 +247,7 @@ class Stage(Protocol):
         """
 
     def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
-        """Show a page of text until one of some keys is pressed, and return which and when."""
+        """Show a page until one of some keys is pressed (any, where none is given); return which and when."""
 
     def ask(self, question: str, keys: Sequence[str], luminance: float) -> KeyPress:
         """Show a question on a field of some luminance until one of the keys is pressed.
@@ -279,8 +294,14 @@ class Stage(Protocol):
             If there is no such scene, or the ring's gap is too small for the display.
         """
 
-    def wait(self, seconds: float, luminance: float) -> None:
-        """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed."""
+    def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
+        """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed.
+
+        With a pixel value, the field's brightness is made as that of a ramp with it is; without, by pixels.
+        """
+
+    def triggers_sent(self) -> list[SentTrigger]:
+        """Return the triggers sent since the last call, in order."""
 
     def close(self) -> None:
         """Close window and devices."""

@@ -140,9 +140,10 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
     track = read_track(folder / TRACK)
     summary = read_json_record(OptimizationSummary, folder / SUMMARY)
     if track.header.display_fingerprint != display.fingerprint:
+        same_name = " in another calibration" if track.header.display_name == display.name else ""
         raise InputError(
             f"{folder / TRACK}: was made for the display {track.header.display_name!r}, and the rig has "
-            f"{display.name!r}; make it with --display set to the rig's"
+            f"{display.name!r}{same_name}; make it with --display set to the rig's"
         )
     path = _video_file(folder, name) if with_video else None
     video = open_video(str(path)) if path is not None else None

@@ -251,6 +251,42 @@ BACKLIGHTS = {
     ),
     NO_BACKLIGHT: Driver("", "no backlight: pixels make the brightness", "none", "none"),
 }
+TRIGGERS = {
+    "serial": Driver(
+        "drivers.serial_trigger:SerialTrigger",
+        "a trigger box or recorder at a serial port",
+        "serial:PORT, serial:PORT?baud=115200",
+        "one byte with the code; 115200 8N1",
+        link=LinkKind.TERMINAL,
+    ),
+    "rts": Driver(
+        "drivers.serial_trigger:RtsTrigger",
+        "a TTL input at the line RTS of a serial port",
+        "rts:PORT, rts:PORT?pulse_ms=5",
+        "a pulse of 5 ms for every trigger, whatever its code",
+        "its levels are the port's: take a converter with TTL levels, not RS-232",
+    ),
+    "dtr": Driver(
+        "drivers.serial_trigger:DtrTrigger",
+        "the same at the line DTR",
+        "dtr:PORT, dtr:PORT?pulse_ms=5",
+        "as rts",
+    ),
+    "lsl": Driver(
+        "drivers.lsl_trigger:LslTrigger",
+        "recorders of the lab streaming layer, such as LabRecorder",
+        "lsl:NAME, the name of the stream",
+        "a marker stream of text, with the labels",
+        "needs the extra: pip install 'evenlight[lsl]' (pylsl)",
+    ),
+    SIMULATED: Driver(
+        "simulated.trigger:SimulatedTrigger",
+        "nothing: triggers are only noted in events.jsonl",
+        "simulated",
+        "none",
+        needs_address=False,
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import Annotated, Protocol
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS, Driver
+from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS, TRIGGERS, Driver
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 measure = typer.Typer(invoke_without_command=True)
@@ -27,6 +27,7 @@ INSTALL = "pip install 'evenlight[instruments]'"
 LIBRARIES = {
     "ppk2_api": ("the power meter ppk2", INSTALL),
     "monitorcontrol": ("the backlight ddc", INSTALL),
+    "pylsl": ("the trigger output lsl", "pip install 'evenlight[lsl]'"),
     "pyvisa": ("the power meter visa", INSTALL),
     "pyvisa_py": ("the power meter visa, unless a vendor's VISA is there", INSTALL),
 }
@@ -169,6 +170,7 @@ def list_lines(present: ConnectedDevices) -> list[str]:
         *_drivers("Luminance meters", LUMINANCE_METERS),
         *_drivers("Power meters", POWER_METERS),
         *_drivers("Backlights", BACKLIGHTS),
+        *_drivers("Trigger outputs", TRIGGERS),
         *_found("Serial ports here", [_port_line(port) for port in present.ports]),
         *_found("Backlights here", [_backlight_line(path) for path in _folders(system / "class/backlight")]),
         *_found("I2C buses here, for ddc", [_bus_line(path) for path in _folders(system / "class/i2c-dev")]),

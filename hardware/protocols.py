@@ -231,6 +231,22 @@ class PowerMeter(ContextManaged, Protocol):
         """Return what the instrument says of itself: model, serial number, firmware, settings."""
 
 
+class TriggerOutput(ContextManaged, Protocol):
+    """What tells another recorder (EEG, eye tracker, oscilloscope) that something is shown."""
+
+    def send(self, code: int, label: str) -> None:
+        """Send a trigger, a code of 1 to 255 or its label, and return at once: the next frame is to be drawn.
+
+        Raises
+        ------
+        InstrumentError
+            If the device does not take it.
+        """
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the device says of itself."""
+
+
 class ZeroedMeter(Protocol):
     """What a luminance or power meter is besides, if its zero is set by command.
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from evenlight.hardware.driver_table import (
     NO_BACKLIGHT,
     POWER_METERS,
     SIMULATED,
+    TRIGGERS,
     NamedDriver,
     named_driver,
     own_simulation,
@@ -29,6 +30,7 @@ from evenlight.hardware.protocols import (
     Pointer,
     PowerMeter,
     ResponseDevice,
+    TriggerOutput,
     Window,
 )
 from evenlight.hardware.simulated.clocks import RefreshClock
@@ -230,6 +232,28 @@ def open_swept_backlight(
     As `open_backlight`, but for the curve: a known one is not used, and none is needed.
     """
     return _open_device(rig, clock, simulation, curve_known=True)
+
+
+@contextmanager
+def opened_triggers(names: Sequence[str]) -> Iterator[dict[str, TriggerOutput]]:
+    """Yield trigger outputs, open, by their names.
+
+    Raises
+    ------
+    InputError
+        If there is no such driver, or one is named twice.
+    InstrumentError
+        If a device is not there.
+    """
+    if len(set(names)) < len(names):
+        raise InputError(f"the rig's triggers must differ, got {', '.join(names)}")
+    with ExitStack() as opened:
+        outputs: dict[str, TriggerOutput] = {}
+        for name in names:
+            named = named_driver(name, TRIGGERS, "trigger output")
+            driver = named.driver.load()
+            outputs[name] = opened.enter_context(driver() if name == SIMULATED else driver(named.address))
+        yield outputs
 
 
 def is_simulated(name: str) -> bool:

@@ -15,7 +15,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
-from evenlight.method.rate_limit import require_same_display
+from evenlight.method.rate_limit import require_known, require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -46,8 +46,10 @@ def load_rate_limit(name_or_path: str | PathLike[str]) -> RateLimit:
     return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
 
 
-def load_rate_limit_for(display: Display, name_or_path: str, other_display_ok: bool = False) -> RateLimit:
-    """Return the rate limit of a preset or a file, if it was fitted on a display.
+def load_rate_limit_for(
+    display: Display, name_or_path: str, other_display_ok: bool = False, accept_wide_band: bool = False
+) -> RateLimit:
+    """Return the rate limit of a preset or a file, if it was fitted on a display and is known well enough.
 
     Parameters
     ----------
@@ -57,11 +59,13 @@ def load_rate_limit_for(display: Display, name_or_path: str, other_display_ok: b
         Of the preset (`surace2025`) or of the json file.
     other_display_ok : bool
         Whether to accept one that was fitted on another display.
+    accept_wide_band : bool
+        Whether to accept one whose band is too wide for use.
 
     Raises
     ------
     InputError
-        If there is none of that name, or it was fitted on another display.
+        If there is none of that name, it was fitted on another display, or its band is too wide.
 
     >>> load_rate_limit_for(load_display("varjo-xr3"), "surace2025").name
     'surace2025'
@@ -69,6 +73,7 @@ def load_rate_limit_for(display: Display, name_or_path: str, other_display_ok: b
     limit = load_rate_limit(name_or_path)
     if not other_display_ok:
         require_same_display(limit, display)
+    require_known(limit, accept_wide_band)
     return limit
 
 

@@ -71,7 +71,7 @@ def _fitted(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.floa
     low, high = limit.luminance_range
     if limit.form is RateLimitForm.LOG_LOG:
         luminance, low, high = np.log(luminance), float(np.log(low)), float(np.log(high))
-    position = (2 * luminance - low - high) / (high - low)
+    position = (2 * luminance - low - high) / ((high - low) or 1.0)  # of one luminance: 0
     value = legendre.legval(position, np.asarray(limit.coefficients))
     if limit.form is RateLimitForm.RATE:
         return np.asarray(np.maximum(value, 0.0))
@@ -82,7 +82,7 @@ def _lower_edge(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.
     """Return the lower edge of the band within the measured luminances."""
     if not limit.band_luminance:
         raise InputError(
-            f"the rate limit {limit.name!r} has no band (too few points to estimate one); "
+            f"the rate limit {limit.name!r} has no band (too few points or people to estimate one); "
             f"use the fitted curve"
         )
     return np.interp(luminance, limit.band_luminance, limit.band_lower)
@@ -93,11 +93,37 @@ def require_same_display(limit: RateLimit, display: Display) -> None:
 
     Thresholds hold for the luminances, the black level and the white of the display they were measured on.
     """
-    if limit.display_fingerprint != display.fingerprint:
+    if not limit.holds_for(display):
         same_name = " of other photometry" if limit.display_name == display.name else ""
         raise InputError(
             f"the rate limit {limit.name!r} was fitted on the display {limit.display_name!r}{same_name}, "
             f"not on {display.name!r}; calibrate {display.name!r}, or accept that (other_display_ok)"
+        )
+
+
+def require_known(limit: RateLimit, accept_wide_band: bool = False) -> None:
+    """Raise `InputError` if a rate limit is known too badly for use (docs/decisions/wide-bands.md).
+
+    Parameters
+    ----------
+    limit : RateLimit
+        Without a band, it passes: nothing is known of how well it is known.
+    accept_wide_band : bool
+        Whether any width will do.
+
+    >>> band = {"band_luminance": (1.0, 9.0), "band_lower": (0.5, 0.1), "band_upper": (1.0, 1.0)}
+    >>> limit = RateLimit("r", "d", "", RateLimitForm.RATE, (0.4,), (1.0, 9.0), **band)
+    >>> require_known(limit)
+    Traceback (most recent call last):
+        ...
+    evenlight.data_schema.errors.InputError: the rate limit 'r' is not known well enough: at 9 cd/m^2 its \
+95 % pointwise band reaches from 0.1 to 1 cd/m^2/s, a ratio of 10; at most 4 is of use; measure more \
+participants, or accept that (--accept-wide-band, in Python accept_wide_band=True)
+    """
+    if limit.wide_band and not accept_wide_band:
+        raise InputError(
+            f"the rate limit {limit.name!r} is not known well enough: {limit.wide_band}; measure more "
+            "participants, or accept that (--accept-wide-band, in Python accept_wide_band=True)"
         )
 
 
@@ -161,11 +187,12 @@ def _scalar_polynomial(limit: RateLimit) -> ScalarRateLimit:
     low, high = limit.luminance_range
     if limit.form is RateLimitForm.LOG_LOG:
         low, high = math.log(low), math.log(high)
+    span = (high - low) or 1.0  # of one luminance: a constant
     logarithmic, of_rate = limit.form is RateLimitForm.LOG_LOG, limit.form is RateLimitForm.RATE
 
     def rate(luminance: float) -> float:
         place = math.log(luminance) if logarithmic else luminance
-        z, value = (2 * place - low - high) / (high - low), 0.0
+        z, value = (2 * place - low - high) / span, 0.0
         for coefficient in falling:
             value = value * z + coefficient
         return max(value, 0.0) if of_rate else math.exp(value)

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from evenlight.analysis.calibration.level_estimates import (
-    LevelEstimates,
-    PooledFit,
-    estimate_levels,
-    fit_pooled,
-)
+from evenlight.analysis.calibration.level_estimates import LevelEstimates, PooledFit, estimate_levels
+from evenlight.analysis.calibration.limit_models import Answers, LimitModels, fit_models
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import FEW_TRIALS, joint_p_value
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
 from evenlight.analysis.calibration.psychometric.signal_detection import (
@@ -24,12 +19,14 @@ from evenlight.analysis.calibration.psychometric.signal_detection import (
 )
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, ThresholdFit, fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_thresholds
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit
 from evenlight.analysis.integrity.concern import LEVEL, Concern, ConcernKind, ordered
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
+from evenlight.data_schema.threshold import ThresholdFlag
 
 CLEAR_P = 0.01  # drifts and misfits of a participant that come by chance less often are reported
 NO_CATCH_TRIALS = "there are no catch trials: the prior, not the data, sets the false-alarm rate"
@@ -62,12 +59,10 @@ class Calibration:
 
     Attributes
     ----------
-    data, thresholds, rate_limit : RampData, tuple of ThresholdFit, RateLimitFit
-        The trials; a threshold per participant and level; the population's curve.
+    data, thresholds, models : RampData, tuple of ThresholdFit, LimitModels
+        The trials; a threshold per participant and level; the population's curve by each model.
     criteria : dict of str to Criterion
         How readily each participant says "yes"; without those who had no catch trials.
-    pooled : PooledFit or None
-        The paper's way; None if too few levels allow it.
     levels : tuple of LevelEstimates
         The population's threshold at each level, estimated in three ways.
     interval_biases : dict of str to IntervalBias
@@ -81,8 +76,7 @@ class Calibration:
     data: RampData
     thresholds: tuple[ThresholdFit, ...]
     criteria: dict[str, Criterion]
-    rate_limit: RateLimitFit
-    pooled: PooledFit | None
+    models: LimitModels
     levels: tuple[LevelEstimates, ...] = ()
     interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
     procedure: Procedure = Procedure.YES_NO
@@ -93,13 +87,26 @@ class Calibration:
         return f"<Calibration of {who} participants: {n} thresholds, {self.procedure.value}>"
 
     @property
+    def rate_limit(self) -> RateLimitFit:
+        """The population's curve, of the model that was chosen."""
+        return self.models.fit
+
+    @property
+    def pooled(self) -> PooledFit | None:
+        """The paper's way; None if too few levels allow it."""
+        return self.models.pooled
+
+    @property
     def participants(self) -> dict[str, ParticipantSummary]:
         """How consistently each participant answered."""
         return _participants(self.thresholds)
 
     @property
     def excluded_participants(self) -> dict[str, str]:
-        """Participants of whom no threshold went into the rate limit, and why."""
+        """Participants of whom no answer went into the rate limit, and why."""
+        joint = self.models.joint
+        if self.models.chosen is RateLimitModel.JOINT and joint is not None:
+            return dict.fromkeys(joint.left_out, ThresholdFlag.FALSE_ALARMS.value)
         flags: dict[str, set[str]] = {}
         usable = set()
         for fit in self.thresholds:
@@ -115,6 +122,7 @@ class Calibration:
         catches = (NO_CATCH_TRIALS,) if asked and not self.criteria else ()
         said = (
             tuple(concern.words for concern in self.concerns)
+            + self.models.first_notes
             + self.data.warnings
             + catches
             + false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds))
@@ -139,14 +147,14 @@ def calibrate(
     data : RampData
         The trials.
     options : RateLimitOptions, optional
-        Form and degree of the rate limit.
+        Model, form and degree of the rate limit.
     report : callable, optional
-        Called with the psychometric fits done and their total.
+        Called with what is done and the total: of the psychometric fits, then of the joint model's stages.
 
     Raises
     ------
     InputError
-        If the thresholds that can be used lie at too few luminances.
+        If the chosen model cannot be fitted, for instance to so few luminances.
     """
     options = options or RateLimitOptions()
     data, concerns = checked(data)
@@ -155,22 +163,12 @@ def calibrate(
     if not data.order_known:
         thresholds = tuple(fit.without_drift for fit in thresholds)
     concerns = ordered((*concerns, *_drifts(_participants(thresholds))))
-    limit = fit_thresholds([fit.threshold for fit in thresholds], data.display, options, "calibration")
-    reference = limit.reference
-    if reference is not None:
-        options = dataclasses.replace(
-            options, direction=reference.direction, ramp_duration=reference.ramp_duration
-        )
-    try:
-        pooled = fit_pooled(trials, data.display, options)
-    except InputError:
-        pooled = None  # the pooled answers of a level can be all alike; the summary says that it is missing
+    answers = Answers(trials, [fit.threshold for fit in thresholds], data.display)
     return Calibration(
         data=data,
         thresholds=thresholds,
         criteria={who: criterion_of(*counts) for who, counts in catch_counts(trials).items()},
-        rate_limit=limit,
-        pooled=pooled,
+        models=fit_models(answers, options, report),
         levels=estimate_levels(thresholds),
         interval_biases=interval_biases(trials),
         procedure=procedure,

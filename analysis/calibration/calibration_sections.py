@@ -1,4 +1,4 @@
-"""The sections of the report on a calibration: who answered what, which thresholds, which rate limit."""
+"""The sections of the report on a calibration: who answered what, which thresholds came out."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.level_estimates import LevelEstimates, difference_in_words, mean_ratios
+from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table, probability
 from evenlight.analysis.report_prose import prose
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.analysis.wording import sentence
+from evenlight.data_schema.rate_limit import RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
-
-LIMIT_ROWS = 7  # luminances at which the rate limit is listed
 
 
 def calibration_section(calibration: Calibration, psychometric_png: bytes) -> Section:
@@ -65,11 +65,14 @@ def _level_table(thresholds: Sequence[Threshold]) -> Table:
     """Return the thresholds of each level, over participants."""
     rows: list[tuple[Cell, ...]] = []
     several = len(conditions_of(thresholds)) > 1
-    found = {(condition_of(t), t.screen, t.factor, t.luminance) for t in thresholds}
+    keys = [
+        (condition_of(t), t.screen, t.factor, luminance)
+        for t, luminance in zip(thresholds, joined_luminances(thresholds), strict=True)
+    ]
     order = {condition: place for place, condition in enumerate(conditions_of(thresholds))}
-    for key in sorted(found, key=lambda key: (order[key[0]], key[3], key[1])):
+    for key in sorted(set(keys), key=lambda key: (order[key[0]], key[3], key[1])):
         condition, screen, factor, luminance = key
-        own = [t for t in thresholds if (condition_of(t), t.screen, t.factor, t.luminance) == key]
+        own = [t for t, other in zip(thresholds, keys, strict=True) if other == key]
         used = [t for t in own if t.flag not in UNUSABLE]
         mean, low, high = level_means(used)[0][1:] if used else (None, None, None)
         interval = None if low is None or high is None else f"{low:.3g} to {high:.3g}"
@@ -93,20 +96,14 @@ def _flags(thresholds: Sequence[Threshold]) -> str:
 
 def _participant_table(calibration: Calibration) -> Table:
     """Return each participant's sensitivity, criterion, drift and flags."""
-    fit, thresholds = calibration.rate_limit, [fit.threshold for fit in calibration.thresholds]
-    two = _two_interval(thresholds)
+    thresholds = [fit.threshold for fit in calibration.thresholds]
+    two, joint = _two_interval(thresholds), calibration.models.chosen is RateLimitModel.JOINT
     rows: list[tuple[Cell, ...]] = []
     for who in calibration.data.participant_ids:
         own = [t for t in thresholds if t.participant_id == who]
         if not own:
             continue  # a warning of the calibration names them
         used = [t for t in own if t.flag not in UNUSABLE]
-        ratios = [
-            t.threshold / float(rate_limit_at(fit.limit, t.luminance))
-            for t in used
-            if fit.reference in (None, condition_of(t))
-        ]
-        ratio = float(np.exp(np.mean(np.log(ratios)))) if ratios else None
         any_own, fit_p = own[0], calibration.participants[who].deviance_p
         bias: tuple[Cell, ...] = (_two_places(any_own.criterion),)
         if not two:
@@ -115,16 +112,29 @@ def _participant_table(calibration: Calibration) -> Table:
             bias = (percent, *bias, _two_places(any_own.d_prime))
         rows.append(
             (
-                who, f"{len(used)} of {len(own)}", ratio, *bias, _drift(any_own),
+                who, f"{len(used)} of {len(own)}", _ratio(calibration, who), *bias, _drift(any_own),
                 None if fit_p is None else probability(fit_p), _flags(own),
             )
         )  # fmt: skip
     columns = ("bias",) if two else ("false alarms", "criterion", "d′ at threshold")
     return Table(
-        prose("fit_participants", two=two)[0],
-        ("participant", "thresholds used", "threshold / limit", *columns, "drift", "fit p", "flags"),
+        prose("fit_participants", two=two, joint=joint)[0],
+        ("participant", "own thresholds", "threshold / limit", *columns, "drift", "fit p", "flags"),
         tuple(rows),
     )
+
+
+def _ratio(calibration: Calibration, who: str) -> Cell:
+    """Return a participant's thresholds as a multiple of the limit; with its interval by the joint model."""
+    fit, joint = calibration.rate_limit, calibration.models.joint
+    if calibration.models.chosen is RateLimitModel.JOINT and joint is not None:
+        people = {person.participant_id: person for person in joint.participants}
+        own = people.get(who)
+        return f"{own.factor:.2f} ({own.ci_low:.2f} to {own.ci_high:.2f})" if own else None
+    ratios = [
+        t.threshold / float(rate_limit_at(fit.limit, t.luminance)) for t in fit.own if t.participant_id == who
+    ]
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else None
 
 
 def _drift(threshold: Threshold) -> str | None:
@@ -137,93 +147,6 @@ def _drift(threshold: Threshold) -> str | None:
 def _two_places(value: float | None) -> str | None:
     """Return a number with two decimals."""
     return None if value is None else f"{value:.2f}"
-
-
-def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, published: bool = True) -> Section:
-    """Return the fitted rate limit, what it rests on, and what was left out.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        What was fitted.
-    rate_limit_png : bytes
-        Its `rate_limit_figure`.
-    published : bool
-        Whether the figure shows the published rate limit too.
-    """
-    fit = calibration.rate_limit
-    said = {f"{_sentence(effect.in_words)}." for effect in fit.effects}
-    ln_sd = None if fit.limit.form is RateLimitForm.RATE else fit.participant_sd
-    text = prose(
-        "fit_rate_limit",
-        fit=fit,
-        total=len(calibration.thresholds),
-        ends=[short(end) for end in fit.limit.luminance_range],
-        effects=[_sentence(effect.in_words.replace(" x ", " × ")) for effect in fit.effects],
-        people_differ=None if ln_sd is None else float(np.exp(ln_sd)),
-        excluded=calibration.excluded_participants,
-    )
-    caption = prose(
-        "fit_rate_limit_caption",
-        limit=fit.limit,
-        published=published,
-        simulated=calibration.data.simulated,
-        two=calibration.procedure is Procedure.TWO_INTERVAL,
-    )
-    return Section(
-        "Rate limit",
-        text,
-        (_limit_table(fit.limit),) + ((_effect_table(calibration),) if fit.effects else ()),
-        (Picture(rate_limit_png, caption[0]),),
-        tuple(note.replace("cd/m^2", "cd/m²") for note in fit.notes if note not in said),
-        calibration.data.simulated,
-    )
-
-
-def _sentence(words: str) -> str:
-    """Return words that begin with a capital letter."""
-    return words[:1].upper() + words[1:]
-
-
-def _effect_table(calibration: Calibration) -> Table:
-    """Return the other conditions as ratios to the reference."""
-    rows: list[tuple[Cell, ...]] = [
-        (
-            effect.condition.words,
-            f"{effect.ratio:.2f}",
-            f"{effect.ci_low:.2f} to {effect.ci_high:.2f}",
-            "1.00",
-            f"{effect.ratio_of_equal_amounts:.2f}",
-        )
-        for effect in calibration.rate_limit.effects
-    ]
-    return Table(
-        "Thresholds of other ramps as a multiple of those that the limit is for.",
-        ("ramps", "ratio", "95 % confidence interval", "if the rate decides", "if the amount does"),
-        tuple(rows),
-    )
-
-
-def _limit_table(limit: RateLimit) -> Table:
-    """Return the limit at some luminances."""
-    luminance = np.linspace(*limit.luminance_range, LIMIT_ROWS)
-    rows: list[tuple[Cell, ...]] = []
-    for L, rate in zip(luminance.tolist(), rate_limit_at(limit, luminance).tolist(), strict=True):
-        band = None
-        if limit.band_luminance:
-            ends = (np.interp(L, limit.band_luminance, edge) for edge in (limit.band_lower, limit.band_upper))
-            band = " to ".join(f"{end:.3g}" for end in ends)
-        rows.append((L, rate, band, 100 * rate / L))
-    return Table(
-        "The rate limit at some luminances.",
-        (
-            "luminance [cd/m²]",
-            "limit [cd/m²/s]",
-            f"{100 * limit.band_level:g} % pointwise band",
-            "limit [%/s]",
-        ),
-        tuple(rows),
-    )
 
 
 def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Section:
@@ -258,7 +181,7 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
         "fit_population",
         two=any(estimates.level.procedure is Procedure.TWO_INTERVAL for estimates in levels),
         pooled_lies_below=pooled is not None and pooled < 1,
-        found=_sentence(difference_in_words(levels) or ""),
+        found=sentence(difference_in_words(levels) or ""),
     )
     return Section("The population's threshold", text, (table,), (), (), simulated)
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,11 +13,10 @@ from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
-    rate_limit_section,
     thresholds_section,
 )
 from evenlight.analysis.calibration.choices.choice_on_clip import ClipComparison
-from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
+from evenlight.analysis.calibration.choices.limit_choices import SAFE, LimitChoices
 from evenlight.analysis.calibration.choices.limit_choices_figure import limit_choices_figure
 from evenlight.analysis.calibration.choices.limit_choices_report import (
     FIGURE,
@@ -29,18 +26,19 @@ from evenlight.analysis.calibration.choices.limit_choices_report import (
     TABLE,
     choices_section,
 )
-from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
+from evenlight.analysis.calibration.fit_summary import summary_of
+from evenlight.analysis.calibration.limit_models import FEW_LEVELS
 from evenlight.analysis.calibration.psychometric.psychometric_figure import psychometric_figure
-from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect, condition_of
+from evenlight.analysis.calibration.rate_limit.conditions import condition_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import rate_limit_figure
+from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.figure_style import PAGE, FigureFormat, short, write_png
 from evenlight.analysis.integrity.concern import cautious
 from evenlight.analysis.report import Report, Section, write_report
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
-from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitModel
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json, write_json_record
 from evenlight.data_schema.threshold import Threshold
@@ -56,7 +54,6 @@ FILES = {
     f"{TABLE}, {SUMMARY}": "the curves that could be chosen, compared",
     f"psychometric.png, rate_limit.png, {FIGURE}": "the figures of this page",
 }
-COMPARED_AT = 201  # luminances at which two curves are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +79,7 @@ class FitResults:
 def write_fit_report(folder: Path, results: FitResults) -> None:
     """Write `report.html` and `limit_choices.png` beside the figures of the calibration."""
     fit = results.calibration.rate_limit
-    own = [t for t in fit.used if fit.reference in (None, condition_of(t))]  # those the curve runs through
-    figure = limit_choices_figure(results.choices, own, results.comparison)
+    figure = limit_choices_figure(results.choices, fit.own, results.comparison)
     write_png(folder / FIGURE, figure)
     pictures = {name: (folder / name).read_bytes() for name in ("psychometric.png", "rate_limit.png", FIGURE)}
     write_report(folder / REPORT, fit_report(results, pictures))
@@ -118,33 +114,54 @@ def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
                     "fit": results.origin,
                 }
             ),
-            files_section(FILES),
+            files_section({name: what for name, what in FILES.items() if name not in _unwritten(results)}),
         ),
     )
 
 
+def _unwritten(results: FitResults) -> tuple[str, ...]:
+    """Return the files that this calibration does not have."""
+    if results.choices.fitted.limit.wide_band:
+        return SAFE_LIMIT, LOG_LOG_LIMIT
+    return () if results.choices.named(SAFE) else (SAFE_LIMIT,)
+
+
 def _lead(results: FitResults) -> str:
-    """Return what came out, in two sentences."""
-    limit = results.calibration.rate_limit.limit
-    width = None
-    if limit.band_luminance:
-        widths = np.log(np.array(limit.band_upper) / np.maximum(limit.band_lower, 1e-300)) / 2
-        width = 100 * float(np.expm1(np.median(widths)))
+    """Return what came out, for whom and how sure, in a few sentences."""
+    calibration, models = results.calibration, results.calibration.models
+    limit, width = calibration.rate_limit.limit, 0.0
+    if limit.band_luminance and not limit.wide_band:
+        width = 100 * float(np.expm1(np.median(np.log(np.divide(limit.band_upper, limit.band_lower))) / 2))
     words = prose(
         "fit_lead",
         limit=limit,
-        ends=[(short(float(rate_limit_at(limit, L))), short(L)) for L in limit.luminance_range],
+        ends=[(short(float(rate_limit_at(limit, L))), short(L)) for L in sorted({*limit.luminance_range})],
+        known="known as a whole" if limit.band_kind is BandKind.SIMULTANEOUS else "known",
         width=width,
-        falls=results.choices.fitted.falling,
+        simulated=calibration.data.simulated,
+        source=_source(calibration),
+        few=FEW_LEVELS.get(models.levels, ""),
+        falls=calibration.rate_limit.falling,
         comparison=results.comparison,
         gains=[100 * outcome.gain for outcome in results.comparison.outcomes] if results.comparison else (),
     )
     return cautious(results.calibration.concerns, words[0].replace(" %", "\u00a0%"))
 
 
+def _source(calibration: Calibration) -> str:
+    """Return whose answers the limit rests on, and by which model."""
+    people, joint = len(calibration.data.participant_ids), calibration.models.joint
+    if calibration.models.chosen is RateLimitModel.JOINT and joint is not None:
+        n = len(joint.participants)
+        return f"all {joint.n_trials} answers of {n} participant{'s' * (n > 1)} at once (joint model)"
+    if calibration.models.chosen is RateLimitModel.POOLED:
+        return f"the answers of {people} participants pooled, as if of one person (pooled model)"
+    return f"{len(calibration.rate_limit.used)} thresholds of {people} participants (individual model)"
+
+
 def _warnings(calibration: Calibration) -> tuple[Section, ...]:
     """Return a section of what to be warned of that no other section says; none if there is nothing."""
-    said = {*calibration.data.warnings, *calibration.rate_limit.notes}
+    said = {*calibration.data.warnings, *calibration.rate_limit.notes, *calibration.models.first_notes}
     others = tuple(warning for warning in calibration.warnings if warning not in said)
     if not others:
         return ()
@@ -164,90 +181,10 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
         simulated=calibration.data.simulated,
         source=f"ramp calibration with {participants} {kind}: {fitted.task_in_words}",
         provenance=provenance,
+        display_fingerprints=calibration.data.display_fingerprints,
     )
     write_json_record(folder / "rate_limit.json", limit)
     write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
-
-
-def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, Any]:
-    """Return the content of `fit_summary.json`."""
-    curve, roll = calibration.rate_limit, calibration.data.roll
-    return {
-        "simulated": calibration.data.simulated,
-        "n_participants": len(calibration.data.participant_ids),
-        "n_trials": len(calibration.data.trials),
-        "n_thresholds": len(calibration.thresholds),
-        "n_thresholds_used": len(curve.used),
-        "excluded_participants": calibration.excluded_participants,
-        "flags": Counter(flag for fit in calibration.thresholds if (flag := fit.threshold.flag.value)),
-        "participant_sd_ln": curve.participant_sd,
-        "residual_sd_ln": curve.residual_sd,
-        "form": curve.limit.form.value,
-        "degree": len(curve.limit.coefficients) - 1,
-        "residual_df": curve.residual_df,
-        "condition_number": curve.limit.condition_number,
-        "monotone": curve.monotone,
-        "falling_cd_m2": [list(stretch) for stretch in curve.falling],
-        "pooled": pooled_comparison(calibration),
-        "levels": [level_mapping(level) for level in calibration.levels],
-        "levels_in_words": difference_in_words(calibration.levels),
-        "pooled_ratio_mean": mean_ratios(calibration.levels)[0],
-        "mean_of_fits_ratio_mean": mean_ratios(calibration.levels)[1],
-        "reference": None if curve.reference is None else _condition(curve.reference),
-        "condition_effects": [_effect(effect) for effect in curve.effects],
-        "procedure": calibration.procedure.value,
-        "participants": {who: mapping_from_record(p) for who, p in calibration.participants.items()},
-        "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
-        "interval_biases": {who: mapping_from_record(b) for who, b in calibration.interval_biases.items()},
-        "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],
-        "roll": mapping_from_record(roll) if roll else None,
-        "provenance": mapping_from_record(provenance),
-    }
-
-
-def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
-    """Return how far the pooled curve lies from the population's, as ratios; None if one is missing or 0."""
-    pooled = calibration.pooled
-    if pooled is None:
-        return None
-    ours, theirs = calibration.rate_limit.limit, pooled.curve.limit
-    low = max(ours.luminance_range[0], theirs.luminance_range[0])
-    high = min(ours.luminance_range[1], theirs.luminance_range[1])
-    luminance = np.linspace(low, high, COMPARED_AT)
-    pooled_rate, own_rate = rate_limit_at(theirs, luminance), rate_limit_at(ours, luminance)
-    if min(pooled_rate.min(), own_rate.min()) <= 0:  # a polynomial of the rate can fall so far: no ratio
-        return None
-    ratio = pooled_rate / own_rate
-    mean = float(np.exp(np.mean(np.log(ratio))))
-    return {
-        "luminance_cd_m2": pooled.luminance.tolist(),
-        "threshold_cd_m2_s": pooled.threshold.tolist(),
-        "coefficients": list(theirs.coefficients),
-        "monotone": pooled.curve.monotone,
-        "levels_left_out": pooled.left_out,
-        "ratio_to_population_mean": mean,
-        "ratio_to_population_min": float(ratio.min()),
-        "ratio_to_population_max": float(ratio.max()),
-        "in_words": f"the pooled curve lies {abs(mean - 1):.1%} {'above' if mean > 1 else 'below'} the "
-        "population's on average, in which each participant has a threshold of their own",
-    }
-
-
-def _condition(condition: Condition) -> dict[str, Any]:
-    """Return a condition as an entry."""
-    return {"direction": condition.direction.value, "ramp_duration_s": condition.ramp_duration}
-
-
-def _effect(effect: ConditionEffect) -> dict[str, Any]:
-    """Return the effect of a condition as an entry."""
-    return {
-        **_condition(effect.condition),
-        "ratio": effect.ratio,
-        "ci_low": effect.ci_low,
-        "ci_high": effect.ci_high,
-        "ratio_of_equal_amounts": effect.ratio_of_equal_amounts,
-        "in_words": effect.in_words,
-    }
 
 
 def write_figures(
@@ -276,8 +213,15 @@ def calibration_figures(
     limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
     return {
         "psychometric.png": psychometric_figure(calibration.thresholds, simulated, medium),
-        "rate_limit.png": rate_limit_figure(limit, drawn_thresholds(calibration), compared, medium),
+        "rate_limit.png": rate_limit_figure(
+            limit, drawn_thresholds(calibration), compared, medium, _beside(calibration)
+        ),
     }
+
+
+def _beside(calibration: Calibration) -> dict[str, RateLimit]:
+    """Return the other models' curves by what they are called."""
+    return {f"{model.value} model": fit.limit for model, fit in calibration.models.others.items()}
 
 
 def drawn_thresholds(calibration: Calibration) -> list[Threshold]:

@@ -9,6 +9,7 @@ psychometric function by the differences between participants, which moves its 7
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampCounts,
     RampLevelKey,
     group_by_level,
+    joined_levels,
     level_of_threshold,
     level_order,
     ramp_counts,
@@ -100,24 +102,37 @@ def estimate_levels(fits: Iterable[ThresholdFit]) -> tuple[LevelEstimates, ...]:
     fits : iterable of ThresholdFit
         One per participant and level.
     """
+    fits = tuple(fits)
+    joined = joined_levels(level_of_threshold(fit.threshold) for fit in fits)
     levels: dict[RampLevelKey, list[ThresholdFit]] = {}
     for fit in fits:
-        levels.setdefault(level_of_threshold(fit.threshold), []).append(fit)
+        levels.setdefault(joined[level_of_threshold(fit.threshold)], []).append(fit)
     return tuple(_estimates(level, levels[level]) for level in sorted(levels, key=level_order))
 
 
 def _estimates(level: RampLevelKey, fits: Sequence[ThresholdFit]) -> LevelEstimates:
     """Return the estimates of one level."""
     usable = [fit.threshold.threshold for fit in fits if fit.threshold.flag not in UNUSABLE]
-    honest = [fit.fit.counts for fit in fits if fit.threshold.flag is not ThresholdFlag.FALSE_ALARMS]
+    honest: dict[str, list[RampCounts]] = {}
+    for fit in fits:
+        if fit.threshold.flag is not ThresholdFlag.FALSE_ALARMS:
+            honest.setdefault(fit.threshold.participant_id, []).append(fit.fit.counts)
     return LevelEstimates(
         level=level,
-        random=fit_random_threshold(honest),
+        random=fit_random_threshold([_own_counts(counts) for counts in honest.values()]),
         pooled=logistic_threshold(pooled_counts([fit.fit.counts for fit in fits])),
         mean_of_fits=float(np.exp(np.mean(np.log(usable)))) if usable else None,
-        n_participants=len(fits),
+        n_participants=len({fit.threshold.participant_id for fit in fits}),
         n_usable=len(usable),
     )
+
+
+def _own_counts(counts: Sequence[RampCounts]) -> RampCounts:
+    """Return one participant's answers at a level, under however many calibrations of the display."""
+    if len(counts) == 1:
+        return counts[0]
+    yes, trials = counts[0].catch_yes, counts[0].catch_trials  # the participant's, at all levels
+    return dataclasses.replace(pooled_counts(counts), catch_yes=yes, catch_trials=trials)
 
 
 def pooled_counts(participants: Sequence[RampCounts]) -> RampCounts:

@@ -8,13 +8,14 @@ from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
-    rate_limit_section,
     thresholds_section,
 )
 from evenlight.analysis.calibration.fit_report import calibration_figures, drawn_thresholds
 from evenlight.analysis.calibration.level_estimates import LevelEstimates
+from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
+from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.findings import Drawing, Findings
 from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
@@ -50,7 +51,7 @@ def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -
             _answer_points(calibration, origin),
         ),
         Drawing(
-            "rate_limit", limit, "The rate limit with its pointwise band, and the thresholds behind it.",
+            "rate_limit", limit, "The rate limit with its band, and the thresholds behind it.",
             (*_limit_points(calibration, origin), *(_compared_points(compared) if compared else ())),
         ),
     )  # fmt: skip
@@ -115,7 +116,9 @@ def _limit_rows(calibration: Calibration, origin: Origin) -> tuple[Statistic, ..
     limit = calibration.rate_limit.limit
     luminances = sorted({t.luminance for t in drawn_thresholds(calibration)})
     n = len({fit.threshold.participant_id for fit in calibration.thresholds})
-    how = f"degree {len(limit.coefficients) - 1}, {limit.form.value}; {limit.task_in_words}"
+    how = (
+        f"degree {len(limit.coefficients) - 1}, {limit.form.value}; {limit.band_words}; {limit.task_in_words}"
+    )
     rows = []
     for luminance in luminances:
         low, high = _band(limit, luminance)
@@ -154,10 +157,11 @@ def _limit_points(calibration: Calibration, origin: Origin) -> tuple[PlottedPoin
         for t in thresholds
     ]  # fmt: skip
     used = [t for t in thresholds if t.flag not in UNUSABLE]
+    places = joined_luminances(used)
     means = [
         PlottedPoint(
             "rate limit", "level mean", "", x, y, "luminance", "cd/m^2", "rate", UNIT, origin, low, high,
-            sum(t.luminance == x for t in used),
+            places.count(x),
         )
         for x, y, low, high in level_means(used)
     ]  # fmt: skip

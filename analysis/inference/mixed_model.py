@@ -66,6 +66,8 @@ def fit_mixed_model(data: GroupedEstimates) -> MixedModelFit:
     free_group = data.n_groups > 1
     free_residual = data.values.size - data.design.shape[1] - (data.n_groups - 1) > 0
     scale = max(float(np.std(data.values)), 1e-3)
+    stacked = np.column_stack([data.design, data.values])
+    membership = (data.groups[:, None] == np.arange(data.n_groups)).astype(np.float64)
 
     def sds(parameters: NDArray[np.float64]) -> tuple[float, float]:
         return (
@@ -74,24 +76,30 @@ def fit_mixed_model(data: GroupedEstimates) -> MixedModelFit:
         )
 
     def cost(parameters: NDArray[np.float64]) -> float:
-        return -_solve(data, *sds(parameters)).log_likelihood
+        return -_solve(data, (stacked, membership), *sds(parameters)).log_likelihood
 
     starts = (np.array([0.7, 0.3]), np.array([0.1, 0.7]))
     runs = [optimize.fmin(cost, start, xtol=1e-7, ftol=1e-10, maxiter=600, disp=False) for start in starts]
-    return _solve(data, *sds(min(runs, key=cost)))
+    return _solve(data, (stacked, membership), *sds(min(runs, key=cost)))
 
 
-def _solve(data: GroupedEstimates, group_sd: float, residual_sd: float) -> MixedModelFit:
+def _solve(
+    data: GroupedEstimates,
+    tables: tuple[NDArray[np.float64], NDArray[np.float64]],
+    group_sd: float,
+    residual_sd: float,
+) -> MixedModelFit:
     """Return the generalized least-squares solution and the restricted likelihood for given variances.
+
+    `tables` are (X | y), (n, k + 1), and who each value is of, (n, P): the same for all variances.
 
     V_p = diag(d) + σ_u² 11ᵀ is inverted by Sherman and Morrison: V⁻¹ = W - c_p w wᵀ with W = diag(1/d),
     w = 1/d and c_p = σ_u² / (1 + σ_u² Σ w).
     """
     weights = 1.0 / (data.standard_errors**2 + residual_sd**2)
-    stacked = np.column_stack([data.design, data.values])
-    membership = data.groups[:, None] == np.arange(data.n_groups)
+    stacked, membership = tables
     weighted = weights[:, None] * stacked
-    sums = membership.T.astype(np.float64) @ weighted
+    sums = membership.T @ weighted
     total = weights @ membership
     shrink = group_sd**2 / (1.0 + group_sd**2 * total)
     gram = stacked.T @ weighted - sums.T @ (shrink[:, None] * sums)

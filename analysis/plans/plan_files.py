@@ -64,11 +64,14 @@ def write_plan(folder: Path, plan: ramp_plan.RampPlan) -> None:
     inputs["display"] = sha256_of_record(request.display)
     write_rows(folder / TABLE, RampPlanRow, plan.rows)
     content: dict[str, Any] = {
+        "in_words": list(ramp_plan.in_words(plan)),
         "simulated": True,
+        "effort": request.effort,
+        "monte_carlo_error": ramp_plan.chance_in_words(plan),
+        "model": ramp_plan.PLANNED_MODEL,
         "precision": request.precision,
         "pool": request.pool,
         "draws": request.draws,
-        "in_words": list(ramp_plan.in_words(plan)),
         "best": {task.value: row and mapping_from_record(row) for task, row in plan.best.items()},
         "rows": [mapping_from_record(row) for row in plan.rows],
         "designs": {name: mapping_from_record(design) for name, design in request.designs.items()},

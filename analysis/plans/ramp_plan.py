@@ -9,14 +9,15 @@ they would be wrong by.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import PAPER_DEGREE, RateLimitOptions
 from evenlight.analysis.plans.ramp_plan_pool import (
     DrawSettings,
     PoolMember,
@@ -35,14 +36,21 @@ from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, RampPlanRo
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.rate_limit import RateLimitForm
 from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
 
+PLANNED_MODEL = (
+    "planned with a limit fitted to each participant's thresholds, which is faster than the joint model of "
+    "`evenlight fit`"
+)
 NOT_COMPARABLE = (
     "yes/no and two intervals measure different thresholds: the first moves with the readiness to say yes, "
     "so that fewer hours do not make it the better task"
 )
 INTERVAL = 1.96  # standard deviations: 95 %
+PAPER_SHAPE = RateLimitOptions(RateLimitForm.LN_RATE, PAPER_DEGREE)
 ASSURED = 0.8  # share of experiments whose band is to be narrow enough, for the second figure
+EFFORTS = {"quick": (12, 12), "default": (24, 20), "thorough": (80, 40)}  # simulated people; experiments
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +69,7 @@ class PlanRequest:
     pool, draws, seed : int
         Simulated participants per design, experiments drawn from them, and the seed of all random numbers.
     options : RateLimitOptions
-        How the rate limit is fitted.
+        How the rate limit is fitted: from individual thresholds, by the paper's shape unless they say so.
     """
 
     designs: dict[str, RampDesign]
@@ -69,10 +77,10 @@ class PlanRequest:
     precision: float = 0.1
     participants: tuple[int, ...] = (5, 10, 20, 40)
     trials: tuple[int, ...] = (20, 40, 60, 100)
-    pool: int = 40
-    draws: int = 30
+    pool: int = EFFORTS["default"][0]
+    draws: int = EFFORTS["default"][1]
     seed: int = 1
-    options: RateLimitOptions = field(default_factory=RateLimitOptions)
+    options: RateLimitOptions = PAPER_SHAPE
 
     def __post_init__(self) -> None:
         if not 0 < self.precision <= 2:
@@ -85,6 +93,11 @@ class PlanRequest:
                 got = ",".join(map(str, numbers)) or "none"
                 raise InputError(f"{name} must be numbers from {low} to {high}, got {got}")
         require_seed(self.seed)
+
+    @property
+    def effort(self) -> str:
+        """Which of `EFFORTS` pool and draws are; "other" if none."""
+        return {size: name for name, size in EFFORTS.items()}.get((self.pool, self.draws), "other")
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +154,7 @@ def plan_ramps(
         If a design has too few levels for the rate limit, or cannot be planned for.
     """
     for design in request.designs.values():
-        require_plannable(design, request.options.degree)
+        require_plannable(design, request.options)
     works = [
         work_of(design, request.display, request.trials, request.pool, request.seed)
         for design in request.designs.values()
@@ -182,7 +195,8 @@ def _rows(sessions: _Sessions) -> list[RampPlanRow]:
     covered = [np.abs(deviations[n]) <= drawn.half_widths for n, drawn in found.items()]
     minutes = float(np.mean([member.minutes[trials] for member in pool]))
     resampled = found.get(len(pool)) or draw_experiments(drawing, thresholds, truth, len(pool))
-    factor = float(np.exp(INTERVAL * resampling_spread(resampled)))
+    pool_error = resampling_spread(resampled)
+    factor = float(np.exp(INTERVAL * pool_error))
     low, needed, high = (
         participants_needed(spread * by, request.precision) for by in (1 / factor, 1.0, factor)
     )
@@ -202,6 +216,9 @@ def _rows(sessions: _Sessions) -> list[RampPlanRow]:
             threshold_error_ln=float(np.sqrt(np.mean(single**2))),
             half_width=_share(np.mean(drawn.half_widths)),
             half_width_assured=_share(np.quantile(drawn.half_widths.mean(axis=1), ASSURED)),
+            half_width_mc_error=math.hypot(
+                pool_error, float(np.std(np.log(drawn.standard_errors), ddof=1)) / math.sqrt(request.draws)
+            ),
             error=_share(np.sqrt(np.mean(deviations[n] ** 2))),
             bias=_share(whole.mean()),
             coverage=float(np.mean(covered)),
@@ -226,6 +243,16 @@ def in_words(plan: RampPlan) -> tuple[str, ...]:
     return (*found, NOT_COMPARABLE) if len(found) > 1 else found
 
 
+def chance_in_words(plan: RampPlan) -> str:
+    """Return how far chance in the simulation moves the figures of a plan."""
+    request = plan.request
+    error = max(row.half_width_mc_error for row in plan.rows)
+    return (
+        f"Monte Carlo error (one SD), with {request.pool} simulated participants and {request.draws} "
+        f"experiments per size: bands up to {error:.0%} of themselves, people needed up to {2 * error:.0%}"
+    )
+
+
 def _best_in_words(plan: RampPlan, procedure: Procedure) -> str:
     """Return what takes the fewest hours, for one task."""
     best, wanted = plan.best[procedure], 100 * plan.request.precision
@@ -233,7 +260,8 @@ def _best_in_words(plan: RampPlan, procedure: Procedure) -> str:
         return (
             f"{best.participants} participants x {best.trials_per_level} trials per level ({best.design}: "
             f"{best.procedure}, {best.placement}; {best.levels} levels, {best.minutes:.0f} min each) give "
-            f"ΔL(L) to {100 * best.half_width:.0f} %"
+            f"ΔL(L) to {100 * best.half_width:.0f} %; {wanted:g} % takes {best.participants_needed_in_words} "
+            f"participants"
         )
     own = [row for row in plan.rows if row.procedure == procedure.value]
     able = [row for row in own if row.hours_needed is not None]

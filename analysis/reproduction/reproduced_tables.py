@@ -261,7 +261,7 @@ def slope_findings(calibration: Findings, limit: RateLimit) -> Findings:
             "published [cd/m²/s]",
             "[%/s]",
             f"{kind} [cd/m²/s]",
-            "95 % pointwise band",
+            limit.band_words,
             "[%/s]",
         ),
         tuple(lines),

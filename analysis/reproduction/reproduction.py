@@ -252,7 +252,7 @@ def _display(plan: ReproductionPlan, limit: RateLimit) -> Display:
         If it is another one than the plan names.
     """
     display = load_display(plan.display)
-    if limit.display_fingerprint != display.fingerprint:
+    if not limit.holds_for(display):
         raise InputError(
             f"the recorded calibration ran on the display {limit.display_name!r}, not on {display.name!r}; "
             "name that display, or give its file"

@@ -9,10 +9,10 @@ from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
-    rate_limit_section,
 )
 from evenlight.analysis.calibration.fit_report import write_calibration, write_figures
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.integrity.concern import cautious
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import Report, write_report
@@ -65,7 +65,8 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     write_calibration(calibration, fitted, origin)
     write_figures(calibration, fitted, load_rate_limit("surace2025"))
     # The optimizer reads the file that the fit wrote, as it would on another day.
-    limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"))
+    # However few the participants: it is a demonstration, and its report says how well the limit is known.
+    limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"), accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
     summary = run_optimization(OptimizationJob(source, data.display, request, quiet=quiet), folder / TRACK)
     write_report(folder / REPORT, _report(calibration, summary, origin, folder))

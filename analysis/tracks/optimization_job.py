@@ -187,6 +187,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         provenance=provenance_of(job, clips),
         rate_limit_procedure=request.rate_limit.procedure,
         pixels_per_degree=curves.display.pixels_per_degree,
+        wide_band_accepted=bool(request.rate_limit.wide_band),
     )
 
 

@@ -22,9 +22,15 @@ from evenlight.data_schema.recordings.dataset_layout import (
     SWEEPS,
     TRIALS,
 )
+from evenlight.data_schema.recordings.display_calibrations import (
+    calibrations_in_words,
+    ramp_sessions,
+    why_apart,
+)
 from evenlight.data_schema.recordings.roll_call import (
     SESSION,
     SUBJECT,
+    RollCall,
     SessionUse,
     call_roll,
     folders_named,
@@ -59,7 +65,9 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
                 if isinstance(checked.record, SessionManifest):
                     simulated[folder.name] = checked.record.simulated
                 yield checked
-    yield from _check_roll(dataset)
+    roll = call_roll(dataset)
+    yield from _check_roll(dataset, roll)
+    yield from _check_displays(dataset, roll)
     sweeps = sorted(path for path in (dataset / SWEEPS).glob("*") if path.is_dir())
     for sweep in sweeps:
         yield from check_sweep(sweep)
@@ -69,9 +77,9 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
         yield check_column_descriptions(columns.with_suffix(".json"), ["participant_id"])
 
 
-def _check_roll(dataset: Path) -> Iterator[CheckedFile]:
+def _check_roll(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
     """Yield the sessions that no reader takes until they are put right, or that are not known here."""
-    for entry in call_roll(dataset).sessions:
+    for entry in roll.sessions:
         folder = dataset / entry.folder
         if entry.use is SessionUse.WRONG:
             yield CheckedFile.blamed(folder, "session", entry.why)
@@ -79,6 +87,15 @@ def _check_roll(dataset: Path) -> Iterator[CheckedFile]:
             yield CheckedFile(folder, "session", notes=[f"{folder}: it is left out: {entry.why}"])
         elif leads_out(folder / TRIALS, dataset):
             yield CheckedFile(folder, "session", notes=[f"{folder}: it is a link out of the data set"])
+
+
+def _check_displays(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
+    """Yield whether ramps on several displays, or calibrations of one, can be fitted together."""
+    sessions = ramp_sessions(dataset, roll)
+    if why := why_apart(sessions):
+        yield CheckedFile.blamed(dataset, "displays of ramp sessions", why)
+    elif said := calibrations_in_words(sessions):
+        yield CheckedFile(dataset, "displays of ramp sessions", notes=[f"{dataset}: {said}"])
 
 
 def _check_description(dataset: Path) -> CheckedFile:

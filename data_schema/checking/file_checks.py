@@ -21,6 +21,7 @@ from evenlight.data_schema.mapping import (
     unknown_key,
 )
 from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.record_kinds import KINDS, FileFormat, RecordKind
 from evenlight.data_schema.storage.tables import columns_of, csv_rows, optional_columns, plain_cell
 from evenlight.data_schema.storage.text_files import (
@@ -108,6 +109,8 @@ def check_file(path: Path, kind: RecordKind) -> CheckedFile:
         check(checked, kind)
     except InputError as error:
         checked.problems.append(str(error))
+    if isinstance(checked.record, RateLimit) and checked.record.wide_band:
+        checked.notes.append(f"{path}: {checked.record.wide_band}; refused without --accept-wide-band")
     return checked
 
 

@@ -36,6 +36,13 @@ class Direction(enum.Enum):
     UP = "up"
 
 
+class IntervalGap(enum.Enum):
+    """What is seen before, between and after two intervals (docs/decisions/interval-gap.md)."""
+
+    RANDOM_STEPS = "random_steps"  # two luminances drawn at random, with abrupt steps to and from them
+    STEADY = "steady"  # the luminance at which the last interval ended, without any step
+
+
 class Response(enum.Enum):
     """The answer to "did the brightness change?", or to "in which interval did it?"."""
 
@@ -114,9 +121,17 @@ class RampDesign:
     hold_duration: float = quantity("s", "constant luminance after the ramp", minimum=0.0, default=1.0)
     interval_gap: float = quantity(
         "s",
-        "time before each of two intervals and after them, at luminances drawn at random",
+        "time before each of two intervals and after them",
         minimum=0.1,
         default=0.5,
+    )
+    interval_gap_kind: IntervalGap = described(
+        "what is seen then: luminances drawn at random, or the one at which the last interval ended",
+        default=IntervalGap.RANDOM_STEPS,
+    )
+    fixation_mark: bool = described(
+        "true if intervals have a small mark in the middle, by a fixed share darker than the field",
+        default=False,
     )
     pause_duration: float = quantity(
         "s",
@@ -125,10 +140,26 @@ class RampDesign:
         default=1.0,
     )
     practice_trials: int = quantity(
-        "1", "practice trials before the session; left out of the analysis", minimum=0, default=6
+        "1", "practice trials in a round before the session; left out of the analysis", minimum=0, default=6
+    )
+    practice_correct: int = quantity(
+        "1",
+        "right answers that a round of practice needs, its ramps going from the fastest down to near "
+        "threshold; 0 for one round of the fastest, whatever the answers",
+        minimum=0,
+        default=0,
+    )
+    practice_rounds: int = quantity(
+        "1", "rounds of practice at most, while too few answers are right", minimum=1, default=3
     )
     trials_between_breaks: int = quantity(
         "1", "trials between two breaks; 0 for no breaks", minimum=0, default=60
+    )
+    minutes_between_breaks: float = quantity(
+        "min",
+        "time after which a break comes before as many trials are done; 0 for none",
+        minimum=0.0,
+        default=0.0,
     )
     max_dropped_frames: int = quantity(
         "1", "a trial with more dropped frames is flagged", minimum=0, default=3
@@ -147,6 +178,11 @@ class RampDesign:
             raise ValueError(
                 f"white_pixel_value must be above gray_pixel_value, got {self.white_pixel_value:g} and "
                 f"{self.gray_pixel_value:g}"
+            )
+        if self.practice_correct > self.practice_trials:
+            raise ValueError(
+                f"practice_correct must be at most practice_trials, {self.practice_trials}, got "
+                f"{self.practice_correct}"
             )
         for duration in self.ramp_durations if Direction.DOWN in self.directions else ():
             fastest = max(self.rates_of(duration))
@@ -278,7 +314,7 @@ class RampTrial(Trial):
 
 
 def session_minutes(design: RampDesign, n_trials: int) -> float:
-    """Return how long a participant takes [min]: instructions, practice, trials, breaks.
+    """Return how long a participant takes [min]: instructions, one round of practice, trials, breaks.
 
     Parameters
     ----------
@@ -290,8 +326,12 @@ def session_minutes(design: RampDesign, n_trials: int) -> float:
     >>> design = RampDesign(practice_trials=4, trials_between_breaks=30)
     >>> round(session_minutes(design, 60), 2)  # 64 trials of 9.5 s, one break, and 3 minutes before
     14.13
+    >>> often = RampDesign(practice_trials=4, trials_between_breaks=30, minutes_between_breaks=3.0)
+    >>> round(session_minutes(often, 60), 2)  # a break after every 19 trials: three
+    16.13
     """
-    between = design.trials_between_breaks
+    by_time = math.ceil(design.minutes_between_breaks * 60 / trial_seconds(design))
+    between = min(filter(None, (design.trials_between_breaks, by_time)), default=0)
     breaks = max(math.ceil(n_trials / between) - 1, 0) if between else 0
     trials = (n_trials + design.practice_trials) * trial_seconds(design)
     return (INSTRUCTION_TIME + trials + breaks * BREAK_TIME) / 60

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 from evenlight.data_schema.quantities import check_limits, described, quantity
 
-# Names of keys as PsychoPy has them; a name that no key has would never be answered with.
+# What is printed on a key, in lower case, or its name as PsychoPy has it; a name that no key has would never
+# be answered with.
 KEY = (
-    "^([a-z0-9]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
+    "^([^\\s,.=-]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
     "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
 )
 METER = "^(none|simulated|manual|[a-z0-9]+:.*)$"  # an instrument: its driver and address
+TRIGGER = "^(simulated|(serial|rts|dtr|lsl):.+)$"  # what takes triggers: its driver and address
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
@@ -31,9 +33,46 @@ class Actuator(enum.Enum):
     BACKLIGHT = "backlight"
 
 
+class Corner(enum.Enum):
+    """A corner of the window."""
+
+    TOP_LEFT = "top_left"
+    TOP_RIGHT = "top_right"
+    BOTTOM_LEFT = "bottom_left"
+    BOTTOM_RIGHT = "bottom_right"
+
+
+@dataclass(frozen=True, slots=True)
+class PhotodiodePatch:
+    """A square in a corner of the window: white while a stimulus is shown, black otherwise."""
+
+    corner: Corner = described("which corner", default=Corner.TOP_LEFT)
+    size: int = quantity("pixels", "its width and height", minimum=8, maximum=512, default=64)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerCodes:
+    """The codes of a rig's triggers, 0 for one that is not sent; each event is labelled by its name here."""
+
+    ramp_onset: int = quantity("1", "first frame of a ramp", minimum=0, maximum=255, default=1)
+    ramp_offset: int = quantity("1", "first frame after it", minimum=0, maximum=255, default=2)
+    video_onset: int = quantity("1", "first frame of a video", minimum=0, maximum=255, default=3)
+    video_offset: int = quantity("1", "first frame after it", minimum=0, maximum=255, default=4)
+    search_onset: int = quantity("1", "first frame of a search", minimum=0, maximum=255, default=5)
+    search_offset: int = quantity("1", "first frame after it", minimum=0, maximum=255, default=6)
+    question_onset: int = quantity("1", "first frame of a question", minimum=0, maximum=255, default=7)
+    answer: int = quantity("1", "a key answered the question", minimum=0, maximum=255, default=8)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """The keys of a rig, by PsychoPy's names."""
+    """The keys of a rig: by what is printed on them in lower case (y, ä), others by PsychoPy's names."""
 
     yes: str = described("answers that the brightness changed", default="y", pattern=KEY)
     no: str = described("answers that it did not", default="n", pattern=KEY)
@@ -75,6 +114,9 @@ class Keys:
             names = (*keys, self.pause)
             if len(set(names)) < len(names):
                 raise ValueError(f"the keys {group} and pause must differ, got {', '.join(names)}")
+            for name in names:
+                if name != name.lower():
+                    raise ValueError(f"keys are named in lower case: {name.lower()!r}, got {name!r}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +177,18 @@ class Rig:
     )
     language: str = described("language of the pages shown, e.g. en", default="en", pattern="^[A-Za-z0-9-]+$")
     keys: Keys = field(default_factory=Keys, metadata={"doc": "what is pressed"})
+    triggers: tuple[str, ...] = described(
+        "devices that take a trigger when something is shown: simulated, or DRIVER:ADDRESS as "
+        "`evenlight measure list` has them, e.g. serial:/dev/ttyUSB0?baud=115200",
+        default=(),
+        pattern=TRIGGER,
+    )
+    trigger_codes: TriggerCodes = field(
+        default_factory=TriggerCodes, metadata={"doc": "what each trigger sends"}
+    )
+    photodiode_patch: PhotodiodePatch | None = described(
+        "corner that a photodiode looks at; null for none", default=None
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -10,12 +10,14 @@ import enum
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import shown
+from evenlight.data_schema.mapping import record_from_mapping, shown
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.quantities import check_limits, described, quantity
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, MANIFEST, PARTICIPANTS, TRIALS
@@ -51,6 +53,7 @@ class RollEntry:
     session_id: str = described("session by the manifest, or by the folder without one", default="")
     task: str | None = described("task by the manifest; null if it names none", default=None)
     status: str = described("how far it got, by the manifest; empty if it does not say", default="")
+    display: str = described("its display and calibration by the manifest; empty if unknown", default="")
     source: str = described("name of the file that it was imported from; empty if recorded", default="")
     n_trials: int = quantity("1", "lines of its trials, practice and all", minimum=0, default=0)
     use: SessionUse = described("what becomes of it", default=SessionUse.READ)
@@ -176,6 +179,10 @@ def _by_manifest(entry: RollEntry, folder: Path) -> RollEntry:
         raise InputError(f"{MANIFEST}: expected names and values, got {shown(content)}")
     known = ("participant_id", "session_id", "task", "status")
     told: dict[str, Any] = {key: content[key] for key in known if isinstance(content.get(key), str)}
+    if isinstance(content.get("display"), dict):
+        with suppress(InputError):  # what is wrong with it is said where the session is read
+            display = record_from_mapping(Display, content["display"], MANIFEST)
+            told["display"] = f"{display.name}: {display.calibration}"
     source = content.get("source")
     if isinstance(source, dict) and isinstance(source.get("file"), str):
         told["source"] = source["file"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from evenlight.data_schema.quantities import as_in, check_limits, described, one_line, quantity
-from evenlight.data_schema.recordings.ramp import FrameLog, RampTrial, Trial, TrialFlag
+from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Trial, TrialFlag
 from evenlight.data_schema.recordings.viewing import (
     NAME,
     PAPER_SEQUENCES,
@@ -64,6 +64,7 @@ class SearchDesign:
     trials_between_breaks: int = quantity(
         "1", "trials between two breaks; 0 for no breaks", minimum=0, default=12
     )
+    minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = quantity(
         "1",
         "a trial with a larger share of dropped frames is flagged",

@@ -102,7 +102,8 @@ class SessionManifest:
     )
     rig: Rig | None = described("what it ran on; null from a simulation without a rig", default=None)
     pages: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "SHA-256 of each page of instructions, by its name"}
+        default_factory=dict,
+        metadata={"doc": "SHA-256 of each page of instructions, by its name; font: of a lab's own"},
     )
     apparatus: dict[str, str] = field(
         default_factory=dict, metadata={"doc": "what window, driver and keyboard say of themselves"}
@@ -144,17 +145,22 @@ class EventKind(enum.Enum):
     PAGE_SHOWN = "page_shown"
     CONSENT_GIVEN = "consent_given"
     CONSENT_DECLINED = "consent_declined"
+    KEYS_TRIED = "keys_tried"  # each key of the task was pressed; its detail has those pressed instead
+    PRACTISED = "practised"  # practice with a criterion is over: passed or not, and with how many right
     TRIAL_BEGUN = "trial_begun"
     TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
     TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
     CHANGED = "changed"  # apparatus, software or pages are others than the manifest says
     READING_FAILED = "reading_failed"  # of an instrument; tried again, or the reason for the stop
     OLD_CALIBRATION = "old_calibration"  # used because the operator asked for it
+    RECALIBRATED = "recalibrated"  # the display has another calibration than in the last sessions
     LINE_TORN = "line_torn"  # what a crash left of a line; its text is kept here
     PAUSED = "paused"
     CONTINUED = "continued"
     STOPPED = "stopped"  # by the experimenter or the participant
     COMPLETED = "completed"
+    TRIGGER_SENT = "trigger_sent"  # to other recorders, when a stimulus began or ended
+    TRIGGER_FAILED = "trigger_failed"  # a device took none, and gets no more in this session
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +173,13 @@ class SessionEvent:
     trial_index: int | None = quantity("1", "trial in which it happened, if in one", minimum=0, default=None)
     attempt: int | None = quantity("1", "attempt at that trial", minimum=1, default=None)
     detail: str = described("more about it: the page's name, the torn line, the reason", default="")
+    code: int | None = quantity("1", "what a trigger sent", minimum=1, maximum=255, default=None)
+    delay: float | None = quantity(
+        "s",
+        "from a trigger's flip, at `time_s`, until all devices had taken it",
+        minimum=0.0,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

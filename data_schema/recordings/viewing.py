@@ -61,6 +61,7 @@ class RatingDesign:
     trials_between_breaks: int = quantity(
         "1", "trials between two breaks; 0 for no breaks", minimum=0, default=4
     )
+    minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = quantity(
         "1",
         "a trial with a larger share of dropped frames is flagged",
@@ -96,6 +97,7 @@ class ComparisonDesign:
     trials_between_breaks: int = quantity(
         "1", "trials between two breaks; 0 for no breaks", minimum=0, default=2
     )
+    minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = as_in(RatingDesign, "max_dropped_share")
     repeat_flagged: bool = as_in(RampDesign, "repeat_flagged")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
 
 ONLINE = "pid"  # the solver of tracks that were not planned
 
@@ -281,6 +281,7 @@ class LiveControl:
         minimum=0.0,
         default=None,
     )
+    wide_band_accepted: bool = as_in(OptimizationSummary, "wide_band_accepted")
 
     def __post_init__(self) -> None:
         check_limits(self)

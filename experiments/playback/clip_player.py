@@ -151,6 +151,7 @@ class ClipPlayer:
         refresh = len(recording.refreshes)
         self._renderer.draw(window.framebuffer(), picture, refresh, clip.noise_seed)
         drawn = self._drawn(feed) if probe else None
+        self._on.mark("video")
         self._on.screenshots.take(window, "clip")
         if self.observer is not None:
             self.observer.before_flip(window.framebuffer(), frame)

@@ -36,7 +36,7 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PowerLog,
     PowerSample,
 )
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.rig import Corner, PhotodiodePatch, Rig
 from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import make_folder
@@ -51,6 +51,7 @@ from evenlight.experiments.playback.player import (
     flash,
     open_devices,
 )
+from evenlight.experiments.showing import draw_patch
 from evenlight.experiments.stage import PausePressed
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from evenlight.hardware.rig import is_simulated, open_power_meter
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 DEFAULT_PASSES = 3
 SEED = 1  # of a simulated meter's noise
 WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
-PATCH = 64  # [pixels] of the corner that a photodiode looks at
+PATCH = PhotodiodePatch(Corner.BOTTOM_LEFT)
 PINGS_AT_ONCE = 5  # the one that took the shortest bounds the clocks' difference best
 # [Hz] From 1000 on, the energy of single frames is within 1 % (docs/decisions/power-synchronisation.md).
 RATES = (1000.0, 500.0, 250.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
@@ -239,7 +240,7 @@ class _Watcher:
         """Draw the corner that a photodiode looks at."""
         level = self._recording.next_sync(self._pass, video_frame)
         if self._patch:
-            framebuffer.clear(*(float(level),) * 3, 1.0, viewport=(0, 0, PATCH, PATCH))
+            draw_patch(framebuffer, framebuffer.size, PATCH, lit=level)
 
     def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
         """Record a refresh."""

@@ -159,6 +159,9 @@ class LiveOptions:
     limit_curve: Annotated[
         LimitCurve | None, _live(help="Of a dimmed walk: the fitted rate limit, or its safe edge.")
     ] = None
+    accept_wide_band: Annotated[
+        bool, _live("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
+    ] = False
     tuning: Annotated[
         Path | None, _live(help="Gains of a dimmed walk: tuning.json of `evenlight control --tune`.")
     ] = None

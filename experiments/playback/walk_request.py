@@ -88,6 +88,7 @@ class LiveRequest:
     out: Path | None = None  # folder for the log
     other_display_ok: bool = False  # whether the rate limit may be of another display
     budget: LiveBudget | None = None  # what the target is to follow
+    accept_wide_band: bool = False  # whether the rate limit may be known too badly
 
     def __post_init__(self) -> None:
         if not self.dims and self.out is not None:
@@ -102,7 +103,7 @@ class LiveRequest:
 
     def limit_on(self, display: Display) -> RateLimit:
         """Return the rate limit, if it may be used on some display."""
-        return load_rate_limit_for(display, self.rate_limit, self.other_display_ok)
+        return load_rate_limit_for(display, self.rate_limit, self.other_display_ok, self.accept_wide_band)
 
     def controller(self, display: Display) -> Controller:
         """Return the controller, on some display."""
@@ -186,6 +187,7 @@ def asked_walk(screen: ScreenOptions, walk: WalkOptions, live: LiveOptions) -> W
         out=screen.out,
         other_display_ok=screen.other_display_ok,
         budget=budget_asked(live.budget, live.budget_unit, live.horizon, screen.power_model),
+        accept_wide_band=live.accept_wide_band,
     )
     return WalkRequest(
         scene=screen.video,
@@ -349,6 +351,7 @@ def live_control(
         mean_factor=over_time(rows, [row.factor for row in rows]),
         max_rate_ratio=rate_ratio(rows),
         provenance=provenance_now(inputs=inputs),
+        wide_band_accepted=bool(rate_limit.wide_band),
     )
 
 

@@ -35,10 +35,11 @@ from evenlight.experiments.ramp.ramp_plan import (
     session_plan,
     trial_count,
 )
+from evenlight.experiments.sessions.dropped_frames import most_repeats
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 from evenlight.stimuli.ramp import require_reachable
 
-MAX_SHOWINGS = 3  # of one trial: a display that drops frames must not prolong the session for ever
+MAX_SHOWINGS = 3  # of one trial; of all, `most_repeats` are shown again
 PRACTICE_CATCH_SHARE = 1 / 3  # more than in the session: no one should learn that something always changes
 SAME = 1e-9  # relative: luminances and rates that were written and read back
 JITTER_STEPS = 3  # at most, either way, around the 75 % point; see docs/decisions/placement.md
@@ -111,31 +112,50 @@ class RampSchedule:
     @property
     def n_left(self) -> int:
         """Trials still to come, as far as is known."""
-        return len(self._queue) - self._place
+        most = self.n_trials + most_repeats(self.n_trials)
+        return max(min(len(self._queue), most) - self._place, 0)
 
-    def practice(self) -> tuple[PlannedRamp, ...]:
-        """Return the practice trials: ramps that are clear to see and, in yes/no, some without any."""
+    def practice(self, number: int = 0) -> tuple[PlannedRamp, ...]:
+        """Return the trials of a round of practice, from 0: ramps and, in yes/no, some trials without any.
+
+        All ramps are as fast as the design has them; where it has a criterion, they get slower evenly in
+        ln(rate), down to the middle of the design's rates, which is near the threshold of most people.
+        """
         design, n = self._design, self._design.practice_trials
-        rng = generator_for(*self._session, Purpose.PRACTICE)
+        rng = generator_for(*self._session, Purpose.PRACTICE, *([number] if number else []))
         catches = round(n * PRACTICE_CATCH_SHARE) if design.has_catch_trials else 0
         is_catch = rng.permutation(np.arange(n) < catches)
         first = ramp_conditions(design)[williams_row(self.n_blocks, self._session[1])[0]]
         levels = levels_of(design, self._display, first)
-        fastest = max(design.rates_of(first.duration))
+        rates = design.rates_of(first.duration)
+        slowest = math.sqrt(min(rates) * max(rates)) if design.practice_correct else max(rates)
+        steps = iter(np.geomspace(max(rates), slowest, n - catches).tolist())
         two = design.procedure is Procedure.TWO_INTERVAL
         return tuple(
             planned_ramp(
                 level := levels[k % len(levels)],
                 first,
-                0.0 if is_catch[k] else fastest * level.luminance,
+                0.0 if is_catch[k] else next(steps) * level.luminance,
                 ramp_interval=int(rng.integers(1, 3)) if two else None,
             )
             for k in range(n)
         )
 
+    def fastest(self) -> PlannedRamp:
+        """Return the fastest ramp of the design: at the first level, over the shortest duration."""
+        condition = min(ramp_conditions(self._design), key=lambda c: c.duration)
+        level = levels_of(self._design, self._display, condition)[0]
+        rate = max(self._design.rates_of(condition.duration)) * level.luminance
+        two = self._design.procedure is Procedure.TWO_INTERVAL
+        return planned_ramp(level, condition, rate, ramp_interval=1 if two else None)
+
     def next_trial(self) -> PlannedRamp | None:
         """Return the trial that comes next, the same until `take` is called; None when all are done."""
-        if self._upcoming is None and self.n_left:
+        return self._queued() if self.n_left else None
+
+    def _queued(self) -> PlannedRamp | None:
+        """Return the trial that is next in the queue, of which not all may be shown."""
+        if self._upcoming is None and self._place < len(self._queue):
             self._upcoming = self._planned(self._queue[self._place])
         return self._upcoming[0] if self._upcoming else None
 
@@ -143,7 +163,7 @@ class RampSchedule:
         """Take an answered trial: it counts, unless it is flagged, and the next one may depend on it.
 
         A flagged trial is shown again at the end of the session if the design says so, at most three times
-        in all. Practice is passed over.
+        in all, until a quarter of the session was shown again. Practice is passed over.
 
         Raises
         ------
@@ -152,7 +172,7 @@ class RampSchedule:
         """
         if trial.practice:
             return
-        ramp = self.next_trial()
+        ramp = self._queued()  # earlier versions showed more of them again
         if ramp is None or self._upcoming is None or not _is_answer_to(trial, ramp):
             raise InputError(_not_expected(trial, ramp))
         slot, candidate = self._queue[self._place], self._upcoming[1]
@@ -301,9 +321,12 @@ class AdaptivePlacement:
 
     def take(self, condition: Hashable, candidate: int, success: bool) -> None:
         """Learn from an answer to a ramp."""
-        chance = self._grid.success[candidate]
-        known = self._likelihoods.get(condition, np.ones(chance.shape))
-        known = known * (chance if success else 1 - chance)
+        self.learn(condition, self._grid.success[candidate], success)
+
+    def learn(self, condition: Hashable, chances: NDArray[np.float64], success: bool) -> None:
+        """Learn from an answer to a ramp of any rate, whose success has these chances at the grid's nodes."""
+        known = self._likelihoods.get(condition, np.ones(chances.shape))
+        known = known * (chances if success else 1 - chances)
         self._likelihoods[condition] = known / known.max()
 
     def take_catch(self, yes: bool) -> None:
@@ -379,7 +402,7 @@ def placement_grid(ratio: float, two_interval: bool) -> PlacementGrid:
         * _beta_masses(guess_rates, *GUESS_PRIOR)[:, None]
         * _beta_masses(LAPSE_RATES, LAPSE_PRIOR[0], LAPSE_PRIOR[1] * (2 if two_interval else 1))
     )
-    success = _success(candidates, thresholds, guess_rates)
+    success = success_chances(candidates, thresholds, guess_rates)
     grid = PlacementGrid(step, thresholds, guess_rates, prior / prior.sum(), success)
     for array in (grid.thresholds, grid.guess_rates, grid.prior, grid.success):
         array.flags.writeable = False
@@ -392,7 +415,7 @@ def _beta_masses(nodes: NDArray[np.float64], a: float, b: float) -> NDArray[np.f
     return np.asarray(np.diff(special.betainc(a, b, edges)))
 
 
-def _success(
+def success_chances(
     candidates: NDArray[np.float64], thresholds: NDArray[np.float64], guess_rates: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return ψ of `method.psychometric` for every candidate at every node."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.ramp import (
     FrameLog,
+    IntervalGap,
     Procedure,
     RampDesign,
     RampTrial,
@@ -17,14 +19,23 @@ from evenlight.data_schema.recordings.ramp import (
     TrialFlag,
     session_minutes,
 )
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_plan import PlannedRamp, ramp_levels
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.sessions.dropped_frames import CHECK_SECONDS, FrameDemand, require_few_drops
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
+from evenlight.experiments.sessions.task import (
+    ConductedTrial,
+    Participant,
+    PracticeRule,
+    SessionSetting,
+    TrialPlace,
+)
 from evenlight.experiments.stage import RampInterval, ShownInterval, Stage
-from evenlight.stimuli.ramp import reachable_luminances
+from evenlight.method.contrast.luminance import displayed_luminance
+from evenlight.stimuli.fixation_mark import mark_contrast
+from evenlight.stimuli.ramp import frame_count, reachable_luminances
 
 LARGEST_SEED = 2**31
 LARGEST_STEP = 1.5  # either way, between an interval and a gap: far more than the change at any threshold
@@ -38,6 +49,7 @@ def ramp_task(setting: SessionSetting) -> RampTask:
         *setting.session,
         setting.rig,
         smallest_factor=setting.smallest_factor,
+        is_checked=not setting.manifest.simulated,
     )
 
 
@@ -58,6 +70,8 @@ class RampTask:
         What is pressed, and what makes the brightness.
     smallest_factor : float, optional
         Of the rig's backlight.
+    is_checked : bool, optional
+        Whether a display that drops too many frames is refused before the session.
 
     Raises
     ------
@@ -74,8 +88,10 @@ class RampTask:
         rig: Rig,
         *,
         smallest_factor: float = 0.0,
+        is_checked: bool = False,
     ) -> None:
         self.design = design
+        self._is_checked = is_checked
         self._keys, self._rig, self._display = rig.keys, rig, display
         self._smallest_factor = smallest_factor
         self._session = (seed, order_index)
@@ -86,7 +102,13 @@ class RampTask:
         self.neutral_luminance = float(np.exp(np.mean(np.log(levels))))
         self.n_trials = self._schedule.n_trials
         self.trials_between_breaks = design.trials_between_breaks
-        self.instructions = f"instructions_{design.procedure.value}"
+        self.minutes_between_breaks = design.minutes_between_breaks
+        wanted = design.practice_correct
+        self.practice_rule = PracticeRule(design.practice_trials, wanted) if wanted else None
+        steps = design.interval_gap_kind is IntervalGap.RANDOM_STEPS
+        self._steady = design.procedure is Procedure.TWO_INTERVAL and not steps
+        stepping = "_steps" if design.procedure is Procedure.TWO_INTERVAL and steps else ""
+        self.instructions = f"instructions_{design.procedure.value}{stepping}"
         self.seconds = 0.0  # no trial has a time limit
 
     @property
@@ -95,11 +117,35 @@ class RampTask:
         return session_minutes(self.design, self.n_trials)
 
     def prepare(self, stage: Stage) -> None:
-        """Prepare nothing: ramps are drawn as they go."""
+        """Try the fastest ramp, and refuse a display that drops too many of its frames."""
+        if not self._is_checked:
+            return
+        design, rate = self.design, self._rig.refresh_rate
+        whole = self._intervals(self._schedule.fastest(), noise_seed=0)[0]
+        seconds = min(whole.duration, CHECK_SECONDS)
+        change = seconds / whole.duration * (whole.final_luminance - whole.initial_luminance)
+        interval = dataclasses.replace(
+            whole,
+            final_luminance=whole.initial_luminance + change,
+            adaptation=0.0,
+            duration=seconds,
+            hold=CHECK_SECONDS - seconds,
+        )
+        times = 2 if design.procedure is Procedure.TWO_INTERVAL else 1
+        around = design.adaptation_duration + design.hold_duration
+        counts = (times * frame_count(around + duration, rate) for duration in design.ramp_durations)
+        trials = tuple((count, design.max_dropped_frames) for count in counts)
+
+        def show() -> ShownInterval:
+            stage.wait(design.pause_duration, interval.initial_luminance)
+            return stage.show_ramp(interval)
+
+        require_few_drops(show, FrameDemand(trials, "max_dropped_frames"), rate)
 
     def practice(self) -> Sequence[PlannedRamp]:
-        """Return the trials for practice."""
-        return self._schedule.practice()
+        """Return the trials for practice: of one round, or of all that a criterion allows."""
+        rounds = self.design.practice_rounds if self.practice_rule else 1
+        return [ramp for number in range(rounds) for ramp in self._schedule.practice(number)]
 
     def next_trial(self) -> PlannedRamp | None:
         """Return the ramp to be shown next, or None at the end."""
@@ -126,6 +172,13 @@ class RampTask:
         name = "feedback_right" if self.is_right(trial) else "feedback_wrong"
         return pages.text(name, self._keys, truth=pages.text(truth, self._keys))
 
+    def key_answers(self) -> dict[str, Response]:
+        """Return the answer that each key gives."""
+        keys = self._keys
+        if self.design.procedure is Procedure.TWO_INTERVAL:
+            return {keys.first: Response.FIRST, keys.second: Response.SECOND}
+        return {keys.yes: Response.YES, keys.no: Response.NO}
+
     def conduct(
         self, planned: PlannedRamp, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
@@ -136,15 +189,17 @@ class RampTask:
         stage.wait(self.design.pause_duration, planned.level.luminance)
         intervals = self._intervals(planned, noise_seed)
         gaps = self._gaps(planned, place, intervals) if len(intervals) > 1 else []
+        # By the backlight where intervals are: nothing may change but what is meant to.
+        pixel_value = planned.level.pixel_value if self._steady else None
         shown = []
         for number, interval in enumerate(intervals):
             for luminance in gaps[number] if gaps else ():
-                stage.wait(self.design.interval_gap / 2, luminance)
+                stage.wait(self.design.interval_gap / len(gaps[number]), luminance, pixel_value)
             shown.append(stage.show_ramp(interval))
-        answers = self._answers()
+        answers = self.key_answers()
         question = pages.text(f"question_{self.design.procedure.value}", self._keys)
         ground = gaps[-1][0] if gaps else intervals[-1].final_luminance
-        stage.wait(self.design.interval_gap if gaps else 0.0, ground)
+        stage.wait(self.design.interval_gap if gaps else 0.0, ground, pixel_value)
         participant.see_trial(planned, place.trial_index)
         press = stage.ask(question, list(answers), ground)
         logs = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
@@ -153,13 +208,16 @@ class RampTask:
 
     def _gaps(
         self, planned: PlannedRamp, place: TrialPlace, intervals: list[RampInterval]
-    ) -> list[tuple[float, float]]:
-        """Return the two luminances before, between and after two intervals [cd/m^2].
+    ) -> list[tuple[float, ...]]:
+        """Return the luminances before, between and after two intervals [cd/m^2].
 
-        How far the luminance steps where an interval ends, and where one begins, is drawn at random and does
-        not depend on whether the interval changed (docs/decisions/two-interval-task.md).
+        They are those at which the intervals begin and end, so that nothing steps; or how far the luminance
+        steps where an interval ends, and where one begins, is drawn at random. Neither depends on which
+        interval changed (docs/decisions/interval-gap.md).
         """
         level = planned.level
+        if self._steady:
+            return [(level.luminance,), *((interval.final_luminance,) for interval in intervals)]
         reached = reachable_luminances(
             level.pixel_value, self._display, self._rig.actuator, self._smallest_factor
         )
@@ -171,34 +229,39 @@ class RampTask:
         before = [level.luminance, *(interval.final_luminance for interval in intervals)]
         return [(last * out, level.luminance * into) for last, (out, into) in zip(before, steps, strict=True)]
 
-    def _answers(self) -> dict[str, Response]:
-        """Return what each key means."""
-        keys = self._keys
-        if self.design.procedure is Procedure.TWO_INTERVAL:
-            return {keys.first: Response.FIRST, keys.second: Response.SECOND}
-        return {keys.yes: Response.YES, keys.no: Response.NO}
-
     def _intervals(self, planned: PlannedRamp, noise_seed: int) -> list[RampInterval]:
-        """Return what is shown: the ramp, or the ramp and a constant field in the planned order."""
-        two = planned.ramp_interval is not None
-        count = 2 if two else 1
+        """Return what is shown: the ramp, or the ramp and a constant field in the planned order.
+
+        With a steady gap a constant field after the ramp has the luminance at which the ramp ended.
+        """
+        level, end = planned.level.luminance, planned.final_luminance
+        ends: list[tuple[float, float]] = [(level, end)]
+        if planned.ramp_interval is not None:
+            constant = end if self._steady and planned.ramp_interval == 1 else level
+            ends.insert(2 - planned.ramp_interval, (constant, constant))
         return [
             RampInterval(
-                initial_luminance=planned.level.luminance,
-                final_luminance=(
-                    planned.final_luminance
-                    if planned.ramp_interval in (None, number)
-                    else planned.level.luminance
-                ),
+                initial_luminance=initial,
+                final_luminance=final,
                 pixel_value=planned.level.pixel_value,
                 adaptation=self.design.adaptation_duration,
                 duration=planned.duration,
                 hold=self.design.hold_duration,
                 noise_seed=noise_seed + number - 1,
-                label=str(number) if two else "",
+                label=str(number) if len(ends) > 1 else "",
+                mark_contrast=self._mark_contrast(planned),
             )
-            for number in range(1, count + 1)
+            for number, (initial, final) in enumerate(ends, start=1)
         ]
+
+    def _mark_contrast(self, planned: PlannedRamp) -> float:
+        """Return the contrast of the mark in all intervals of a trial; 0 for none."""
+        if not self.design.fixation_mark:
+            return 0.0
+        drawn = min(planned.level.luminance, planned.final_luminance)
+        if self._rig.actuator is Actuator.BACKLIGHT:  # pixels draw the screen at full brightness
+            drawn = float(displayed_luminance(planned.level.pixel_value, self._display))
+        return mark_contrast(drawn, self._display)
 
     def _row(
         self,

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
+from evenlight.experiments.sessions.dropped_frames import WHAT_TO_DO, too_many_flagged
+from evenlight.experiments.sessions.key_test import try_keys
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.task import Participant, Task, TrialPlace
@@ -41,8 +45,8 @@ class SessionParts:
     keys: Keys  # what is pressed
 
 
-class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for
-    """Participant or experimenter stopped the session."""
+class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for, or the display fails
+    """The session was stopped, for a reason."""
 
 
 def conduct_session(
@@ -59,7 +63,7 @@ def conduct_session(
     parts : SessionParts
         Who and what takes part.
     report : callable, optional
-        Called after each trial.
+        Called after each trial, and as each page comes.
     """
     session = _Session(store, parts, report)
     store.use_clock(parts.stage.now)
@@ -68,8 +72,8 @@ def conduct_session(
     _note_changes(store, parts)
     try:
         status = session.run()
-    except _Stopped:
-        store.note(EventKind.STOPPED, f"with the key {parts.keys.pause}")
+    except _Stopped as stopped:
+        store.note(EventKind.STOPPED, str(stopped))
         status = SessionStatus.ABORTED
     except BaseException as error:
         # Whatever ends the program, the log says so if it still can be written; what ended it is told anyway.
@@ -113,7 +117,10 @@ class _Session:
         for trial in store.trials:
             if not trial.practice:
                 parts.task.take(trial)
-        self._rested_at = self._usable()
+        self._earlier = len(store.trials)
+        usable, every = self._usable(), parts.task.trials_between_breaks
+        # The last break: usable trials then, and when it was [s], once trials begin.
+        self._rested = usable - (usable % every if every else 0), 0.0
 
     def run(self) -> SessionStatus:
         """Show everything that is left of the session."""
@@ -128,6 +135,7 @@ class _Session:
         if not begun:
             self._practise()
         self._report(self._progress())
+        self._rested = self._rested[0], self.parts.stage.now()
         while (planned := self.parts.task.next_trial()) is not None:
             self._rest()
             trial = self._trial(planned)
@@ -145,22 +153,53 @@ class _Session:
         return agreed
 
     def _practise(self) -> None:
-        """Give the instructions, and the trials for practice that are left, with feedback."""
-        self._page(self.parts.task.instructions)
-        for planned in self.parts.task.practice()[self._practised :]:
+        """Try the keys, give the instructions, and the trials for practice that are left, with feedback."""
+        task, rule = self.parts.task, self.parts.task.practice_rule
+        try_keys(self.parts, self.store.note, self._pause)
+        self._page(task.instructions)
+        for planned in task.practice()[self._practised :]:
+            answers = self._practice_answers()
+            if rule and rule.passed(answers):
+                break
+            if rule and answers and len(answers) % rule.trials == 0:
+                self._page("practice_again", **self._practice_result())
             trial = self._trial(planned)
             self._report(self._progress())
-            if told := self.parts.task.feedback(trial, self.parts.pages):
+            if told := task.feedback(trial, self.parts.pages):
                 self._page_of_text("feedback", told)
-        if any(trial.practice for trial in self.store.trials):
+        answers = self._practice_answers()
+        if rule:
+            result = self._practice_result()
+            words = "passed" if rule.passed(answers) else "not passed"
+            self.store.note(
+                EventKind.PRACTISED,
+                "{}: {right} of {practised} right, {wanted} needed".format(words, **result),
+            )
+            if not rule.passed(answers):
+                self._page("practice_failed", **result)
+        if answers:
             self._page("practice_end")
 
+    def _practice_answers(self) -> list[bool | None]:
+        """Return which answers of the practice were right."""
+        return [self.parts.task.is_right(trial) for trial in self.store.trials if trial.practice]
+
+    def _practice_result(self) -> dict[str, int]:
+        """Return how many answers of the practice, or of its last round, were right, and how many must be."""
+        answers, rule = self._practice_answers(), self.parts.task.practice_rule
+        begun = (len(answers) - 1) // rule.trials * rule.trials if rule and answers else 0
+        last = answers[begun:]
+        wanted = rule.correct if rule else 0
+        return {"right": sum(map(bool, last)), "practised": len(last), "wanted": wanted}
+
     def _rest(self) -> None:
-        """Take a break where one is due."""
-        done, every = self._usable(), self.parts.task.trials_between_breaks
-        if every and done and done % every == 0 and done != self._rested_at:
-            self._rested_at = done
+        """Take a break where one is due: after some trials or some minutes, whichever is first."""
+        task, now = self.parts.task, self.parts.stage.now()
+        trials, seconds = self._usable() - self._rested[0], now - self._rested[1]
+        by_trials = 0 < task.trials_between_breaks <= trials
+        if by_trials or 0 < 60 * task.minutes_between_breaks <= seconds:
             self._page("break")
+            self._rested = self._usable(), self.parts.stage.now()
 
     def _trial(self, planned: Any) -> Any:
         """Show a trial until it is answered, and record it."""
@@ -168,9 +207,10 @@ class _Session:
             place = self._place()
             self.store.note(EventKind.TRIAL_BEGUN, trial_index=place.trial_index, attempt=place.attempt)
             try:
-                done = self.parts.task.conduct(
-                    planned, place, self.parts.stage, self.parts.participant, self.parts.pages
-                )
+                with self._triggers_noted(place.trial_index, place.attempt):
+                    done = self.parts.task.conduct(
+                        planned, place, self.parts.stage, self.parts.participant, self.parts.pages
+                    )
             except PausePressed:
                 words = "paused; it is shown again"
                 self.store.note(EventKind.TRIAL_INTERRUPTED, words, place.trial_index, place.attempt)
@@ -182,7 +222,19 @@ class _Session:
             if self.parts.task.is_flagged(trial):
                 detail = trial.flag.value
                 self.store.note(EventKind.TRIAL_FLAGGED, detail, place.trial_index, place.attempt)
+                self._require_frames()
             return trial
+
+    def _require_frames(self) -> None:
+        """Stop the session if its trials, since it began or went on, show that the display is too slow."""
+        flags = [t.flag is TrialFlag.DROPPED_FRAMES for t in self.store.trials[self._earlier :]]
+        if too_many_flagged(flags):
+            self._shown_text(
+                "frames_dropped",
+                self._text("frames_dropped", flagged=sum(flags), answered=len(flags)),
+                [self.parts.keys.proceed],
+            )
+            raise _Stopped(f"{sum(flags)} of {len(flags)} trials had too many dropped frames: {WHAT_TO_DO}")
 
     def _place(self) -> TrialPlace:
         """Return where the next answered trial goes."""
@@ -190,9 +242,9 @@ class _Session:
         who = manifest.participant_id, manifest.session_id
         return TrialPlace(*who, index, self.store.attempt_at(index), manifest.simulated)
 
-    def _page(self, name: str) -> None:
+    def _page(self, name: str, **values: object) -> None:
         """Show a page until the participant goes on; the pause key pauses."""
-        self._page_of_text(name, self._text(name))
+        self._page_of_text(name, self._text(name, **values))
 
     def _page_of_text(self, name: str, text: str) -> None:
         """Show a text as a page."""
@@ -205,7 +257,7 @@ class _Session:
         self.store.note(EventKind.PAUSED)
         keys = (self.parts.keys.proceed, self.parts.keys.pause)
         if self._shown("pause", keys) == self.parts.keys.pause:
-            raise _Stopped
+            raise _Stopped(f"with the key {self.parts.keys.pause}")
         self.store.note(EventKind.CONTINUED)
 
     def _shown(self, name: str, keys: Sequence[str]) -> str:
@@ -215,12 +267,14 @@ class _Session:
     def _shown_text(self, name: str, text: str, keys: Sequence[str]) -> str:
         """Show a text as a page, and return the key that was pressed."""
         self.store.note(EventKind.PAGE_SHOWN, name)
+        self._report(self._progress())
         self.parts.participant.see_page(keys)
         footer = self.parts.pages.text("footer", self.parts.keys) if name == "feedback" else ""
-        return self.parts.stage.show_page(text, keys, footer).name
+        with self._triggers_noted():
+            return self.parts.stage.show_page(text, keys, footer).name
 
-    def _text(self, name: str) -> str:
-        """Return a page with its numbers filled in."""
+    def _text(self, name: str, **values: object) -> str:
+        """Return a page with its numbers filled in, those of some pages handed in."""
         task = self.parts.task
         return self.parts.pages.text(
             self.parts.pages.name_for(name, self.store.manifest.task),
@@ -230,16 +284,17 @@ class _Session:
             trials=task.n_trials,
             done=min(self._answered(), task.n_trials),
             trials_between_breaks=task.trials_between_breaks or task.n_trials,
+            **values,
         )
 
     def _progress(self) -> SessionProgress:
         """Return how far the session is."""
-        practice = [trial for trial in self.store.trials if trial.practice]
-        answers = [self.parts.task.is_right(trial) for trial in practice]
-        right = sum(answer is True for answer in answers)
+        answers, result = self._practice_answers(), self._practice_result()
         flagged = sum(self.parts.task.is_flagged(t) for t in self.store.trials if not t.practice)
-        told = practice and None not in answers
-        words = f"practice {right} of {len(practice)} right" if told else ""
+        told = answers and None not in answers
+        words = "practice {right} of {practised} right".format(**result) if told else ""
+        rule = self.parts.task.practice_rule
+        words += f" ({rule.correct} needed)" if words and rule and not rule.passed(answers) else ""
         return SessionProgress(self._usable(), self.parts.task.n_trials, flagged, words)
 
     def _answered(self) -> int:
@@ -249,3 +304,14 @@ class _Session:
     def _usable(self) -> int:
         """Return how many usable trials are done."""
         return sum(trial.usable for trial in self.store.trials)
+
+    @contextmanager
+    def _triggers_noted(self, trial_index: int | None = None, attempt: int | None = None) -> Iterator[None]:
+        """Note the triggers that a block sends at its end, for writing takes time that frames need."""
+        try:
+            yield
+        finally:
+            for sent in self.parts.stage.triggers_sent():
+                self.store.note_trigger(sent, trial_index, attempt)
+                for failure in sent.failures:
+                    print(f"evenlight: {failure}; no more triggers go there", file=sys.stderr)

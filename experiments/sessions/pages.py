@@ -14,10 +14,11 @@ from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import unknown_key
-from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.data_schema.storage.text_files import read_text
+from evenlight.stimuli.typesetting import require_font
 
 SHIPPED = Path(__file__).parents[1] / "pages"
 SUFFIX = ".txt"
@@ -31,6 +32,8 @@ KEY_PLACEHOLDERS = (
 GAP_PLACEHOLDERS = tuple(f"gap_{orientation}" for orientation in ORIENTATIONS)
 VALUE_PLACEHOLDERS = (
     "minutes", "trials", "done", "trials_between_breaks", "truth", "direction", "seconds",
+    "key", "meaning", "pressed",
+    "right", "wanted", "practised", "flagged", "answered",
 )  # fmt: skip
 PLACEHOLDERS = KEY_PLACEHOLDERS + GAP_PLACEHOLDERS + VALUE_PLACEHOLDERS
 
@@ -45,10 +48,13 @@ class Pages:
         By the name of the page, placeholders in them.
     key_names : dict of str to str
         What keys are called in this language, by PsychoPy's names; others are called as they are printed.
+    font : Path or None
+        A lab's own font, for scripts that DejaVu Sans does not have.
     """
 
     texts: Mapping[str, str]
     key_names: Mapping[str, str]
+    font: Path | None = None
 
     def text(self, name: str, keys: Keys, **values: object) -> str:
         """Return a page with its placeholders filled.
@@ -72,7 +78,7 @@ class Pages:
     def longest(self, keys: Keys) -> tuple[list[str], list[str]]:
         """Return all pages and all questions as they may be filled at their longest, to see that they fit."""
         values = dict.fromkeys(VALUE_PLACEHOLDERS, "1000")
-        for value in ("direction", "truth"):
+        for value in ("direction", "truth", "meaning"):
             parts = [name for name in self.texts if name.startswith(f"{value}_")]
             values[value] = max((self.text(name, keys, **values) for name in parts), key=len)
         filled = {name: self.text(name, keys, **values) for name in self.texts}
@@ -99,12 +105,13 @@ class Pages:
         >>> Pages({}, {"space": "the space bar"}).key_name("y")
         'Y'
         """
-        return self.key_names.get(key, key.upper() if len(key) == 1 else key)
+        return self.key_names.get(key, key.upper() if len(key) == len(key.upper()) == 1 else key)
 
     @property
     def digests(self) -> dict[str, str]:
-        """SHA-256 of each page, for the manifest."""
-        return {name: sha256_of_bytes(text.encode()) for name, text in sorted(self.texts.items())}
+        """SHA-256 of each page, and of a lab's own font, for the manifest."""
+        of_font = {"font": sha256_of_file(self.font)} if self.font is not None else {}
+        return of_font | {name: sha256_of_bytes(text.encode()) for name, text in sorted(self.texts.items())}
 
 
 def languages() -> tuple[str, ...]:
@@ -113,7 +120,10 @@ def languages() -> tuple[str, ...]:
 
 
 def load_pages(
-    language: str, own: Path | None = None, of_task: Mapping[str, Mapping[str, str]] | None = None
+    language: str,
+    own: Path | None = None,
+    of_task: Mapping[str, Mapping[str, str]] | None = None,
+    font: Path | None = None,
 ) -> Pages:
     """Return the pages of a language, some of them replaced by a lab's own.
 
@@ -126,11 +136,13 @@ def load_pages(
     of_task : mapping, optional
         By language: the pages of a task that brings its own, by their names; in English where there are none
         in this language.
+    font : Path, optional
+        A lab's own font.
 
     Raises
     ------
     InputError
-        If there is no such language, folder or page, or a page has an unknown placeholder.
+        If there is no such language, folder, page or font, or a page has an unknown placeholder.
     """
     names = [path.stem for path in sorted((SHIPPED / "en").glob(f"*{SUFFIX}"))]
     files = {name: SHIPPED / language / f"{name}{SUFFIX}" for name in names}
@@ -149,7 +161,9 @@ def load_pages(
     texts |= brought
     for name, text in texts.items():
         _check_placeholders(text, files.get(name, f"the page {name}"))
-    return Pages(texts, _key_names(language, own))
+    if font is not None:
+        require_font(font)
+    return Pages(texts, _key_names(language, own), font)
 
 
 def _own_files(own: Path, names: list[str]) -> dict[str, Path]:

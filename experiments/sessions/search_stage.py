@@ -194,6 +194,7 @@ class SearchPlayer:
             picture = DimmedImage(image, brightness.of_picture(view.factor), self._black)
             refresh = len(searching.refreshes)
             self._renderer.draw(window.framebuffer(), picture, refresh, view.noise_seed)
+            self._on.mark("search")
             self._on.screenshots.take(window, "search", view.scene)
             flip = window.flip()
             brightness.after_flip()

@@ -41,6 +41,7 @@ from evenlight.data_schema.storage.text_files import (
     write_json_record,
 )
 from evenlight.experiments.calibration_age import utc_now
+from evenlight.experiments.stage import SentTrigger
 
 LONGEST_REASON = 200  # letters of an error's message, in the log of events
 Clock = Callable[[], float]
@@ -111,6 +112,16 @@ class TimedLogs:
         event = SessionEvent(kind, self.now(), self.utc(), trial_index, attempt, detail)
         self._logs[EVENTS].append(event)
         self.events.append(event)
+
+    def note_trigger(self, sent: SentTrigger, trial_index: int | None, attempt: int | None) -> None:
+        """Record a trigger, at the time of its flip, and what is wrong with devices that did not take it."""
+        if sent.delay is not None:
+            what = trial_index, attempt, sent.label, sent.code, sent.delay
+            event = SessionEvent(EventKind.TRIGGER_SENT, self.since_beginning(sent.time), "", *what)
+            self._logs[EVENTS].append(event)
+            self.events.append(event)
+        for failure in sent.failures:
+            self.note(EventKind.TRIGGER_FAILED, failure, trial_index, attempt)
 
     def note_resumed(self, torn: Mapping[str, str | None]) -> None:
         """Record that all goes on, and what was torn from the end of each file."""

@@ -28,6 +28,7 @@ from evenlight.experiments.stage import (
     RampInterval,
     SearchResult,
     SearchView,
+    SentTrigger,
     ShownClip,
     ShownInterval,
     Stage,
@@ -40,6 +41,7 @@ from evenlight.hardware.rig import (
     open_keyboard,
     open_pointer,
     open_window,
+    opened_triggers,
 )
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.ramp import frame_count, ramp_luminance
@@ -103,20 +105,20 @@ def open_stage(
         return
     counted = staging.simulated and not staging.real_time
     clock = RefreshClock(rig.refresh_rate) if counted else None
-    window = open_window(rig, clock, rehearsal=staging.simulated)
-    try:
-        simulated = SimulatedKeyboard(window.now) if staging.simulated else None
-        keys = simulated or open_keyboard()
-        backlight = open_backlight(rig, window.now)
-        mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))
-        stage = WindowStage(
-            window, keys, rig, display, page_luminance, backlight, staging.screenshots, open_pointer=mouse
-        )
-    except BaseException:
-        window.close()
-        raise
-    with stage:
-        yield stage, simulated.queue if simulated else None
+    with opened_triggers(rig.triggers) as triggers:
+        window = open_window(rig, clock, rehearsal=staging.simulated)
+        try:
+            simulated = SimulatedKeyboard(window.now) if staging.simulated else None
+            keys = simulated or open_keyboard()
+            backlight = open_backlight(rig, window.now)
+            mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))
+            shots, page = staging.screenshots, page_luminance
+            stage = WindowStage(window, keys, rig, display, page, backlight, shots, mouse, triggers)
+        except BaseException:
+            window.close()
+            raise
+        with stage:
+            yield stage, simulated.queue if simulated else None
 
 
 class BlindStage(AbstractContextManager["BlindStage"]):
@@ -153,16 +155,16 @@ class BlindStage(AbstractContextManager["BlindStage"]):
         """Return what the devices say of themselves."""
         return {"window": "none", "clock": "refreshes counted", **self._keyboard.apparatus()}
 
-    def prepare(self, pages: Sequence[str], questions: Sequence[str]) -> None:
+    def prepare(self, pages: Sequence[str], questions: Sequence[str], font: Path | None = None) -> None:
         """Set nothing: there is no window that a text could be too long for."""
 
     def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
-        """Let time pass until one of some keys is pressed, and return which and when."""
+        """Let time pass until one of some keys (any, where none is given) is pressed; return it."""
         self._keyboard.clear()
         while True:
             self._advance()
             for press in self._keyboard.pressed():
-                if press.name in keys:
+                if press.name in keys or not keys:
                     return press
             self._require_press(text)
 
@@ -180,7 +182,7 @@ class BlindStage(AbstractContextManager["BlindStage"]):
             self._require_press(question)
             self._advance()
 
-    def wait(self, seconds: float, luminance: float) -> None:
+    def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
         """Let time pass [s]. Raises `PausePressed` if the pause key was pressed."""
         if seconds > 0:
             self._clock.advance(1 + frame_count(seconds, self._rig.refresh_rate))
@@ -241,6 +243,10 @@ class BlindStage(AbstractContextManager["BlindStage"]):
         if self._open_painter is None:
             raise ValueError("a stage without a window needs a painter of rings for a search")
         return self._opened.enter_context(self._open_painter())
+
+    def triggers_sent(self) -> list[SentTrigger]:
+        """Return none: no device is opened."""
+        return []
 
     def close(self) -> None:
         """Let go of the keyboard."""

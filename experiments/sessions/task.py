@@ -39,6 +39,23 @@ class ConductedTrial:
     frames: tuple[Any, ...]  # what the display showed, one for each interval; empty without a display
 
 
+@dataclass(frozen=True, slots=True)
+class PracticeRule:
+    """When practice ends before its last trial: after a round with enough right answers."""
+
+    trials: int  # of a round
+    correct: int  # answers of a round that must be right
+
+    def passed(self, right: Sequence[bool | None]) -> bool:
+        """Return whether the last of the answers so far end a round that has enough right ones.
+
+        >>> PracticeRule(trials=2, correct=2).passed([False, True, True, True])
+        True
+        """
+        ends = bool(right) and len(right) % self.trials == 0
+        return ends and sum(map(bool, right[-self.trials :])) >= self.correct
+
+
 class Participant(Protocol):
     """Who sits at the keys: a person, of whom the program knows nothing, or a simulated observer."""
 
@@ -64,6 +81,14 @@ class Task(Protocol):
         """0 for no breaks."""
 
     @property
+    def minutes_between_breaks(self) -> float:
+        """After which a break comes before as many trials are done; 0 for none."""
+
+    @property
+    def practice_rule(self) -> PracticeRule | None:
+        """When practice is passed; None where all trials for practice are shown, whatever the answers."""
+
+    @property
     def neutral_luminance(self) -> float:
         """Of pages, and of uniform fields that are no stimulus [cd/m^2]."""
 
@@ -82,6 +107,8 @@ class Task(Protocol):
     def prepare(self, stage: Stage) -> None:
         """Make ready what takes long, and refuse what the stage cannot show; before the session begins.
 
+        A session with a person tries the design's own stimulus, and refuses a display that drops its frames.
+
         Raises
         ------
         InputError
@@ -89,7 +116,7 @@ class Task(Protocol):
         """
 
     def practice(self) -> Sequence[Any]:
-        """Return the trials for practice."""
+        """Return the trials for practice, of all rounds."""
 
     def next_trial(self) -> Any | None:
         """Return the trial to be shown next, or None at the end; the same until `take` is called."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.experiments.playback.clip_feeds import part_of
 from evenlight.experiments.playback.clip_player import PROBE_SIZE, ClipPlayer
 from evenlight.experiments.recordings import LUMINANCE_DECIMALS, RampRecording, probe_places
+from evenlight.experiments.sessions.marked_window import MarkedWindow
 from evenlight.experiments.sessions.search_stage import OpenPointer, SearchPlayer
 from evenlight.experiments.showing import Brightness, Screen, Screenshots
 from evenlight.experiments.stage import (
@@ -23,12 +24,14 @@ from evenlight.experiments.stage import (
     RampInterval,
     SearchResult,
     SearchView,
+    SentTrigger,
     ShownClip,
     ShownInterval,
 )
-from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
+from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, TriggerOutput, Window
 from evenlight.stimuli.dithering import luminance_of_codes
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.fixation_mark import fixation_mark
 from evenlight.stimuli.page_image import centred_image, ink_on, page_image
 from evenlight.stimuli.ramp import frame_count, ramp_luminance, require_reachable
 
@@ -58,6 +61,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         Folder for a picture of every kind of screen.
     open_pointer : callable, optional
         Returns the mouse that scenes are looked around in with; without one, keys turn the view.
+    triggers : mapping of str to TriggerOutput, optional
+        What is told when stimuli begin and end, by name.
 
     Raises
     ------
@@ -75,9 +80,11 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         backlight: Backlight | None = None,
         screenshots: Path | None = None,
         open_pointer: OpenPointer = lambda: None,
+        triggers: Mapping[str, TriggerOutput] | None = None,
     ) -> None:
         require_reachable(page_luminance, page_luminance, 1.0, display, Actuator.PIXELS)
-        self._window, self._keyboard, self._backlight = window, keyboard, backlight
+        self._window = MarkedWindow(window, rig, triggers)
+        self._keyboard, self._backlight = keyboard, backlight
         self._rig, self._display, self._page_luminance = rig, display, page_luminance
         self._renderer = FieldRenderer(window.context(), display, window.bits(), rig.dither)
         self._luminance_of_code = luminance_of_codes(np.arange(2 ** window.bits()), display, window.bits())
@@ -89,6 +96,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._shown: Field | None = None
         self._page_image = functools.lru_cache(32)(page_image)
         self._centred_image = functools.lru_cache(8)(centred_image)
+        self._mark_image = functools.lru_cache(1)(fixation_mark)
 
     def now(self) -> float:
         """Return the time on the stage's clock [s]."""
@@ -98,15 +106,17 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return what the devices say of themselves."""
         return {**self._window.apparatus(), **self._keyboard.apparatus()}
 
-    def prepare(self, pages: Sequence[str], questions: Sequence[str]) -> None:
+    def prepare(self, pages: Sequence[str], questions: Sequence[str], font: Path | None = None) -> None:
         """Set some texts before the session begins, or raise `InputError` for one that cannot be shown."""
+        self._page_image = functools.lru_cache(32)(functools.partial(page_image, font=font))
+        self._centred_image = functools.lru_cache(8)(functools.partial(centred_image, font=font))
         for text in pages:
             self._page_image(text, self._window.size(), "")
         for text in questions:
             self._centred_image(text, self._window.size())
 
     def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
-        """Show a page of text until one of some keys is pressed, and return which and when.
+        """Show a page until one of some keys is pressed (any, where none is given); return which and when.
 
         The pause key does here what any other does.
         """
@@ -117,7 +127,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
             ground = self._brightness.by_pixels(self._page_luminance)
             self._show(Field(ground, ink, image), "page", text)
             for press in self._keyboard.pressed():
-                if press.name in keys:
+                if press.name in keys or not keys:
                     return press
 
     def ask(self, question: str, keys: Sequence[str], luminance: float) -> KeyPress:
@@ -131,19 +141,28 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._take_pause()
         while True:
             ground = self._brightness.of_screen(luminance, self._pixel_value)
+            self._window.mark("question")
             flip = self._show(Field(ground, ink_on(ground, self._display), image), "question", question)
             onset = flip if onset is None else onset
             for press in self._presses():
                 if press.name in keys:
+                    self._window.send("answer")
                     return KeyPress(press.name, round(max(0.0, press.time - onset), KEY_DECIMALS))
 
-    def wait(self, seconds: float, luminance: float) -> None:
-        """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed."""
+    def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
+        """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed.
+
+        With a pixel value, the field's brightness is made as that of a ramp with it is; without, by pixels.
+        """
         end: float | None = None
         half_a_frame = 0.5 / self._rig.refresh_rate
         self._ground = luminance
         while seconds > 0 and (end is None or self._window.now() < end - half_a_frame):
-            flip = self._show(Field(self._brightness.by_pixels(luminance)), "field")
+            if pixel_value is None:
+                ground = self._brightness.by_pixels(luminance)
+            else:
+                ground = self._brightness.of_screen(luminance, pixel_value)
+            flip = self._show(Field(ground), "field")
             end = flip + seconds if end is None else end
             self._take_pause()
 
@@ -158,6 +177,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         n_frames = frame_count(seconds, self._rig.refresh_rate)
         probes = probe_places(n_frames)
         self._pixel_value = interval.pixel_value
+        if interval.mark_contrast:
+            self._mark_image(self._window.size(), self._display.pixels_per_degree)  # now, for it takes long
         self._settle(interval)
         for time in recording.refreshes.due(self._window.now):
             place = round(time * self._rig.refresh_rate)
@@ -206,8 +227,18 @@ class WindowStage(AbstractContextManager["WindowStage"]):
     def _showing(self) -> Screen:
         """What this stage shows on, for players."""
         return Screen(
-            self._window, self._rig, self._display, self._brightness, self._screenshots, self._take_pause
+            self._window,
+            self._rig,
+            self._display,
+            self._brightness,
+            self._screenshots,
+            self._take_pause,
+            self._window.mark,
         )
+
+    def triggers_sent(self) -> list[SentTrigger]:
+        """Return the triggers sent since the last call, in order."""
+        return self._window.triggers_sent()
 
     def close(self) -> None:
         """Close window and devices."""
@@ -234,8 +265,11 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         field = self._ramp_field(interval, intended, labelled)
         self._renderer.draw(self._window.framebuffer(), field, len(recording), interval.noise_seed)
         self._shown = field
+        half_a_frame = 0.5 / self._rig.refresh_rate
+        if -half_a_frame <= time - interval.adaptation < interval.duration - half_a_frame:
+            self._window.mark("ramp")
         drawn = self._ground_drawn(field) if probe else None
-        self._screenshots.take(self._window, "ramp", interval.label if field.coverage is not None else "")
+        self._screenshots.take(self._window, "ramp", interval.label if labelled else "")
         flip = self._window.flip()
         self._brightness.after_flip()
         probed = None if drawn is None else self._brightness.seen(drawn)
@@ -254,10 +288,13 @@ class WindowStage(AbstractContextManager["WindowStage"]):
     def _ramp_field(self, interval: RampInterval, luminance: float, labelled: bool) -> Field:
         """Return the field of a frame of an interval, with the interval's number if it is to have one."""
         ground = self._brightness.of_screen(luminance, interval.pixel_value)
-        if not (interval.label and labelled):
+        if interval.label and labelled:
+            image = self._centred_image(interval.label, self._window.size(), LABEL_SIZE)
+            return Field(ground, ink_on(ground, self._display), image)
+        if not interval.mark_contrast:
             return Field(ground)
-        image = self._centred_image(interval.label, self._window.size(), LABEL_SIZE)
-        return Field(ground, ink_on(ground, self._display), image)
+        image = self._mark_image(self._window.size(), self._display.pixels_per_degree)
+        return Field(ground, (1 + interval.mark_contrast) * ground, image)
 
     def _settle(self, interval: RampInterval) -> None:
         """Show the initial luminance until the backlight has it; pixels have it at once."""

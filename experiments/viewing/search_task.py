@@ -67,6 +67,11 @@ class SearchTask(ViewingTask[PlannedSearch]):
         direction = pages.text(f"direction_{trial.ring_orientation}", self._rig.keys)
         return pages.text(name, self._rig.keys, truth=pages.text(truth, self._rig.keys, direction=direction))
 
+    def key_answers(self) -> dict[str, object]:
+        """Return the answer that each key gives: a ring was found, or where its gap is [deg]."""
+        keys = self._rig.keys
+        return {keys.found: "found", **dict(zip(keys.orientations, ORIENTATIONS, strict=True))}
+
     def conduct(
         self, planned: PlannedSearch, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
@@ -82,16 +83,16 @@ class ViewingSimulation:
 
 
 def load_simulation(
-    task: str, folder: Path, people: tuple[int, int], display: str, design: str | None
+    task: str, folder: Path | None, people: tuple[int, int], display: str, design: str | None
 ) -> ViewingSimulation:
     """Return what a command names.
 
     Parameters
     ----------
     task : str
-        One that shows sequences.
-    folder : Path
-        With a folder for each sequence.
+        Which experiment.
+    folder : Path or None
+        With a folder for each sequence, if it shows sequences.
     people : (int, int)
         How many participants, from which seed.
     display : str
@@ -106,7 +107,7 @@ def load_simulation(
     """
     shown: Display = load_display(display)
     asked: Any = load_task_design(task, design)
-    stimuli = load_stimuli(folder, asked.sequences, shown, with_video=False)
+    stimuli = load_stimuli(folder, asked.sequences, shown, with_video=False) if folder is not None else ()
     return ViewingSimulation(*people, task, shown, asked, stimuli)
 
 
@@ -134,7 +135,7 @@ def simulate_viewing(
     ids = [participant_id(k, simulation.participants) for k in range(simulation.participants)]
     settings = [simulation.setting(who, k, provenance) for k, who in enumerate(ids)]
     if experiment.viewing is None:
-        raise TypeError(f"the task {simulation.task} is no viewing experiment")
+        raise InputError(f"the task {simulation.task!r} declares no simulated observer")
     with experiment.viewing(settings[0]) as viewing, new_dataset(dataset) as staging:
         write_description(staging, f"Evenlight {experiment.title}", True, provenance)
         write_participants(staging, ids, simulated=True)
@@ -142,6 +143,8 @@ def simulate_viewing(
         for setting in settings:
             viewer = SimulatedViewer(viewing, setting.session)
             task = cast("ViewingTask[Any]", experiment.task(setting))
+            if not hasattr(task, "row"):
+                raise InputError(f"the task {simulation.task!r} has no method row, which simulations need")
             trials = answered_trials(task, setting.manifest.participant_id, viewer)
             write_session(staging, dataclasses.replace(setting.manifest, n_trials=len(trials)), trials)
             truths.append({"participant_id": setting.manifest.participant_id, **viewer.truth()})

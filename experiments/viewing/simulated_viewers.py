@@ -123,7 +123,9 @@ class ViewingAnswers:
 
     def key(self, planned: Any, trial_index: int) -> str:
         """Return the key that is pressed when a trial is asked about."""
-        answer: Response | SearchAnswer | int = self._viewer.answer(planned, trial_index)
+        answer: Response | SearchAnswer | int | str = self._viewer.answer(planned, trial_index)
+        if isinstance(answer, str):
+            return answer  # a key, of a task with keys of its own
         if isinstance(answer, Response):
             pressed: str = getattr(self._keys, answer.value)  # yes, no, first, second
             return pressed

@@ -15,10 +15,24 @@ from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ClipLog, Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.sessions.dropped_frames import (
+    CHECK_SECONDS,
+    FrameDemand,
+    ShownStimulus,
+    most_repeats,
+    require_few_drops,
+)
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
+from evenlight.experiments.sessions.task import (
+    ConductedTrial,
+    Participant,
+    PracticeRule,
+    SessionSetting,
+    TrialPlace,
+)
 from evenlight.experiments.stage import Clip, ShownClip, Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
+from evenlight.stimuli.ramp import frame_count
 
 LARGEST_SEED = 2**31
 READING = 120.0  # [s] consent, instructions, practice pages
@@ -67,7 +81,8 @@ class FixedOrder(Generic[Planned]):
     trials : sequence of planned trials
         In their order.
     repeat_flagged : bool
-        Whether a flagged trial is shown again, at most three times in all.
+        Whether a flagged trial is shown again, at most three times in all, until a quarter of the trials
+        was shown again.
     """
 
     def __init__(self, trials: Sequence[Planned], repeat_flagged: bool) -> None:
@@ -79,6 +94,10 @@ class FixedOrder(Generic[Planned]):
 
     def next_trial(self) -> Planned | None:
         """Return the trial that comes next, the same until `take` is called; None when all are done."""
+        return self._queued() if self._place < self.n_trials + most_repeats(self.n_trials) else None
+
+    def _queued(self) -> Planned | None:
+        """Return the trial that is next in the queue, of which not all may be shown."""
         return self._queue[self._place][0] if self._place < len(self._queue) else None
 
     def take(self, trial: Any) -> None:
@@ -89,7 +108,7 @@ class FixedOrder(Generic[Planned]):
         InputError
             If it is not the trial that `next_trial` returned.
         """
-        planned = self.next_trial()
+        planned = self._queued()  # earlier versions showed more of them again
         different = ["no further trial"] if planned is None else _differences(trial, planned.columns)
         if planned is None or different:
             raise InputError(
@@ -140,6 +159,7 @@ class ViewingTask(Generic[Planned]):
     """
 
     seconds = 0.0  # no trial has a time limit
+    practice_rule: PracticeRule | None = None  # one round, whatever the answers
 
     def __init__(
         self, setting: SessionSetting, order: Sequence[Planned], practice: Sequence[Planned]
@@ -153,6 +173,8 @@ class ViewingTask(Generic[Planned]):
         self.neutral_luminance = neutral_luminance(setting.stimuli)
         self.n_trials = self._order.n_trials
         self.trials_between_breaks: int = self._design.trials_between_breaks
+        self.minutes_between_breaks: float = getattr(self._design, "minutes_between_breaks", 0.0)
+        self._refresh_rate, self._is_checked = setting.rig.refresh_rate, not setting.manifest.simulated
 
     def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
         """Return the record of an answered trial; the columns are those that all viewing tasks have."""
@@ -190,6 +212,10 @@ class ClipTask(ViewingTask[Clips]):
         """Return the answer that each key gives."""
         raise NotImplementedError  # each task has its own
 
+    def key_answers(self) -> dict[str, Any]:
+        """Return the answer that each key of the rig gives, for the test of the keys."""
+        return self.answers(self._rig.keys)
+
     @property
     def minutes(self) -> float:
         """How long the session takes, about."""
@@ -200,8 +226,21 @@ class ClipTask(ViewingTask[Clips]):
         return viewing_minutes(shown, self.n_trials)
 
     def prepare(self, stage: Stage) -> None:
-        """Refuse videos that are larger than the window."""
+        """Refuse videos larger than the window, and a display that drops too many of their frames."""
         require_room(self.stimuli.values(), stage)
+        if not self._is_checked:
+            return
+        clips = [stimulus_clip(each, Version.OURS, 0, CHECK_SECONDS) for each in self.stimuli.values()]
+        lengths = (frame_count(clip.duration, self._refresh_rate) for clip in clips)
+        share = self._design.max_dropped_share
+        demand = FrameDemand(tuple((n, int(share * n)) for n in lengths), "max_dropped_share")
+
+        def show() -> ShownClip:
+            stage.prepare_clip(clips[0])
+            stage.wait(self._design.adaptation_duration, self.neutral_luminance)
+            return stage.play(clips[0])
+
+        require_few_drops(show, demand, self._refresh_rate)
 
     def conduct(
         self, planned: Clips, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
@@ -256,22 +295,6 @@ def practice_sequences(sequences: tuple[str, ...], n: int, seed: int, order_inde
     chance = generator_for(seed, order_index, Purpose.EXCERPTS)
     order = [int(k) for _ in range(-(-n // len(sequences))) for k in chance.permutation(len(sequences))]
     return [sequences[k] for k in order[:n]]
-
-
-class ShownStimulus(Protocol):
-    """Something that was shown, refresh by refresh."""
-
-    @property
-    def onset(self) -> float:
-        """When its first frame appeared, on the stage's clock [s]."""
-
-    @property
-    def flip_times(self) -> tuple[float, ...]:
-        """Of each refresh, since the first [s]."""
-
-    @property
-    def frames_dropped(self) -> int:
-        """Refreshes that passed without a new frame."""
 
 
 def noise_seed_of(session: tuple[int, int], place: TrialPlace) -> int:

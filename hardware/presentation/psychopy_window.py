@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware.presentation.key_names import characters_of_layout, printed_name
 from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
 
@@ -248,7 +249,9 @@ def _first_line(error: Exception) -> str:
 class PsychoPyKeyboard(ContextDevice):
     """All keyboards of the computer as one, on the clock of `PsychoPyWindow`.
 
-    Open the window first. `psychopy.event` is not used: it polls with the frames, and hangs on some systems.
+    A key has the name of what is printed on it under the layout in use, and the time at which the driver
+    heard of it, not that of the next frame. Open the window first: it knows the layout. `psychopy.event` is
+    not used: it polls with the frames, and hangs on some systems.
     """
 
     def __init__(self) -> None:
@@ -256,6 +259,7 @@ class PsychoPyKeyboard(ContextDevice):
         from psychopy.hardware import keyboard
 
         self._clock = logging.defaultClock
+        self._characters = characters_of_layout(next(iter(sys.modules["pyglet.app"].windows), None))
         self._keyboard = keyboard.Keyboard(clock=self._clock)
         self._taken_until = -math.inf
 
@@ -265,8 +269,12 @@ class PsychoPyKeyboard(ContextDevice):
         # go before it was asked for, within a long frame, is among those only.
         held = self._keyboard.getKeys(waitRelease=False, clear=True)
         keys = [*held, *self._keyboard.getKeys(waitRelease=True, clear=True)]
-        times = {(key.name, float(key.rt)) for key in keys}
-        presses = [KeyPress(name, time) for name, time in times if time > self._taken_until]
+        times = {(key.name, key.code, float(key.rt)) for key in keys}
+        presses = [
+            KeyPress(self._printed(place, code), time)
+            for place, code, time in times
+            if time > self._taken_until
+        ]
         self._taken_until = max([self._taken_until, *(press.time for press in presses)])
         return sorted(presses, key=lambda press: press.time)
 
@@ -277,11 +285,21 @@ class PsychoPyKeyboard(ContextDevice):
 
     def apparatus(self) -> dict[str, str]:
         """Return what the device says of itself."""
-        return {"keyboard": f"psychopy.hardware.keyboard, backend {self._keyboard.getBackend()}"}
+        named = "as printed, under the layout in use"
+        return {
+            "keyboard": f"psychopy.hardware.keyboard, backend {self._keyboard.getBackend()}",
+            "key_names": named if self._characters else "by their places on an American keyboard",
+        }
 
     def close(self) -> None:
         """Let go of the device."""
         self._keyboard.stop()
+
+    def _printed(self, place: str, code: int | None) -> str:
+        """Return the name of a key; without PsychoPy's driver it has no code, and is named as it types."""
+        if self._characters is None or code is None:
+            return place
+        return printed_name(place, self._characters(code))
 
 
 class PsychoPyHeldKeys(ContextDevice):

@@ -161,6 +161,7 @@ def summarize(
         max_rate_ratio_fitted=largest_rate_ratio(
             track.rate, limit_without_allowances(problem, track.factors)
         ),
+        wide_band_accepted=header.wide_band_accepted,
     )
 
 

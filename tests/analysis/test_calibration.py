@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.calibration.calibration import calibrate, trials_of_one_task
-from evenlight.analysis.calibration.fit_report import summary_of
+from evenlight.analysis.calibration.fit_summary import summary_of
 from evenlight.analysis.calibration.level_estimates import difference_in_words, estimate_levels
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions

@@ -11,7 +11,6 @@ from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.calibration_sections import (
     calibration_section,
     population_section,
-    rate_limit_section,
     thresholds_section,
 )
 from evenlight.analysis.calibration.choices.limit_choices import limit_choices
@@ -23,6 +22,7 @@ from evenlight.analysis.calibration.fit_report import (
     write_fit_report,
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import SIMULATED_NOTE
@@ -162,17 +162,19 @@ def test_other_ramps_are_compared_with_those_that_the_limit_is_for(both_ways: Ca
     (effect,) = both_ways.rate_limit.effects
     assert " ".join(section.paragraphs).count("Rising ramps of 5 s have ") == 1
     assert not any("the threshold rate of" in note for note in section.notes)  # told once
-    (row,) = section.tables[1].rows
+    (row,) = section.tables[-1].rows
     assert row[:2] == (effect.condition.words, f"{effect.ratio:.2f}")
     levels = calibration_section(both_ways, PNG).tables[0]
     assert {row[0] for row in levels.rows} == {"falling ramps of 5 s", "rising ramps of 5 s"}
 
 
 def test_one_kind_of_ramp_has_no_table_of_effects(yes_no: Calibration) -> None:
-    assert len(rate_limit_section(yes_no, PNG).tables) == 1
+    captions = [table.caption for table in rate_limit_section(yes_no, PNG).tables]
+    assert len(captions) == 2  # the limit, and the shapes that were compared
+    assert not any("Thresholds of other ramps" in caption for caption in captions)
 
 
 def test_curves_that_could_not_be_fitted_are_named(yes_no: Calibration) -> None:
     section = choices_section(limit_choices(yes_no, LINE), None, PNG)
     assert any(note.startswith("Not fitted, ln_rate_4: ") for note in section.notes)
-    assert section.tables[0].rows[0][0] == "fitted: power law (line in log-log)"
+    assert section.tables[0].rows[0][0] == "fitted: joint model, power law (line in log-log)"

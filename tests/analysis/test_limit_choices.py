@@ -31,12 +31,13 @@ from evenlight.analysis.calibration.choices.limit_choices_report import (
     better_log_log,
     write_limit_choices,
 )
+from evenlight.analysis.calibration.limit_models import LimitModels
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points, fit_thresholds
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
@@ -83,9 +84,15 @@ def calibration(rate: Callable[[float], float], scatter: float = 0.0, people: in
         for L in LUMINANCE.tolist()
     ]
     display = load_display("varjo-xr3")
-    data = SimpleNamespace(display=display, participant_ids=[str(k) for k in range(people)], simulated=True)
+    names = [str(k) for k in range(people)]
+    data = SimpleNamespace(display=display, display_fingerprints=(), participant_ids=names, simulated=True)
     fit = fit_thresholds(thresholds, display, name="made")
-    return Calibration(data, (), {}, fit, None)
+    return Calibration(data, (), {}, alone(fit))
+
+
+def alone(fit: RateLimitFit) -> LimitModels:
+    """A curve through individual thresholds, without other models beside it."""
+    return LimitModels(RateLimitModel.INDIVIDUAL, {RateLimitModel.INDIVIDUAL: fit})
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +123,7 @@ def test_who_was_measured_at_a_level_does_not_change_the_score_of_a_curve() -> N
     whole = calibration(lambda L: 0.05 * L**0.8)
     fit = whole.rate_limit
     kept = [t for t in fit.used if not (t.luminance == 42.0 and t.participant_id in ("00", "01"))]
-    part = dataclasses.replace(whole, rate_limit=fit_thresholds(kept, whole.data.display))
+    part = dataclasses.replace(whole, models=alone(fit_thresholds(kept, whole.data.display)))
     line = limit_choices(part).named(POWER_LAW)
     assert line is not None
     assert line.left_out_error == pytest.approx(0, abs=0.01)  # the mean at 42 cd/m^2 is 8 % off
@@ -158,7 +165,7 @@ def test_curves_that_the_levels_do_not_allow_are_named_with_the_reason() -> None
     fit = few.rate_limit
     kept = [t for t in fit.used if t.luminance in (5.0, 42.0, 104.0)]
     options = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1)
-    part = dataclasses.replace(few, rate_limit=fit_thresholds(kept, few.data.display, options))
+    part = dataclasses.replace(few, models=alone(fit_thresholds(kept, few.data.display, options)))
     found = limit_choices(part, options)
     assert "5 or more luminances, got 3" in found.missing["ln_rate_4"]
     assert found.fitted.limit.form is RateLimitForm.LOG_LOG
@@ -283,7 +290,7 @@ def test_a_fitted_curve_that_falls_to_zero_is_compared_where_it_is_above(clip: L
     low, high = fit.limit.luminance_range
     # z - 0.5 rises through 0 at z = 0.5, three quarters of the range.
     zero = RateLimit("z", "d", "", RateLimitForm.RATE, (-0.5, 1.0), (low, high))
-    part = dataclasses.replace(whole, rate_limit=dataclasses.replace(fit, limit=zero))
+    part = dataclasses.replace(whole, models=alone(dataclasses.replace(fit, limit=zero)))
     found = limit_choices(part, RateLimitOptions(RateLimitForm.RATE, degree=1))
     assert all(np.isfinite(choice.highest_ratio) for choice in found.choices)
     assert SAFE in found.missing

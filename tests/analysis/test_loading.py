@@ -168,7 +168,7 @@ def test_a_broken_manifest_is_named(tmp_path: Path) -> None:
 def test_two_displays_are_refused(tmp_path: Path) -> None:
     write_session(tmp_path, "01")
     write_session(tmp_path, "02", Display("other", 200.0, 0.0, 2.0, 60.0))
-    with pytest.raises(InputError, match=r"participant 02 ran on the display 'other'.*'bench'"):
+    with pytest.raises(InputError, match=r"participant 02 runs on the display 'other'.*'bench'"):
         load_ramp_data(tmp_path)
 
 

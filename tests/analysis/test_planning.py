@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import json
 import math
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -13,16 +14,29 @@ import numpy as np
 import pytest
 from scipy import special
 
+from evenlight.analysis.calibration.psychometric.psychometric_fit import FINE_NODES
+from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
 from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
-from evenlight.analysis.plan_command import plan_command, whole_numbers
+from evenlight.analysis.plan_command import STANDARD_DESIGNS, plan_command, whole_numbers
 from evenlight.analysis.plans.plan_files import planning_figure, write_plan
-from evenlight.analysis.plans.ramp_plan import NOT_COMPARABLE, PlanRequest, RampPlan, in_words, plan_ramps
+from evenlight.analysis.plans.ramp_plan import (
+    NOT_COMPARABLE,
+    PlanRequest,
+    RampPlan,
+    _rows,
+    _Sessions,
+    in_words,
+    plan_ramps,
+)
 from evenlight.analysis.plans.ramp_plan_pool import (
+    PLANNING_NODES,
     Experiments,
     first_trials,
     participants_needed,
+    pool_of,
     resampling_spread,
     with_trials_per_level,
+    work_of,
 )
 from evenlight.data_schema.analysis_results import RampPlanRow
 from evenlight.data_schema.display import Display
@@ -38,6 +52,8 @@ from evenlight.data_schema.recordings.ramp import (
     Response,
     session_minutes,
 )
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
 from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.method.preset_files import load_display
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
@@ -284,6 +300,73 @@ def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: RampPlan
     assert (tmp_path / "plan.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_the_answer_comes_first_in_the_file_with_what_it_rests_on(plan: RampPlan, tmp_path: Path) -> None:
+    write_plan(tmp_path, plan)
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert next(iter(content)) == "in_words"
+    assert content["in_words"] == list(in_words(plan))
+    assert content["effort"] == "other"  # 24 people, and 40 experiments of each size
+    assert "24 simulated participants and 40 experiments per size" in content["monte_carlo_error"]
+    assert "faster than the joint model" in content["model"]
+    assert PlanRequest({}, load_display("varjo-xr3")).effort == "default"
+
+
+def test_the_monte_carlo_error_is_that_of_another_pool_and_other_draws(plan: RampPlan) -> None:
+    """The SD of 24 people is known to 1/sqrt(46) = 15 %; 16 of them, drawn 40 times, add 1/sqrt(30) /
+    sqrt(40) = 3 %, and 4 of them 1/sqrt(6) / sqrt(40) = 6 %. Less as far as trials make the band."""
+    for row in plan.rows:
+        assert 0.05 < row.half_width_mc_error < 0.25
+    few, many = row_of(plan, 60, 4), row_of(plan, 60, 16)
+    assert few.half_width_mc_error > many.half_width_mc_error
+
+
+def test_planning_fits_on_a_coarser_grid_give_the_thresholds_of_the_fit() -> None:
+    trials = simulated(DESIGN, load_display("varjo-xr3"), 3, seed=4)[0]
+    fine, coarse = (
+        [fit.threshold for fit in fit_thresholds_of(trials, judge=False, fine=nodes)]
+        for nodes in (FINE_NODES, PLANNING_NODES)
+    )
+    for exact, quick in zip(fine, coarse, strict=True):
+        off = math.log(quick.threshold / exact.threshold) / exact.standard_error_ln
+        assert abs(off) < 0.05
+        assert quick.standard_error_ln == pytest.approx(exact.standard_error_ln, rel=0.05)
+
+
+def test_the_usual_plan_takes_less_than_a_minute_on_two_cores() -> None:
+    """A part of each kind, timed, of a yes/no design and one of two intervals; there are two of each. 45 s
+    leave room for a machine that does other things too."""
+    display = load_display("varjo-xr3")
+    designs = {name: load_design(name) for name in ("paper", "recommended")}
+    usual = PlanRequest(designs, display, seed=1)
+    seconds, members = 0.0, []
+    for design in designs.values():
+        works = work_of(design, display, usual.trials, usual.pool, usual.seed)
+        begun = time.process_time()
+        members = pool_of(works[0], simulated_trials_and_thresholds)
+        seconds += 2 * len(works) * (time.process_time() - begun)
+    pool = members * (usual.pool // len(members))
+    begun = time.process_time()
+    _rows(_Sessions(usual, "recommended", 40, pool))
+    seconds += len(STANDARD_DESIGNS) * len(usual.trials) * (time.process_time() - begun)
+    assert seconds / 2 < 45
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["ramp", "--quick", "--thorough"], "--quick and --thorough cannot be had together"),
+        (["rating", "--thorough"], "--thorough goes with ramp, not with rating"),
+    ],
+)
+def test_efforts_that_do_not_go_together_are_refused(
+    command, tmp_path: Path, words: list[str], message: str
+) -> None:
+    result = command("plan", *words, "--out", tmp_path / "out")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert message in result.err
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: RampPlan) -> None:
     loose = RampPlan(
         dataclasses.replace(plan.request, precision=2.0),
@@ -292,6 +375,7 @@ def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: Ra
     cheapest = min(plan.rows, key=lambda row: row.total_hours)
     (words,) = in_words(loose)
     assert words.startswith(f"{cheapest.participants} participants x {cheapest.trials_per_level} trials")
+    assert words.endswith(f"; 200 % takes {cheapest.participants_needed_in_words} participants")
     none = RampPlan(plan.request, tuple(dataclasses.replace(row, meets=False) for row in plan.rows))
     assert "no number tried gives ΔL(L) to 10 %" in in_words(none)[0]
 
@@ -324,4 +408,8 @@ def test_the_command_plans_a_preset_with_processes_of_its_own(command, tmp_path:
     assert result.err == ""
     assert "yes_no_targeted" in result.out
     assert "simulated participants" in result.out
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["effort"] == "quick"
+    assert result.out.splitlines()[-len(content["in_words"]) :] == content["in_words"]  # the answer, last
+    assert content["monte_carlo_error"] in result.out
     assert len((tmp_path / "plan.csv").read_text().splitlines()) == 3

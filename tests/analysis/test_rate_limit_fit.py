@@ -76,7 +76,7 @@ def test_the_quartic_is_well_conditioned_where_monomials_are_not(luminances: tup
 
 def test_four_luminances_are_too_few_for_degree_four() -> None:
     with pytest.raises(InputError, match=r"5 or more luminances, got 4.*`evenlight fit --degree`"):
-        fit_points([10, 20, 20, 40, 80], [0.3, 0.6, 0.6, 1.2, 2.4], DISPLAY)
+        fit_points([10, 20, 20, 40, 80], [0.3, 0.6, 0.6, 1.2, 2.4], DISPLAY, RateLimitOptions(degree=4))
 
 
 def test_the_band_is_that_of_a_textbook_straight_line() -> None:
@@ -181,14 +181,13 @@ def test_the_band_of_a_curve_follows_the_number_of_participants() -> None:
     assert np.log(ratio) == pytest.approx(4.30265 * np.sqrt(variance), rel=1e-3)
 
 
-def test_one_participant_at_five_levels_has_a_band_from_the_known_errors_alone() -> None:
-    # The curve meets each threshold, so that the band at each level is the threshold's own interval,
-    # exp(±1.959964 · 0.1).
+def test_one_participant_gives_a_curve_and_no_band_for_others() -> None:
+    """The curve meets each threshold; their own errors, 10 %, say nothing of how people differ."""
     fit = fit_thresholds(people([1.0], WHITE), DISPLAY)
     assert rates_at(fit, WHITE) == pytest.approx([0.03 * L for L in WHITE], rel=1e-9)
-    assert fit.limit.band_upper[0] == pytest.approx(0.03 * WHITE[0] * np.exp(0.1959964), rel=1e-6)
+    assert fit.limit.band_luminance == fit.limit.band_upper == ()
     assert fit.participant_sd is None
-    assert any("One participant" in note for note in fit.notes)
+    assert any("One participant" in note and "no band" in note for note in fit.notes)
 
 
 def test_thresholds_that_are_the_priors_or_the_criterions_are_left_out_and_counted() -> None:

@@ -164,7 +164,6 @@ def test_results_are_saved_as_the_command_saves_them(tmp_path: Path) -> None:
         ),
         (lambda t: t.assign(response="first"), "no ramp_interval"),
         (lambda t: "trials.csv", r"read it with pandas\.read_csv"),
-        (lambda t: t[t["luminance_cd_m2"] == 40.0], "lumin"),
     ],
 )
 def test_ramps_that_cannot_be_used_are_named(
@@ -172,6 +171,14 @@ def test_ramps_that_cannot_be_used_are_named(
 ) -> None:
     with pytest.raises(evenlight.InputError, match=says):
         evenlight.fit_ramps(change(ramps(people=1)))
+
+
+def test_ramps_at_one_luminance_make_a_constant_limit_which_is_said_first() -> None:
+    table = ramps(people=3)
+    fit = evenlight.fit_ramps(table[table["luminance_cd_m2"] == 40.0])
+    assert fit.rate_limit.luminance_range == (40.0, 40.0)
+    assert len(fit.rate_limit.coefficients) == 1
+    assert any("the limit is a constant" in warning for warning in fit.warnings[:2])
 
 
 @pytest.mark.parametrize(

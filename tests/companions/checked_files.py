@@ -69,6 +69,7 @@ def results(folder: Path, **changes: Any) -> Path:
         "weighted": False,
         "largest_allowance": 1.0,
         "max_rate_ratio_fitted": 0.0,
+        "wide_band_accepted": False,
     }
     write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
     curves = LossCurves(

@@ -123,10 +123,11 @@ def threshold_in_interval(values: Values) -> Values:
 
 
 def ends_above_black(values: Values) -> Values:
-    """No ramp reaches zero, and no list names anything twice or nothing."""
+    """No ramp reaches zero, no list names anything twice or nothing, practice wants no more than it has."""
     lists = ("screens", "directions", "ramp_durations", "factors", "relative_rates")
     values = values | {name: tuple(dict.fromkeys(values[name])) for name in lists}
     values["screens"] = values["screens"] or ("white",)
+    values["practice_correct"] = min(values["practice_correct"], values["practice_trials"])
     values["directions"] = values["directions"] or (Direction.DOWN,)
     longest = 1.0 if values["same_amounts"] else max(values["ramp_durations"]) / values["ramp_durations"][0]
     values["white_pixel_value"], values["gray_pixel_value"] = 1.0, values["gray_pixel_value"] / 2

@@ -1,109 +1,25 @@
 """The course of a session: consent, pauses, stops, dropped frames, and what the log says of them."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
+from conducted_sessions import DESIGN, Stage, begun, conducted, drop_ten_frames
 
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.recordings.dataset_writing import enrol
 from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign, TrialFlag
-from evenlight.data_schema.recordings.rig import Keys, Rig
-from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
-from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
-from evenlight.experiments.ramp.ramp_task import RampTask
-from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
-from evenlight.experiments.sessions.pages import load_pages
-from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
-from evenlight.experiments.sessions.staging import BlindStage
-from evenlight.experiments.sessions.task import SimulatedParticipant
-from evenlight.experiments.stage import PausePressed, RampInterval, ShownInterval
-from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
+from evenlight.data_schema.recordings.session import EventKind, SessionStatus
+from evenlight.experiments.sessions.session_store import SessionStore, resume_session
+from evenlight.experiments.stage import PausePressed, ShownInterval
 from evenlight.hardware.protocols import InstrumentError
-from evenlight.hardware.simulated.clocks import RefreshClock
-from evenlight.method.preset_files import load_rate_limit
-
-DISPLAY = Display("bench", 100.0, 0.1, 2.2, 60.0)
-RIG = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)
-KEYS = Keys()
-DESIGN = RampDesign(
-    screens=("white",),
-    factors=(0.5,),
-    relative_rates=(0.02, 0.06),
-    repetitions=2,
-    catch_share=0.2,
-    practice_trials=0,
-    trials_between_breaks=0,
-    ramp_durations=(0.5,),
-)  # 4 ramps and a catch trial
-OBSERVER = SimulatedObserver(load_rate_limit("surace2025"), 1.0, {}, 1.6, 0.05, 0.02)
-
-
-class Stage(BlindStage):
-    """A stage on which something happens at the ramps of some numbers, counted from 0."""
-
-    def __init__(self, happens: dict[int, Callable[[ShownInterval], ShownInterval]]) -> None:
-        self.clock = RefreshClock(RIG.refresh_rate)
-        self.keyboard = SimulatedKeyboard(self.clock.now)
-        super().__init__(RIG, self.clock, self.keyboard)
-        self._happens, self.shown, self.pages = happens, 0, [""]
-
-    def show_ramp(self, interval: RampInterval) -> ShownInterval:
-        shown = super().show_ramp(interval)
-        number, self.shown = self.shown, self.shown + 1
-        return self._happens.get(number, lambda same: same)(shown)
-
-    def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> Any:
-        self.pages.append(text)
-        return super().show_page(text, keys, footer)
-
-
-class Sitter(SimulatedParticipant):
-    """A simulated participant who presses the pause key on pages with some words."""
-
-    def __init__(self, stage: Stage, *stops_at: str) -> None:
-        super().__init__(RampAnswers(OBSERVER, KEYS, (1, 0)), stage.keyboard.queue, KEYS, (1, 0))
-        self._stage, self._stops_at = stage, list(stops_at)
-
-    def see_page(self, keys: Sequence[str]) -> None:
-        # A page is announced before it is shown, so the pages are counted: the next is the one meant.
-        number = str(len(self._stage.pages))
-        stop = number in self._stops_at
-        self._stage.keyboard.queue(keys[1] if stop else keys[0], 0.1)
 
 
 def pause(_: ShownInterval) -> ShownInterval:
     raise PausePressed
 
 
-def drop_ten_frames(shown: ShownInterval) -> ShownInterval:
-    return dataclasses.replace(shown, frames_dropped=10)
-
-
 def unplugged(_: ShownInterval) -> ShownInterval:
     raise InstrumentError("the backlight does not answer")
-
-
-def begun(folder: Path, design: RampDesign = DESIGN) -> SessionStore:
-    enrol(folder, "01", simulated=True, provenance=Provenance())
-    task = RampTask(design, DISPLAY, 1, 0, RIG)
-    manifest = SessionManifest(
-        "01", "01", "ramp", True, SessionStatus.RUNNING, task.n_trials, DISPLAY, design, Provenance(seed=1)
-    )
-    return begin_session(folder, manifest, utc=str)
-
-
-def conducted(
-    store: SessionStore, stage: Stage, *stops_at: str, design: RampDesign = DESIGN
-) -> SessionStatus:
-    task = RampTask(design, DISPLAY, 1, 0, RIG)
-    cast = SessionParts(task, stage, Sitter(stage, *stops_at), load_pages("en"), KEYS)
-    with store:
-        return conduct_session(store, cast)
 
 
 def kinds(store: SessionStore) -> list[EventKind]:
@@ -136,9 +52,9 @@ def test_a_trial_that_is_paused_is_shown_again_as_the_next_attempt(tmp_path: Pat
 
 
 def test_the_pause_key_stops_the_session_from_the_pause_and_it_can_be_resumed(tmp_path: Path) -> None:
-    """Consent and instructions are pages 1 and 2; there is no practice, so the pause is the third."""
+    """Consent, two keys and instructions are pages 1 to 4; without practice the pause is the fifth."""
     store = begun(tmp_path / "lab")
-    assert conducted(store, Stage({2: pause}), "3") is SessionStatus.ABORTED
+    assert conducted(store, Stage({2: pause}), "5") is SessionStatus.ABORTED
     assert kinds(store)[-1] is EventKind.STOPPED
     assert len(store.trials) == 2
     store = resume_session(tmp_path / "lab", "01", "01", utc=str)
@@ -197,8 +113,8 @@ def test_practice_comes_with_feedback_is_marked_and_goes_on_where_it_stopped(tmp
     )  # fmt: skip
     store = begun(tmp_path / "lab", design)
     # Two ramps for each trial; the first interval of the second practice trial is interrupted and stopped.
-    # Pages: consent, instructions, feedback, pause.
-    assert conducted(store, Stage({2: pause}), "4", design=design) is SessionStatus.ABORTED
+    # Pages: consent, two keys, instructions, feedback, pause.
+    assert conducted(store, Stage({2: pause}), "6", design=design) is SessionStatus.ABORTED
     assert [t.practice for t in store.trials] == [True]
     store = resume_session(tmp_path / "lab", "01", "01", utc=str)
     stage = Stage({})

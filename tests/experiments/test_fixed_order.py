@@ -57,12 +57,24 @@ def test_a_flagged_trial_comes_again_at_the_end_in_a_block_of_its_own() -> None:
 
 
 def test_a_trial_that_is_flagged_each_time_is_shown_three_times_in_all() -> None:
-    order = FixedOrder([Planned("gym")], repeat_flagged=True)
+    order = FixedOrder([Planned(name) for name in "abcdefgh"], repeat_flagged=True)
+    shown = 0
+    while (planned := order.next_trial()) is not None:
+        shown += planned.sequence == "a"
+        answer(order, FLAGGED if planned.sequence == "a" else TrialFlag.NONE)
+    assert shown == MAX_SHOWINGS
+
+
+def test_a_quarter_of_the_trials_at_most_is_shown_again() -> None:
+    """8 trials, all of them flagged: 2 more, and what an earlier version showed beyond them is still read."""
+    order = FixedOrder([Planned(name) for name in "abcdefgh"], repeat_flagged=True)
     shown = 0
     while order.next_trial() is not None:
         answer(order, FLAGGED)
         shown += 1
-    assert shown == MAX_SHOWINGS
+    assert shown == 8 + 2
+    order.take(Answered("c", block=2, flag=FLAGGED))
+    assert order.next_trial() is None
 
 
 def test_what_was_left_out_for_having_been_seen_before_is_not_shown_once_more() -> None:

@@ -30,7 +30,7 @@ def test_every_language_has_every_page_with_the_same_placeholders() -> None:
 def test_pages_name_the_keys_of_the_rig_and_the_numbers_of_the_session() -> None:
     pages = load_pages("en")
     text = pages.text("question_yes_no", Keys(yes="j", no="num_0"))
-    assert "Press J for yes, num_0 for no." in text
+    assert "Press J for yes, 0 on the numeric pad for no." in text
     assert "60 of 120" in pages.text("break", Keys(), **NUMBERS)
     assert "the space bar" in pages.text("break", Keys())
 

@@ -14,7 +14,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import Direction, Placement, Procedure, RampDesign
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.experiments.chance import williams_row
-from evenlight.experiments.design_files import design_names, load_design
+from evenlight.experiments.design_files import design_names, load_design, load_task_design
 from evenlight.experiments.ramp.ramp_plan import Slot, ramp_conditions, ramp_levels, session_plan, trial_count
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.method.preset_files import load_display
@@ -142,8 +142,11 @@ def test_the_default_session_lasts_at_most_ninety_minutes_without_its_breaks() -
     assert sum(trial_count(RampDesign())) * SECONDS_PER_TRIAL <= 90 * 60
 
 
-def test_the_paper_preset_is_the_default_design() -> None:
-    assert load_design("paper") == RampDesign()
+def test_the_paper_preset_shows_and_asks_what_the_record_does_unchanged() -> None:
+    """Manifests without the newer keys are read with the record's defaults: sessions as they were then."""
+    care = {"practice_trials": 6, "practice_correct": 0, "minutes_between_breaks": 0.0}
+    assert dataclasses.replace(load_design("paper"), **care) == RampDesign()  # type: ignore[arg-type]
+    assert load_task_design("ramp", None) == load_design("paper")
 
 
 @pytest.mark.parametrize("name", design_names())

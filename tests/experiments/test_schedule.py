@@ -21,7 +21,7 @@ from evenlight.data_schema.recordings.ramp import (
 )
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver, answer_generator
 from evenlight.experiments.ramp.ramp_plan import PlannedRamp
-from evenlight.experiments.ramp.ramp_schedule import MAX_SHOWINGS, RampSchedule
+from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)
@@ -160,7 +160,19 @@ def test_a_display_that_always_drops_frames_does_not_keep_anybody_for_ever() -> 
     design = DESIGNS[Procedure.YES_NO, Placement.TARGETED]
     everything = frozenset(range(1000))
     trials = go_on(RampSchedule(design, DISPLAY, SEED), design, flagged=everything)
-    assert len(trials) == MAX_SHOWINGS * 60
+    assert len(trials) == 60 + 60 / 4  # a quarter is shown again
+
+
+def test_a_session_of_an_earlier_version_that_showed_more_of_them_again_is_still_read() -> None:
+    """Then a trial was shown three times, however many there were: 60 trials that were shown 70 times."""
+    design = DESIGNS[Procedure.YES_NO, Placement.CONSTANT]
+    schedule = RampSchedule(design, DISPLAY, SEED)
+    go_on(schedule, design, flagged=frozenset(range(1000)))
+    assert schedule.next_trial() is None
+    assert schedule.n_left == 0
+    again = schedule._queued()
+    assert again is not None
+    schedule.take(answered(design, again, 75))
 
 
 def test_practice_is_clear_has_trials_without_change_and_does_not_move_the_schedule() -> None:

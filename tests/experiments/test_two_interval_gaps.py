@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDesign
+from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.ramp_plan import PlannedRamp
 from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.pages import load_pages
@@ -44,7 +46,7 @@ class Steps(BlindStage):
             self.out.append(step)
         self._is_end = False
 
-    def wait(self, seconds: float, luminance: float) -> None:
+    def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
         self._after_an_interval(luminance)
 
     def show_ramp(self, interval: RampInterval) -> ShownInterval:
@@ -63,7 +65,9 @@ class Nobody:
     def see_trial(self, planned: PlannedRamp, trial_index: int) -> None: ...
 
 
-def observed(factor: float, screens: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def observed(
+    factor: float, screens: tuple[str, ...], kind: IntervalGap = IntervalGap.RANDOM_STEPS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which interval changed in many trials, by 7 % in 5 s, and the steps out of and into both, (n, 2)."""
     design = RampDesign(
         procedure=Procedure.TWO_INTERVAL,
@@ -71,6 +75,7 @@ def observed(factor: float, screens: tuple[str, ...]) -> tuple[np.ndarray, np.nd
         factors=(factor,),
         relative_rates=(0.014,),
         repetitions=TRIALS,
+        interval_gap_kind=kind,
     )
     task, pages = RampTask(design, DISPLAY, 1, 0, RIG), load_pages("en")
     planned = task.next_trial()
@@ -96,6 +101,47 @@ def test_who_looks_at_the_steps_alone_is_right_in_half_of_the_trials(
         assert steps.shape == (TRIALS, 2)
         chosen = 1 + np.argmax(steps, axis=1)
         assert abs(np.mean(chosen == sides) - 0.5) < 0.062
+
+
+@pytest.mark.parametrize(("factor", "screens"), [(0.5, ("white",)), (1.0, ("white",)), (0.2, ("gray",))])
+def test_with_a_steady_gap_nothing_steps_whichever_interval_changes(
+    factor: float, screens: tuple[str, ...]
+) -> None:
+    _, out, into = observed(factor, screens, IntervalGap.STEADY)
+    assert out.shape == into.shape == (TRIALS, 2)
+    np.testing.assert_allclose(out, 0.0, atol=1e-12)
+    np.testing.assert_allclose(into, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("ramp_interval", "ends"), [(1, [(50, 45), (45, 45)]), (2, [(50, 50), (50, 45)])])
+def test_with_a_steady_gap_the_second_interval_goes_on_where_the_first_ended(
+    ramp_interval: int, ends: list[tuple[float, float]]
+) -> None:
+    """50 cd/m^2 that fall by 2 % per second for 5 s, to 45."""
+    design = RampDesign(
+        procedure=Procedure.TWO_INTERVAL, screens=("white",), factors=(0.5,), relative_rates=(0.02,),
+        interval_gap_kind=IntervalGap.STEADY,
+    )  # fmt: skip
+    task = RampTask(design, DISPLAY, 1, 0, RIG)
+    planned = task.next_trial()
+    assert planned is not None
+    intervals = task._intervals(dataclasses.replace(planned, ramp_interval=ramp_interval), noise_seed=0)
+    assert [(i.initial_luminance, i.final_luminance) for i in intervals] == [
+        (pytest.approx(initial), pytest.approx(final)) for initial, final in ends
+    ]
+    assert [interval.label for interval in intervals] == ["1", "2"]
+
+
+def test_a_design_of_an_earlier_version_means_what_it_meant_and_says_so_to_the_participant() -> None:
+    """Its steps are in the instructions now; a new design's participant reads that nothing steps."""
+    old = record_from_mapping(RampDesign, {"procedure": "two_interval"}, "manifest.json")
+    assert (old.interval_gap_kind, old.fixation_mark) == (IntervalGap.RANDOM_STEPS, False)
+    pages = load_pages("en")
+    for design, words in (
+        (old, "the brightness jumps several times"),
+        (load_design("recommended"), "nothing jumps"),
+    ):
+        assert words in pages.text(RampTask(design, DISPLAY, 1, 0, RIG).instructions, Keys())
 
 
 def test_with_a_gap_of_one_luminance_the_greater_step_would_always_tell(

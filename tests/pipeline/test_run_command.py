@@ -51,12 +51,12 @@ def test_frames_are_logged_for_every_interval(command: Command, tmp_path: Path, 
 
 
 def test_events_tell_the_course_of_the_session(command: Command, tmp_path: Path, design: Path) -> None:
-    """Consent, instructions, two trials for practice with feedback, breaks after 4 and 8 of 10, thanks."""
+    """Consent, two keys, instructions, two trials with feedback, breaks after 4 and 8 of 10, thanks."""
     command(*arguments(tmp_path / "lab", design))
     events = rows(tmp_path / "lab", EVENTS)
     pages = [e["detail"] for e in events if e["kind"] == "page_shown"]
     practice = ["instructions_yes_no", "feedback", "feedback", "practice_end"]
-    assert pages == ["consent", *practice, "break", "break", "end"]
+    assert pages == ["consent", "key_test", "key_test", *practice, "break", "break", "end"]
     assert [e["kind"] for e in events][:3] == ["started", "page_shown", "consent_given"]
     assert events[-1]["kind"] == "completed"
     assert sum(e["kind"] == "trial_begun" for e in events) == 12

@@ -35,6 +35,7 @@ DESIGNS = {
 KILLS = {"yes_no constant": 2, "two_interval targeted": 3}
 SCREENS = {  # by their first lines
     "page-welcome",  # consent
+    "page-try-the-keys",
     "page-your-task",
     "page-that-was-the-practice",
     "page-time-for-a-break",

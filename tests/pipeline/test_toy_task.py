@@ -78,7 +78,14 @@ def test_a_session_is_rehearsed_from_consent_to_thanks_and_its_data_set_validate
     assert (manifest["task"], manifest["design"]["repetitions"]) == (TASK, 3)
     assert {f"instructions_{TASK}", f"question_{TASK}"} <= set(manifest["pages"])
     shown = [event["detail"] for event in lines(session / "events.jsonl") if event["kind"] == "page_shown"]
-    assert shown == ["consent", f"instructions_{TASK}", "practice_end", *["break"] * 2, "end"]
+    assert shown == [
+        "consent",
+        *["key_test"] * 2,
+        f"instructions_{TASK}",
+        "practice_end",
+        *["break"] * 2,
+        "end",
+    ]
     assert len(lines(session / "frames.jsonl")) == 2 * len(trials)
     checked = command("validate", lab)
     assert (checked.code, "no problem" in checked.out) == (0, True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.level_estimates import PooledFit
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     CurveBasis,
     RateLimitOptions,
@@ -22,13 +23,19 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.choices import LimitCurve
 from evenlight.method.rate_limit import rate_limit_at
 
 Predict = Callable[[float], RateLimit]  # the limit that is fitted without the luminance given
-FITTED, SAFE, POOLED = "fitted", "fitted_safe", "pooled"
+FITTED, SAFE = "fitted", "fitted_safe"
+JOINT, INDIVIDUAL, POOLED = (model.value for model in RateLimitModel)
+MODELS = {
+    RateLimitModel.JOINT: "joint model",
+    RateLimitModel.INDIVIDUAL: "individual fits, then a curve",
+    RateLimitModel.POOLED: "all answers pooled (paper)",
+}
 POWER_LAW, LOG_LOG_QUADRATIC = "log_log_1", "log_log_2"
 ALTERNATIVES = {  # beside the form and degree that were asked for
     "ln_rate_4": (RateLimitForm.LN_RATE, 4, "fourth degree of ln(rate)"),
@@ -120,12 +127,12 @@ def limit_choices(calibration: Calibration, options: RateLimitOptions | None = N
     options = _for_the_same_ramps(options or RateLimitOptions(), fitted)
     candidates, missing = _candidates(calibration, options)
     compared = [_compared(candidate, fitted) for candidate in candidates]
-    safe = safe_limit(fitted.limit)
+    safe = None if fitted.limit.wide_band else safe_limit(fitted.limit)
     if safe is None:
-        missing[SAFE] = "the fitted curve has no band, or one that reaches 0"
+        missing[SAFE] = fitted.limit.wide_band or "the fitted curve has no band, or one that reaches 0"
     else:
         edge = dataclasses.replace(fitted, limit=safe, falling=_falls(safe))
-        words = f"safe: lower edge of the {100 * options.band_level:g} % band"
+        words = f"safe: lower edge of the {fitted.limit.band_words}"
         compared.insert(1, _compared(_Candidate(SAFE, words, edge), fitted))
     who = f"{len(calibration.data.participant_ids)} {'simulated ' * calibration.data.simulated}participants"
     return LimitChoices(tuple(_with_origin(choice, calibration, who) for choice in compared), missing)
@@ -149,6 +156,7 @@ def _with_origin(choice: LimitChoice, calibration: Calibration, who: str) -> Lim
         procedure=fitted.procedure,
         direction=fitted.direction,
         ramp_duration=fitted.ramp_duration,
+        display_fingerprints=calibration.data.display_fingerprints,
     )
     return dataclasses.replace(choice, limit=limit)
 
@@ -162,31 +170,59 @@ def _falls(limit: RateLimit) -> tuple[tuple[float, float], ...]:
 def _candidates(
     calibration: Calibration, options: RateLimitOptions
 ) -> tuple[list[_Candidate], dict[str, str]]:
-    """Return the fitted curve and its alternatives, and why some cannot be fitted."""
-    fitted, display = calibration.rate_limit, calibration.data.display
-    form, degree = fitted.limit.form, len(fitted.limit.coefficients) - 1
-    words = next((w for f, d, w in ALTERNATIVES.values() if (f, d) == (form, degree)), "")
-    words = words or f"degree {degree} of {form.value.replace('_', ' ')}"
-    found = [
-        _Candidate(FITTED, f"fitted: {words}", fitted, _refit(fitted.used, display, _as(options, fitted)))
-    ]
-    missing: dict[str, str] = {}
-    for name, (other, n, what) in ALTERNATIVES.items():
-        if (other, n) == (form, degree):
+    """Return the fitted curve, the other models', and others through the thresholds; and why some miss."""
+    models, display = calibration.models, calibration.data.display
+    chosen = models.chosen
+    words = "" if chosen is RateLimitModel.INDIVIDUAL else f"{MODELS[chosen]}, "
+    found = [_of_model(chosen, calibration, options, f"fitted: {words}{_shape_words(models.fit.limit)}")]
+    pooled: list[_Candidate] = []
+    for model in models.others:
+        own = pooled if model is RateLimitModel.POOLED else found
+        own.append(_of_model(model, calibration, options, MODELS[model]))
+    missing = {model.value: why for model, why in models.missing.items()}
+    individual = models.fits.get(RateLimitModel.INDIVIDUAL)
+    shown = None if individual is None else _shape(individual.limit)
+    for name, (form, degree, what) in ALTERNATIVES.items():
+        if (form, degree) == shown:
             continue
-        changed = dataclasses.replace(options, form=other, degree=n)
+        changed = dataclasses.replace(options, form=form, degree=degree)
         try:
-            fit = fit_thresholds(fitted.used, display, changed, name)
+            fit = fit_thresholds(models.fit.used, display, changed, name)
         except InputError as error:
             missing[name] = str(error)
             continue
-        found.append(_Candidate(name, what, fit, _refit(fitted.used, display, changed)))
-    if calibration.pooled is None:
-        missing[POOLED] = "too few levels with both answers"
-    else:
-        without = _repool(calibration.pooled, display, _as(options, calibration.pooled.curve))
-        found.append(_Candidate(POOLED, "all answers pooled (paper)", calibration.pooled.curve, without))
-    return found, missing
+        found.append(_Candidate(name, what, fit, _refit(models.fit.used, display, changed)))
+    return found + pooled, missing
+
+
+def _shape(limit: RateLimit) -> tuple[RateLimitForm, int]:
+    """Return form and degree of a curve."""
+    return limit.form, len(limit.coefficients) - 1
+
+
+def _shape_words(limit: RateLimit) -> str:
+    """Return form and degree of a curve in words."""
+    words = next((w for f, d, w in ALTERNATIVES.values() if (f, d) == _shape(limit)), "")
+    return words or f"degree {_shape(limit)[1]} of {limit.form.value.replace('_', ' ')}"
+
+
+def _of_model(
+    model: RateLimitModel, calibration: Calibration, options: RateLimitOptions, words: str
+) -> _Candidate:
+    """Return a model's curve; the joint model has predictive scores of its own."""
+    models, display = calibration.models, calibration.data.display
+    fit, name = models.fits[model], FITTED if model is models.chosen else model.value
+    without = None
+    if model is RateLimitModel.INDIVIDUAL:
+        without = _refit(fit.used, display, _as(options, fit))
+    elif model is RateLimitModel.POOLED and models.pooled is not None:
+        without = _repool(models.pooled, display, _as(options, fit))
+    return _Candidate(name, words, fit, without)
+
+
+def _usable(fit: RateLimitFit) -> list[Threshold]:
+    """Return the thresholds behind a fit that have a value of their own."""
+    return [t for t in fit.used if t.flag not in UNUSABLE]
 
 
 def _as(options: RateLimitOptions, fit: RateLimitFit) -> RateLimitOptions:
@@ -225,7 +261,7 @@ def _compared(candidate: _Candidate, fitted: RateLimitFit) -> LimitChoice:
         words=candidate.words,
         limit=limit,
         falling=candidate.fit.falling,
-        left_out_error=candidate.without and left_out_error(fitted.used, candidate.without),
+        left_out_error=candidate.without and left_out_error(_usable(fitted), candidate.without),
         lowest_ratio=float(ratio.min()),
         highest_ratio=float(ratio.max()),
         mean_ratio=float(np.exp(np.mean(np.log(ratio)))) if ratio.min() > 0 else 0.0,
@@ -285,9 +321,9 @@ def _series(threshold: Threshold) -> str:
 def safe_limit(limit: RateLimit) -> RateLimit | None:
     """Return the lower edge of a limit's band as a rate limit; None where there is none above 0.
 
-    Of the pointwise 95 % bands of repeated experiments, one in forty lies above the population's curve at a
-    given luminance. The edge is no polynomial but nearly one; the curve returned is lowered until it is
-    nowhere above the edge, and so errs to the slow side.
+    Of the 95 % bands of repeated experiments, one in forty lies above the population's curve: a pointwise one
+    at a given luminance, a simultaneous one anywhere. The edge is no polynomial but nearly one; the curve
+    returned is lowered until it is nowhere above the edge, and so errs to the slow side.
 
     Parameters
     ----------
@@ -302,8 +338,8 @@ def safe_limit(limit: RateLimit) -> RateLimit | None:
     """
     if not limit.band_luminance or min(limit.band_lower) <= 0:  # a band of the rate itself can reach 0
         return None
-    basis = CurveBasis(limit.form, SAFE_DEGREE, limit.luminance_range)
     low, high = limit.luminance_range
+    basis = CurveBasis(limit.form, SAFE_DEGREE if low < high else 0, limit.luminance_range)
     luminance = (low + high - (high - low) * np.cos(np.linspace(0.0, np.pi, EDGE_SAMPLES))) / 2
     design = basis.design(luminance)
     edge = basis.ordinate(rate_limit_at(limit, luminance, LimitCurve.SAFE))
@@ -317,5 +353,5 @@ def safe_limit(limit: RateLimit) -> RateLimit | None:
         band_lower=(),
         band_upper=(),
         condition_number=None,
-        source=f"lower edge of the {100 * limit.band_level:g} % band of: {limit.source or limit.name}",
+        source=f"lower edge of the {limit.band_words} of: {limit.source or limit.name}",
     )

@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from evenlight.analysis.calibration.choices.choice_on_clip import ClipComparison
 from evenlight.analysis.calibration.choices.limit_choices import (
     FITTED,
+    INDIVIDUAL,
+    JOINT,
     LOG_LOG_QUADRATIC,
     POOLED,
     POWER_LAW,
@@ -49,6 +51,8 @@ LINES: dict[str, tuple[str, Any]] = {
     LOG_LOG_QUADRATIC: (OURS, DASHED),
     "rate_4": (BASELINE, "-"),
     "ln_rate_4": (PARTICIPANT, DASH_DOT),
+    JOINT: (PARTICIPANT, "-"),
+    INDIVIDUAL: (PARTICIPANT, DASHED),
     POOLED: (INK, DOTTED),
 }
 LOWEST, HIGHEST = 0.4, 2.5  # ratios shown at most: beyond, a curve has lost its thresholds
@@ -124,7 +128,7 @@ def _draw_ratios(axes: Axes, choices: LimitChoices, thresholds: Sequence[Thresho
     if fitted.band_luminance:
         middle = _positive(fitted, np.array(fitted.band_luminance))
         lower, upper = (np.array(edge) / middle for edge in (fitted.band_lower, fitted.band_upper))
-        label = f"{100 * fitted.band_level:g} % band of the fitted curve"
+        label = f"{fitted.band_words} of the fitted curve"
         axes.fill_between(
             fitted.band_luminance, lower, upper, color=LIMIT, alpha=0.14, linewidth=0, label=label, zorder=1
         )

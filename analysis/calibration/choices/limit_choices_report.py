@@ -68,8 +68,8 @@ def write_limit_choices(
     write_rows(folder / TABLE, ChoiceRow, rows)
     log_log = better_log_log(choices)
     written = {SAFE_LIMIT: choices.named(SAFE), LOG_LOG_LIMIT: log_log}
-    for name, choice in written.items():
-        if choice is not None:
+    for name, choice in written.items():  # none beside a limit that is known too badly for use
+        if choice is not None and not choices.fitted.limit.wide_band:
             write_json_record(folder / name, dataclasses.replace(choice.limit, provenance=origin))
     content: dict[str, Any] = {
         "simulated": choices.fitted.limit.simulated,
@@ -140,6 +140,7 @@ def choices_section(choices: LimitChoices, comparison: ClipComparison | None, fi
     best = better_log_log(choices)
     text = prose(
         "fit_choices",
+        band_kind=choices.named(SAFE) and choices.fitted.limit.band_kind.value,
         best=best and best.words.removeprefix("fitted: "),
         on_clip=in_words(choices, comparison) if comparison else "",
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import LEAST_IN_BIN, bin_starts
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampLevelKey,
+    joined_levels,
     level_of_threshold,
     level_order,
 )
@@ -100,15 +101,15 @@ def _draw_level(
     _draw_answers(panel, fits, scale)
     _draw_thresholds(strip, fits)
     mean = _mean_threshold(fits)
-    t = fits[0].threshold
+    t, (level,) = fits[0].threshold, by_level(fits)
     names = [
         (f"{t.screen}, b = {t.factor:g}", INK),
-        (f"{short(t.luminance)} cd/m²{_way(t) if scale.several else ''}", INK),
+        (f"{short(level.luminance)} cd/m²{_way(t) if scale.several else ''}", INK),
     ]
     if mean is not None:
         names.append((f"{short(mean)} cd/m²/s", LIMIT))
         for axes in (panel, strip):
-            axes.axvline(100 * mean / t.luminance, color=LIMIT, linewidth=0.08 * 72 * em, zorder=1)
+            axes.axvline(100 * mean / level.luminance, color=LIMIT, linewidth=0.08 * 72 * em, zorder=1)
     for line, (words, colour) in enumerate(names):
         text_at(
             figure, left, top + (1.25 * (line - len(names)) - 0.6) * em, words, color=colour,
@@ -130,8 +131,7 @@ def _way(threshold: Threshold) -> str:
 def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: _PanelScale) -> None:
     """Draw each participant's function thinly, and their mean."""
     relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
-    luminance = fits[0].threshold.luminance
-    curves = [yes_probability(relative * luminance / 100, fit.fit.function) for fit in fits]
+    curves = [yes_probability(relative * fit.threshold.luminance / 100, fit.fit.function) for fit in fits]
     opacity = float(np.clip(4 / len(fits), 0.15, 0.8))
     size = text_size()
     for curve in curves:
@@ -240,9 +240,10 @@ def _name_axes(figure: Figure, grid: _PanelGrid, rows: int, medium: FigureFormat
 
 def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdFit]]:
     """Return the fits of each level, lowest threshold first."""
+    joined = joined_levels(level_of_threshold(fit.threshold) for fit in fits)
     levels: dict[RampLevelKey, list[ThresholdFit]] = {}
     for fit in sorted(fits, key=lambda fit: fit.threshold.threshold):
-        levels.setdefault(level_of_threshold(fit.threshold), []).append(fit)
+        levels.setdefault(joined[level_of_threshold(fit.threshold)], []).append(fit)
     return levels
 
 

@@ -65,7 +65,11 @@ class PsychometricFit:
     lapse_rate: ParameterEstimate
 
 
-def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None) -> PsychometricFit:
+def fit_psychometric(
+    counts: RampCounts,
+    prior: PsychometricPrior | None = None,
+    fine: tuple[int, int, int, int] = FINE_NODES,
+) -> PsychometricFit:
     """Fit threshold, width, guess and lapse rate to the answers at one level, with 95 % credible intervals.
 
     The estimate is the mean of the posterior, for threshold and width of their logarithm: of mean, median and
@@ -77,8 +81,10 @@ def fit_psychometric(counts: RampCounts, prior: PsychometricPrior | None = None)
         The answers; all "yes", all "no" or perfectly separated ones give a wide posterior, not an error.
     prior : PsychometricPrior, optional
         What was known before.
+    fine : tuple of int
+        Nodes of the grid that integrates the posterior.
     """
-    grid = posterior_grid(counts, prior or PsychometricPrior())
+    grid = posterior_grid(counts, prior or PsychometricPrior(), fine=fine)
     threshold, width, guess, lapse = (_estimate(grid, axis) for axis in range(4))
     function = PsychometricFunction(
         float(np.exp(threshold.mean)), float(np.exp(width.mean)), guess.mean, lapse.mean

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTria
 from evenlight.data_schema.threshold import Threshold
 
 TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
+SAME_LEVEL = 1.05  # a ratio of luminances that moves no threshold by more than its own error (choice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +102,44 @@ def group_by_participant_and_level(
 
 
 def group_by_level(trials: Iterable[RampTrial]) -> dict[RampLevelKey, list[RampTrial]]:
-    """Return the trials of all participants at each level."""
+    """Return the trials of all participants at each level, under all calibrations of the display."""
+    trials = tuple(trials)
+    joined = joined_levels(level_of_trial(trial) for trial in trials)
     groups: dict[RampLevelKey, list[RampTrial]] = {}
     for trial in trials:
-        groups.setdefault(level_of_trial(trial), []).append(trial)
+        groups.setdefault(joined[level_of_trial(trial)], []).append(trial)
     return groups
+
+
+def joined_levels(levels: Iterable[RampLevelKey]) -> dict[RampLevelKey, RampLevelKey]:
+    """Return, for each level, the level of the population that it belongs to.
+
+    Luminances of one screen and factor within `SAME_LEVEL` of the lowest are one level, at their geometric
+    mean: a display that was measured again in mid-study (docs/decisions/re-measured-display.md).
+
+    >>> levels = [RampLevelKey("white", factor, L) for factor, L in ((1, 100.0), (1, 96.04), (0.2, 20.0))]
+    >>> joined = joined_levels(levels)
+    >>> [round(joined[level].luminance, 6) for level in levels]
+    [98.0, 98.0, 20.0]
+    """
+    groups: dict[RampLevelKey, list[list[RampLevelKey]]] = {}
+    for level in sorted(set(levels), key=lambda level: level.luminance):
+        own = groups.setdefault(replace(level, luminance=0.0), [])
+        if not own or level.luminance > SAME_LEVEL * own[-1][0].luminance:
+            own.append([])
+        own[-1].append(level)
+    joined = {}
+    for group in (group for own in groups.values() for group in own):
+        mean = float(np.exp(np.mean(np.log([level.luminance for level in group]))))
+        for level in group:
+            joined[level] = replace(level, luminance=mean) if len(group) > 1 else level
+    return joined
+
+
+def joined_luminances(thresholds: Sequence[Threshold]) -> list[float]:
+    """Return, for each threshold, the luminance of the population's level that it belongs to [cd/m^2]."""
+    joined = joined_levels(map(level_of_threshold, thresholds))
+    return [joined[level_of_threshold(t)].luminance for t in thresholds]
 
 
 def catch_counts(trials: Iterable[RampTrial]) -> dict[str, tuple[int, int]]:

@@ -22,6 +22,7 @@ from evenlight.analysis.calibration.psychometric.goodness_of_fit import (
     goodness_of_fit,
 )
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    FINE_NODES,
     PsychometricFit,
     PsychometricPrior,
     fit_psychometric,
@@ -91,6 +92,7 @@ def fit_thresholds_of(
     prior: PsychometricPrior | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
     judge: bool = True,
+    fine: tuple[int, int, int, int] = FINE_NODES,
 ) -> list[ThresholdFit]:
     """Fit a threshold for every participant and level of some trials.
 
@@ -107,6 +109,8 @@ def fit_thresholds_of(
         Called with the fits done and their total.
     judge : bool
         Whether to judge each fit by Monte Carlo, which takes about as long as the fit itself.
+    fine : tuple of int
+        Nodes of the grid that integrates a posterior.
     """
     groups = group_by_participant_and_level(trials)
     everything = [trial for group in groups.values() for trial in group]
@@ -117,7 +121,7 @@ def fit_thresholds_of(
     for done, (key, group) in enumerate(ramps.items(), start=1):
         caught = catches.get(key[0], (0, 0)) if key[1].procedure is Procedure.YES_NO else (0, 0)
         counts = ramp_counts(group, *caught)
-        found[key] = fit_psychometric(counts, prior), goodness_of_fit(counts, prior) if judge else None
+        found[key] = fit_psychometric(counts, prior, fine), goodness_of_fit(counts, prior) if judge else None
         report(done, len(ramps))
     times = trial_times(everything)
     people = {

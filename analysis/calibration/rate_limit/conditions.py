@@ -270,17 +270,6 @@ def _grouped(
     return GroupedEstimates(basis.ordinate(rates), errors, design, groups.astype(np.int64))
 
 
-def band_df(data: GroupedEstimates) -> float:
-    """Return the degrees of freedom of the band: of the participants, or of one participant's scatter.
-
-    The curve's height is a mean over participants, so its variance is known from P values only.
-    """
-    if data.n_groups > 1:
-        return float(data.n_groups - 1)
-    df = data.values.size - data.design.shape[1]
-    return float(df) if df > 0 else float("inf")
-
-
 def _require_distinct(design: NDArray[np.float64], others: Sequence[Condition]) -> None:
     """Refuse conditions whose effect cannot be separated from the curve's shape."""
     if others and np.linalg.matrix_rank(design) < design.shape[1]:

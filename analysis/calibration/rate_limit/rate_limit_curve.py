@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
@@ -21,6 +21,7 @@ SHORT_FALL = 0.02  # share of the measured range
 LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
 PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
 SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
+SAME_LEVEL = 1.05  # ratio of two luminances up to which they do not count as two for the shape
 WORST_CONDITION = 1e6  # of the design; the covariance squares it, and four of sixteen digits are left
 
 
@@ -38,12 +39,13 @@ class RateLimitOptions:
 
     Attributes
     ----------
-    form : RateLimitForm
-        What the polynomial describes; ln(rate) over luminance, as the authors' published coefficients.
-    degree : int
-        Of the polynomial; 4 in the paper.
+    form : RateLimitForm or None
+        What the polynomial describes; None for the choice of the model.
+    degree : int or None
+        Of the polynomial; None for the choice of the model: the joint one's by predictive score, else the
+        paper's 4 of ln(rate), or with fewer than five luminances a line in log-log.
     band_level : float
-        Confidence of the pointwise band.
+        Confidence of the band.
     abscissa : LuminanceAbscissa
         At which luminance of the ramps their threshold is entered.
     ramp_duration : float or None
@@ -53,21 +55,44 @@ class RateLimitOptions:
         condition with the lowest thresholds is taken.
     procedure : Procedure or None
         Task whose answers are fitted, where there are several.
+    model : RateLimitModel
+        How answers become the curve.
+    monotone : bool
+        Whether the curve may not fall with luminance; of the joint model alone.
     """
 
-    form: RateLimitForm = RateLimitForm.LN_RATE
-    degree: int = PAPER_DEGREE
+    form: RateLimitForm | None = None
+    degree: int | None = None
     band_level: float = 0.95
     abscissa: LuminanceAbscissa = LuminanceAbscissa.INITIAL
     ramp_duration: float | None = None
     direction: Direction | None = None
     procedure: Procedure | None = None
+    model: RateLimitModel = RateLimitModel.JOINT
+    monotone: bool = False
 
     def __post_init__(self) -> None:
-        if not 0 <= self.degree <= 8:
+        if self.degree is not None and not 0 <= self.degree <= 8:
             raise InputError(f"the degree of the rate limit must lie in 0 to 8, got {self.degree}")
         if not 0 < self.band_level < 1:
             raise InputError(f"the band's level must lie between 0 and 1, got {self.band_level:g}")
+        if self.monotone and self.model is not RateLimitModel.JOINT:
+            raise InputError(f"a monotone curve is for the model joint, not for {self.model.value}")
+
+    def shape(self, luminances: int) -> tuple[RateLimitForm, int]:
+        """Return form and degree of a curve through thresholds at so many luminances.
+
+        >>> RateLimitOptions().shape(10), RateLimitOptions().shape(2)
+        ((<RateLimitForm.LN_RATE: 'ln_rate'>, 4), (<RateLimitForm.LOG_LOG: 'log_log'>, 1))
+        """
+        if self.form is None and self.degree is None and luminances <= PAPER_DEGREE:
+            return RateLimitForm.LOG_LOG, min(1, luminances - 1)
+        return self.form or RateLimitForm.LN_RATE, PAPER_DEGREE if self.degree is None else self.degree
+
+
+def default_model(form: RateLimitForm | None) -> RateLimitModel:
+    """Return the model where none is named: joint, but for the rate itself, which joint has not."""
+    return RateLimitModel.INDIVIDUAL if form is RateLimitForm.RATE else RateLimitModel.JOINT
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +107,7 @@ class CurveBasis:
     form, degree : RateLimitForm, int
         What the polynomial describes, and its degree.
     luminance_range : (float, float)
-        Lowest and highest luminance [cd/m^2], mapped to -1 and 1.
+        Lowest and highest luminance [cd/m^2], mapped to -1 and 1; the same for a constant.
     """
 
     form: RateLimitForm
@@ -99,7 +124,7 @@ class CurveBasis:
         low, high = self.luminance_range
         if self.form is RateLimitForm.LOG_LOG:
             values, low, high = np.log(values), float(np.log(low)), float(np.log(high))
-        position = (2 * values - low - high) / (high - low)
+        position = (2 * values - low - high) / ((high - low) or 1.0)
         return np.asarray(legendre.legvander(position, self.degree), dtype=np.float64)
 
     def ordinate(self, rate: ArrayLike) -> NDArray[np.float64]:
@@ -144,18 +169,21 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
         three more above it; or if they crowd together so much that the polynomial is lost in rounding.
     """
     distinct = np.unique(np.asarray(luminance, dtype=np.float64))
-    needed = luminances_needed(options.degree)
+    # Of a display that was measured again, the same level has two luminances close to each other.
+    levels = 1 + int(np.count_nonzero(distinct[1:] > SAME_LEVEL * distinct[:-1]))
+    form, degree = options.shape(levels)
+    needed = luminances_needed(degree)
     if distinct.size < needed:
         raise InputError(
-            f"a rate limit of degree {options.degree} needs thresholds at {needed} or more luminances, "
+            f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, "
             f"got {distinct.size}; measure more levels, or choose a lower degree with "
             "`evenlight fit --degree`"
         )
-    basis = CurveBasis(options.form, options.degree, (float(distinct[0]), float(distinct[-1])))
+    basis = CurveBasis(form, degree, (float(distinct[0]), float(distinct[-1])))
     condition = float(np.linalg.cond(basis.design(distinct)))
     if condition > WORST_CONDITION:
         raise InputError(
-            f"a rate limit of degree {options.degree} is not known from luminances spread as these are, "
+            f"a rate limit of degree {degree} is not known from luminances spread as these are, "
             f"{distinct[0]:.4g} to {distinct[-1]:.4g} cd/m^2: condition number {condition:.1e}, at most "
             f"{WORST_CONDITION:.0e}; choose the form log_log, a lower degree, or measure levels in between"
         )
@@ -168,7 +196,7 @@ def luminances_needed(degree: int) -> int:
     >>> luminances_needed(4), luminances_needed(5)
     (5, 8)
     """
-    return max(degree + 1, 2) + (SPARE_LUMINANCES if degree > PAPER_DEGREE else 0)
+    return degree + 1 + (SPARE_LUMINANCES if degree > PAPER_DEGREE else 0)
 
 
 def curve_band(
@@ -182,7 +210,7 @@ def curve_band(
     if estimate.covariance is None:
         return np.empty(0), np.empty(0), np.empty(0)
     low, high = basis.luminance_range
-    luminance = np.linspace(low**0.5, high**0.5, BAND_SAMPLES) ** 2  # denser where the curve is steeper
+    luminance = np.unique(np.linspace(low**0.5, high**0.5, BAND_SAMPLES) ** 2)  # denser where it is steeper
     luminance[[0, -1]] = low, high
     design = basis.design(luminance)
     variance = np.einsum("ij,jk,ik->i", design, estimate.covariance, design)

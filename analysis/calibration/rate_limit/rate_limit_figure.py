@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import special
 
+from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.figure_style import (
     FAINT,
@@ -26,10 +28,12 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
 
+BESIDE = ((0, (1.2, 1.4)), (0, (5, 1.4, 1.2, 1.4)))  # dotted, dash-dotted
+NONE: Mapping[str, RateLimit] = MappingProxyType({})
 SHARES = (1.0, 2.0, 3.0, 5.0, 10.0)  # [%/s] relative rates with a guide line
 
 
@@ -38,6 +42,7 @@ def rate_limit_figure(
     thresholds: Sequence[Threshold] = (),
     compared: RateLimit | None = None,
     medium: FigureFormat = PAGE,
+    beside: Mapping[str, RateLimit] = NONE,
 ) -> Figure:
     """Draw a rate limit with its band, the thresholds that it was fitted to, and what it is outside of them.
 
@@ -51,6 +56,8 @@ def rate_limit_figure(
         Of all participants, those left out for their flag included; without any, the limit's own points.
     medium : FigureFormat
         Where it is shown.
+    beside : mapping of str to RateLimit
+        Curves of other models by their names, drawn thinly.
     """
     with look(medium):
         em = medium.em
@@ -58,13 +65,18 @@ def rate_limit_figure(
         width = medium.width - left - 4.2 * em
         lines, above = heading_lines(*_heading(limit, thresholds), width, em)
         columns = 3 if width > 50 * em else 2
-        key = 1.7 * em * (-(-_key_count(limit, thresholds, compared) // columns))
+        key = 1.7 * em * (-(-(_key_count(limit, thresholds, compared) + len(beside)) // columns))
         height = min(0.56 * width, medium.height - above - key - 5.6 * em)
         figure = new_figure(medium, above + 1.2 * em + height + key + 4.4 * em)
         lines_at(figure, left, lines)
         axes = axes_at(figure, left, above + 1.2 * em, width, height)
         _draw_curve(axes, limit)
         _draw_points(axes, limit, thresholds)
+        for (name, other), dashes in zip(beside.items(), BESIDE, strict=False):
+            inside = np.linspace(*other.luminance_range, 401)
+            axes.plot(
+                inside, rate_limit_at(other, inside), color=INK, linestyle=dashes, linewidth=0.9, label=name
+            )
         if compared is not None:
             _draw_compared(axes, compared)
         right = 1.15 * max(limit.luminance_range[1], compared.luminance_range[1] if compared else 0.0)
@@ -108,8 +120,9 @@ def level_means(thresholds: Sequence[Threshold]) -> list[tuple[float, float, flo
     participant it is the threshold's own credible interval.
     """
     means = []
-    for luminance in sorted({t.luminance for t in thresholds}):
-        own = [t for t in thresholds if t.luminance == luminance]
+    places = joined_luminances(thresholds)
+    for luminance in sorted(set(places)):
+        own = [t for t, place in zip(thresholds, places, strict=True) if place == luminance]
         logs = np.log([t.threshold for t in own])
         if len(own) == 1:
             means.append((luminance, own[0].threshold, own[0].ci_low, own[0].ci_high))
@@ -136,12 +149,19 @@ def _draw_points(axes: Axes, limit: RateLimit, thresholds: Sequence[Threshold]) 
         axes.plot(place, rate, "o", color=PARTICIPANT, alpha=opacity, ms=0.32 * size, mew=0, zorder=2,
                   label="one participant")  # fmt: skip
     if left_out:
-        axes.plot(*_coordinates(left_out), "x", color=MUTED, ms=0.45 * size, label="left out", zorder=2)
+        axes.plot(
+            *_coordinates(left_out), "x", color=MUTED, ms=0.45 * size, label=_without_value(limit), zorder=2
+        )
     means = np.array(level_means(used)).T
     spread = np.abs(means[2:] - means[1])
     label = "level mean, 95 % CI" if several else "threshold, 95 % CrI"
     axes.errorbar(means[0], means[1], yerr=spread, fmt="o", color=INK, ms=0.55 * size, capsize=0.25 * size,
                   elinewidth=size / 9, capthick=size / 9, label=label, zorder=4)  # fmt: skip
+
+
+def _without_value(limit: RateLimit) -> str:
+    """Return what a threshold is that no answer ties down."""
+    return "all answers alike, or left out" if limit.model is RateLimitModel.JOINT else "left out"
 
 
 def _coordinates(thresholds: Sequence[Threshold]) -> tuple[list[float], list[float]]:
@@ -156,7 +176,7 @@ def _draw_curve(axes: Axes, limit: RateLimit) -> None:
     axes.plot(inside, rate_limit_at(limit, inside), color=LIMIT, label="rate limit ΔL(L)", zorder=3)
     if limit.band_luminance:
         axes.fill_between(limit.band_luminance, limit.band_lower, limit.band_upper, color=LIMIT, alpha=0.16,
-                          linewidth=0, label=f"{100 * limit.band_level:g} % band", zorder=1)  # fmt: skip
+                          linewidth=0, label=limit.band_words, zorder=1)  # fmt: skip
     below, beyond = np.array([0.0, low]), np.array([high, 1.15 * high])
     label = "held outside the measured range"
     for part, name in ((below, label), (beyond, None)):

@@ -14,7 +14,6 @@ from evenlight.analysis.calibration.rate_limit.conditions import (
     Condition,
     ConditionEffect,
     abscissae,
-    band_df,
     condition_of,
     model_of_thresholds,
 )
@@ -31,10 +30,13 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
 from evenlight.analysis.inference.mixed_model import GroupedEstimates
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 
 OUTSIDE = (ThresholdFlag.ALL_YES, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ALL_NO, ThresholdFlag.ABOVE_RANGE)
+ONE_PARTICIPANT = (
+    "One participant, of whom the curve is: it has no band, for nothing is known of other people."
+)
 WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
 
 
@@ -73,6 +75,12 @@ class RateLimitFit:
     notes: tuple[str, ...] = ()
     reference: Condition | None = None
     effects: tuple[ConditionEffect, ...] = ()
+
+    @property
+    def own(self) -> tuple[Threshold, ...]:
+        """Those of the ramps that the limit is for which have a value of their own: not all answers alike."""
+        here = (t for t in self.used if t.flag not in UNUSABLE)
+        return tuple(t for t in here if self.reference in (None, condition_of(t)))
 
     @property
     def monotone(self) -> bool:
@@ -142,8 +150,7 @@ def fit_thresholds(
     standard error se_pl and what it scatters beyond that (τ). Thresholds flagged `all_yes`, `all_no` or
     `false_alarms` are left out, because their value is the prior's or the criterion's, not the eye's.
     The band is pointwise: that of the population's curve (confidence band, Student's t with one degree of
-    freedom less than there are participants); of one participant it is that participant's curve, known as
-    well as the thresholds are.
+    freedom less than there are participants). One participant tells nothing of others, and gives no band.
 
     Parameters
     ----------
@@ -162,17 +169,18 @@ def fit_thresholds(
     used = tuple(t for t in thresholds if t.flag not in UNUSABLE)
     excluded = tuple(t for t in thresholds if t.flag in UNUSABLE)
     _require_one_task(thresholds)
-    _require_within_rates(thresholds)
-    _require_levels(used, excluded, options.degree)
+    require_within_rates(thresholds)
+    _require_levels(used, excluded, options)
     found = model_of_thresholds(used, options)
     own = tuple(t for t in used if found.reference in (None, condition_of(t)))
     basis, model, data = found.basis, found.model, found.data
     size = basis.degree + 1
-    estimate = CurveEstimate(model.coefficients[:size], model.covariance[:size, :size], band_df(data))
-    points = abscissae(own, options), np.array([t.threshold for t in own])
     several = data.n_groups > 1
+    covariance = model.covariance[:size, :size] if several else None
+    estimate = CurveEstimate(model.coefficients[:size], covariance, data.n_groups - 1.0)
+    points = abscissae(own, options), np.array([t.threshold for t in own])
     limit = _record(_Named(name, display), basis, estimate, points, options)
-    _require_known(limit, options.degree)
+    _require_known(limit, basis.degree)
     df = int(np.unique(found.luminance).size) - size
     chosen = options.direction is not None or options.ramp_duration is not None
     return RateLimitFit(
@@ -238,6 +246,7 @@ def _of_the_task(limit: RateLimit, used: Sequence[Threshold], reference: Conditi
         procedure=used[0].procedure,
         direction=reference.direction,
         ramp_duration=reference.ramp_duration,
+        model=RateLimitModel.INDIVIDUAL,
     )
 
 
@@ -251,7 +260,7 @@ def _require_one_task(thresholds: Sequence[Threshold]) -> None:
         )
 
 
-def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
+def require_within_rates(thresholds: Sequence[Threshold]) -> None:
     """Refuse thresholds most of which lie outside the rates tested: the prior sets them."""
     below = sum(t.flag in OUTSIDE[:2] for t in thresholds)
     above = sum(t.flag in OUTSIDE[2:] for t in thresholds)
@@ -266,9 +275,13 @@ def _require_within_rates(thresholds: Sequence[Threshold]) -> None:
     )
 
 
-def _require_levels(used: Sequence[Threshold], excluded: Sequence[Threshold], degree: int) -> None:
+def _require_levels(
+    used: Sequence[Threshold], excluded: Sequence[Threshold], options: RateLimitOptions
+) -> None:
     """Refuse too few luminances where it is the thresholds left out that are missing."""
-    luminances, needed = len({t.luminance for t in used}), luminances_needed(degree)
+    luminances = len({t.luminance for t in used})
+    _, degree = options.shape(max(luminances, 1))
+    needed = luminances_needed(degree)
     if not excluded or luminances >= needed:
         return
     raise InputError(
@@ -319,7 +332,7 @@ def participant_notes(data: GroupedEstimates) -> tuple[str, ...]:
     """Return what is to be said about a fit to one participant."""
     if data.n_groups > 1:
         return ()
-    return ("One participant: the band is this participant's, and says nothing about others.",)
+    return (ONE_PARTICIPANT,)
 
 
 def exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Viewing tasks of someone else: one record that declares all of a task, and how its file is loaded."""
+"""Tasks of someone else: one record that declares all of a task, and how packages and files are loaded."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, TaskRecords
+from evenlight.data_schema.recordings.viewing import ClipLog
 
 if TYPE_CHECKING:
     from evenlight.analysis.dataset_findings import FindingsOf
@@ -21,15 +22,16 @@ if TYPE_CHECKING:
     from evenlight.experiments.viewing.simulated_viewers import OpenViewing
 
 GROUP, VARIABLE = "evenlight.tasks", "EVENLIGHT_TASKS"  # of entry points; of the environment
-DESIGN_FIELDS = {"sequences", "adaptation_duration", "max_dropped_share", "repeat_flagged"} | {
-    "trials_between_breaks"
-}
-PAGES = ("consent", "instructions", "practice_end", "question")
+# What records must have: designs that show sequences, for `ViewingTask`; trials and frames, for a session.
+VIEWING = "sequences adaptation_duration max_dropped_share repeat_flagged trials_between_breaks"
+TRIAL = "participant_id session_id trial_index simulated practice attempt flag onset n_frames"
+FRAMES = "trial_index attempt interval"
+PAGES = ("consent", "instructions", "practice_end")  # and `question`, or several that begin so
 
 
-@dataclass(frozen=True, slots=True)
-class ViewingTaskDeclaration:
-    """A viewing task, all of it: `examples/which_looks_better.py` declares one.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskDeclaration:
+    """A task, all of it; docs/extending.md describes each part.
 
     Attributes
     ----------
@@ -38,20 +40,22 @@ class ViewingTaskDeclaration:
     title : str
         In the report of `evenlight analyze`, and in the name of simulated data sets.
     design : type
-        Record of what is shown, how often, how: fields of `quantity` and `described`, all with defaults;
-        `sequences`, `adaptation_duration`, `max_dropped_share`, `repeat_flagged` and `trials_between_breaks`
-        among them.
+        Record of what is shown, how often, how: fields of `quantity` and `described`, all with defaults. One
+        with `sequences` makes it a viewing task, whose videos `--stimuli` names.
     trial : type
-        Record of a trial, a `data_schema.recordings.ramp.Trial`, with the columns of every viewing task.
+        Record of a trial, a `data_schema.recordings.ramp.Trial`.
     task : callable
-        Makes the `ViewingTask` that a session conducts from a `SessionSetting`: as a rule a `ClipTask`.
-    observer : callable
-        Makes the `Viewing` of simulated participants from a `SessionSetting`.
-    findings : callable
-        Makes `Findings` of a `TaskData` and `AnalysisOptions`.
+        Makes the `Task` that a session conducts from a `SessionSetting`: of videos, as a rule a `ClipTask`.
     pages : mapping of str to mapping of str to str
         By language, English among them: `instructions` and `question`, and where the pages of all tasks do
         not serve, `consent` and `practice_end`.
+    observer : callable, optional
+        Makes the `Viewing` of simulated participants from a `SessionSetting`; without it, none are simulated.
+    findings : callable, optional
+        Makes `Findings` of a `TaskData` and `AnalysisOptions`; without it, `analyze` says that it
+        has none for the task.
+    frames : type, optional
+        Record of what the display showed in an interval of a trial; that of videos if left out.
     """
 
     name: str
@@ -59,9 +63,10 @@ class ViewingTaskDeclaration:
     design: type[Any]
     trial: type[Any]
     task: Callable[[SessionSetting], Task]
-    observer: OpenViewing
-    findings: FindingsOf
     pages: Mapping[str, Mapping[str, str]]
+    observer: OpenViewing | None = None
+    findings: FindingsOf | None = None
+    frames: type[Any] = ClipLog
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier() or self.name != self.name.lower() or self.name in BUILT_IN_TASKS:
@@ -69,34 +74,42 @@ class ViewingTaskDeclaration:
                 "the name of a task must be of small letters, digits and underscores, and none of "
                 f"{', '.join(BUILT_IN_TASKS)}, got {self.name!r}"
             )
-        for name, record in (("design", self.design), ("trial", self.trial)):
+        for name, needed in (("design", VIEWING), ("trial", TRIAL), ("frames", FRAMES)):
+            record = getattr(self, name)
             if not (isinstance(record, type) and dataclasses.is_dataclass(record)):
                 raise InputError(f"{name} of the task {self.name!r} must be a dataclass, got {record!r}")
-        missing = DESIGN_FIELDS - {field.name for field in dataclasses.fields(self.design)}
-        if missing:
-            raise InputError(f"the design of the task {self.name!r} lacks {', '.join(sorted(missing))}")
+            fields = {field.name for field in dataclasses.fields(record)}
+            missing = set(needed.split()) - fields
+            if missing and (name != "design" or "sequences" in fields):
+                raise InputError(f"the {name} of the task {self.name!r} lacks {', '.join(sorted(missing))}")
         for name in ("task", "observer", "findings"):
-            if not callable(getattr(self, name)):
+            part = getattr(self, name)
+            if not callable(part) and (part is not None or name == "task"):
                 raise InputError(f"{name} of the task {self.name!r} must be callable")
         for language in {"en", *self.pages}:
             pages = set(self.pages.get(language, {}))
-            if not {"instructions", "question"} <= pages <= set(PAGES):
+            unknown = [page for page in pages if page not in PAGES and not page.startswith("question")]
+            if not {"instructions", "question"} <= pages or unknown:
                 raise InputError(
                     f"the pages of the task {self.name!r} in {language!r} must be instructions and question, "
-                    f"and may be consent and practice_end, got {', '.join(sorted(pages)) or 'none'}"
+                    "and may be consent, practice_end and more that begin with question, got "
+                    f"{', '.join(sorted(pages)) or 'none'}"
                 )
 
 
-def register_task(task: ViewingTaskDeclaration) -> None:
+ViewingTaskDeclaration = TaskDeclaration  # its name when tasks of others had to show videos
+
+
+def register_task(task: TaskDeclaration) -> None:
     """Make a task known to run, simulate, validate, export and analyze; one of the same name is replaced.
 
     Parameters
     ----------
-    task : ViewingTaskDeclaration
+    task : TaskDeclaration
         The task.
     """
-    if not isinstance(task, ViewingTaskDeclaration):
-        raise InputError(f"expected a ViewingTaskDeclaration, got a {type(task).__name__}")
+    if not isinstance(task, TaskDeclaration):
+        raise InputError(f"expected a TaskDeclaration, got a {type(task).__name__}")
     from evenlight.analysis.dataset_findings import ANALYSES, TaskAnalysis
     from evenlight.experiments.experiment_kinds import EXPERIMENTS, Experiment
 
@@ -104,7 +117,7 @@ def register_task(task: ViewingTaskDeclaration) -> None:
         language: {f"{page}_{task.name}": text for page, text in texts.items()}
         for language, texts in task.pages.items()
     }
-    TASKS[task.name] = TaskRecords(task.design, task.trial)
+    TASKS[task.name] = TaskRecords(task.design, task.trial, task.frames)
     EXPERIMENTS[task.name] = Experiment(task.title, task.task, task.observer, pages=pages)
     ANALYSES[task.name] = TaskAnalysis(task.title, task.findings)
 
@@ -112,7 +125,8 @@ def register_task(task: ViewingTaskDeclaration) -> None:
 def load_tasks() -> None:
     """Load the tasks of installed packages, and of the files that EVENLIGHT_TASKS names.
 
-    A package names a module that calls `register_task` in its entry points of the group `evenlight.tasks`.
+    A package names in its entry points of the group `evenlight.tasks` a `TaskDeclaration`, as
+    `flicker = "my_package:FLICKER"`, or a module that calls `register_task`.
 
     Raises
     ------
@@ -120,10 +134,16 @@ def load_tasks() -> None:
         If one cannot be loaded.
     """
     for entry in metadata.entry_points(group=GROUP):
+        package = entry.dist.name if entry.dist else "of no name"
+        where = f"the installed package {package}: its task {entry.name!r} ({entry.value})"
         try:
-            entry.load()
+            found = entry.load()
+            if isinstance(found, TaskDeclaration):
+                register_task(found)
         except Exception as error:
-            raise InputError(f"the task {entry.name!r} of an installed package: {error}") from error
+            raise InputError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
+        if entry.name not in TASKS:
+            raise InputError(f"{where} is no TaskDeclaration of that name, and registers none")
     for name in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         path = Path(name)
         module = f"evenlight_task_{path.stem}"

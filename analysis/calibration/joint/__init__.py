@@ -1,0 +1,1 @@
+"""One hierarchical model from all participants' answers to the rate limit."""

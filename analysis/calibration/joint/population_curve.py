@@ -1,0 +1,299 @@
+"""The population's curve given the answers: a power law and a smooth deviation, with all spreads unknown.
+
+ln threshold of the median participant is a sum of Legendre polynomials of ln L. The first two make a power
+law; the others, up to degree 8, are a smooth deviation whose size is estimated with the rest. So the curve's
+uncertainty holds that of its shape. For each size of the spreads the posterior is normal about its mode; the
+posterior is their mixture over a grid of spreads, with the spreads' weakly informative priors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from evenlight.analysis.calibration.joint.answer_tables import AnswerTables
+from evenlight.analysis.calibration.joint.marginal_likelihood import (
+    Evaluation,
+    SmoothTables,
+    Spread,
+    smoothed,
+)
+from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import CurveBasis
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.rate_limit import RateLimitForm
+
+SMOOTH_DEGREE = 8
+# Half-normal priors, scales in ln units: brightness studies find 0.2 to 0.35 between participants
+PARTICIPANT_SCALE, LEVEL_SCALE, DEVIATION_SCALE = 0.5, 0.25, 0.4
+SAME_LUMINANCE = 0.05  # ln units between neighbours, up to which they count as one
+WEAK_SD = 3.0  # of everything else, about a constant relative rate amid those tested
+WIDTH_SPREAD, WIDTH_PEOPLE = 0.4, 4.0  # of ln(width): as if so many people had shown that spread
+WIDTH_MEAN_SD = 0.8  # of the population's mean ln(width), about the individual fits' median
+LEVEL_SDS = np.geomspace(0.04, 0.7, 11)
+DEVIATIONS = np.geomspace(0.02, 0.9, 6)
+SPREAD_RATIO = 1.35  # of one participant_sd to the next
+NEGLIGIBLE = 6.0  # ln units below the best: spreads that count less are left out
+KEPT_NODES = 24  # of width and asymptotes, per participant
+ROUNDS = 8  # of the search for the mode
+LARGEST_MOVE = 0.5  # ln units, in one step of the search
+NEAR_MODE = 0.05  # ln units from which the likelihood is quadratic up to the mode
+LONGEST_CLIMB = 30  # steps
+TYPICAL_DEVIATION = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class CurveNode:
+    """The curve at one size of the spreads.
+
+    Attributes
+    ----------
+    spread, deviation : Spread, float
+        The sizes.
+    at, ln_evidence : array (q,), float
+        Where the answers' likelihood was evaluated, and the logarithm of the node's weight.
+    mean, precision : array (q,), array (q, q)
+        Of the coefficients' normal posterior.
+    evaluation : Evaluation
+        The likelihood there.
+    """
+
+    spread: Spread
+    deviation: float
+    at: Array
+    ln_evidence: float
+    mean: Array
+    precision: Array
+    evaluation: Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePrior:
+    """The design of the levels, and what is known of its coefficients before the first answer.
+
+    Attributes
+    ----------
+    design : array (C, q)
+        Legendre polynomials of each level, then indicators of conditions other than the reference.
+    centre, n_shape : array (q,), int
+        Prior mean; how many of the columns are the curve's.
+    """
+
+    design: Array
+    centre: Array
+    n_shape: int
+
+    def precision(self, deviation: float) -> Array:
+        """Return the diagonal of the prior's precision, for a size of the smooth deviation."""
+        sd = np.full(self.centre.size, WEAK_SD)
+        degree = np.arange(self.n_shape)
+        sd[2 : self.n_shape] = deviation * 4.0 / degree[2:] ** 2
+        return np.asarray(sd**-2)
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationCurve:
+    """The posterior of the population's curve.
+
+    Attributes
+    ----------
+    prior, tables : CurvePrior, AnswerTables
+        What it is made from; the tables with the nodes that matter.
+    nodes, weights : tuple of CurveNode, array
+        The mixture.
+    central : CurveNode
+        The most probable of them.
+    """
+
+    prior: CurvePrior
+    tables: AnswerTables
+    nodes: tuple[CurveNode, ...]
+    weights: Array
+    central: CurveNode
+
+    def draws(self, size: int, rng: np.random.Generator) -> Array:
+        """Return coefficients drawn from the posterior, shape (size, q)."""
+        drawn = []
+        for node, count in zip(self.nodes, rng.multinomial(size, self.weights), strict=True):
+            if count:
+                root = np.linalg.cholesky(np.linalg.inv(node.precision))
+                drawn.append(node.mean + rng.standard_normal((count, node.mean.size)) @ root.T)
+        return np.concatenate(drawn)
+
+
+def luminance_groups(luminance: Array) -> NDArray[np.intp]:
+    """Return which group each luminance belongs to, from 0: a display measured again is no new luminance.
+
+    >>> luminance_groups(np.array([100.0, 20.0, 101.0, 50.0])).tolist()
+    [2, 0, 2, 1]
+    """
+    order = np.argsort(luminance)
+    apart = np.diff(np.log(luminance[order])) > SAME_LUMINANCE
+    groups = np.empty(luminance.size, dtype=np.intp)
+    groups[order] = np.concatenate([[0], np.cumsum(apart)])
+    return groups
+
+
+def smooth_basis(luminance: Array) -> CurveBasis:
+    """Return the polynomials of the smooth curve; a constant for one group of luminances [cd/m^2]."""
+    low, high = float(np.min(luminance)), float(np.max(luminance))
+    if luminance_groups(luminance).max() == 0:
+        return CurveBasis(RateLimitForm.LOG_LOG, 0, (low, low * np.e))
+    return CurveBasis(RateLimitForm.LOG_LOG, SMOOTH_DEGREE, (low, high))
+
+
+def curve_prior(tables: AnswerTables, indicators: Array) -> CurvePrior:
+    """Return the prior of the curve's coefficients, about a relative rate amid those tested.
+
+    Parameters
+    ----------
+    tables : AnswerTables
+        Of the answers.
+    indicators : array (C, k)
+        1 where a level belongs to a condition other than the reference.
+    """
+    luminance = tables.luminance
+    basis = smooth_basis(luminance)
+    columns = basis.design(luminance)
+    middle = tables.start + tables.step * (tables.ln_likelihood.shape[2] - 1) / 2
+    ends = np.log(basis.luminance_range)
+    centre = np.zeros(columns.shape[1] + indicators.shape[1])
+    centre[0] = middle + (ends.mean() if basis.degree else ends[0])
+    if basis.degree:
+        centre[1] = (ends[1] - ends[0]) / 2
+    return CurvePrior(np.column_stack([columns, indicators]), centre, columns.shape[1])
+
+
+def population_curve(tables: AnswerTables, prior: CurvePrior) -> PopulationCurve:
+    """Return the posterior of the population's curve."""
+    tables, spread, at = _mode(tables, prior)
+    profile = []
+    for level_sd in LEVEL_SDS.tolist():
+        smooth = smoothed(tables, level_sd)
+        profile.append((smooth, best_of(nodes_at(smooth, prior, replace(spread, level_sd=level_sd), at))))
+    best = max(node.ln_evidence for _, node in profile)
+    nodes: list[CurveNode] = []
+    for smooth, node in profile:
+        if node.ln_evidence > best - NEGLIGIBLE:
+            nodes += _over_participant_sds(smooth, prior, node)
+    ln_weights = np.array([node.ln_evidence for node in nodes])
+    weights = np.exp(ln_weights - special.logsumexp(ln_weights))
+    return PopulationCurve(prior, tables, tuple(nodes), weights, best_of(nodes))
+
+
+def best_of(nodes: list[CurveNode]) -> CurveNode:
+    """Return the most probable node."""
+    return max(nodes, key=lambda node: node.ln_evidence)
+
+
+def _mode(tables: AnswerTables, prior: CurvePrior) -> tuple[AnswerTables, Spread, Array]:
+    """Return the tables with the nodes that matter, the likeliest spreads but τ, and the curve's mode."""
+    middle = float(np.log(PsychometricPrior().width_median))
+    spread, at = Spread(0.35, 0.1, middle, WIDTH_SPREAD), prior.centre
+    smooth = smoothed(tables, spread.level_sd)
+    for done in range(ROUNDS):
+        at, seen = _climbed(smooth, prior, spread, at)
+        spread = _updated(spread, smooth.tables, seen, (middle, WIDTH_MEAN_SD))
+        if done == ROUNDS // 2:
+            kept = np.argsort(-seen.of_nodes, axis=1)[:, :KEPT_NODES].astype(np.intp)
+            tables = tables.with_nodes(kept)
+            smooth = smoothed(tables, spread.level_sd)
+    return tables, spread, at
+
+
+def _ordinates(prior: CurvePrior, tables: AnswerTables, at: Array) -> Array:
+    """Return ln(threshold / L) of the median participant at each level."""
+    return np.asarray(prior.design @ at - np.log(tables.luminance))
+
+
+def _climbed(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array) -> tuple[Array, Evaluation]:
+    """Return a place near the mode of the curve for some spreads, and the likelihood there.
+
+    Newton's method: no step is longer than allowed at any level, or leads downwards.
+    """
+    precision, longest = prior.precision(TYPICAL_DEVIATION), LARGEST_MOVE
+    seen = smooth.evaluate(_ordinates(prior, smooth.tables, at), spread)
+    for _ in range(LONGEST_CLIMB):
+        values, vectors = np.linalg.eigh(prior.design.T @ seen.curvature @ prior.design)
+        upward = (vectors * np.abs(values)) @ vectors.T + np.diag(precision)
+        move = np.linalg.solve(upward, prior.design.T @ seen.gradient - precision * (at - prior.centre))
+        largest = float(np.abs(prior.design @ move).max())
+        if largest < NEAR_MODE:
+            break
+        further = at + move * min(1.0, longest / largest)
+        tried = smooth.evaluate(_ordinates(prior, smooth.tables, further), spread)
+        loss = 0.5 * precision @ ((further - prior.centre) ** 2 - (at - prior.centre) ** 2)
+        if tried.value - loss > seen.value:
+            at, seen = further, tried
+        else:
+            longest = min(longest, largest) / 4
+    return at, seen
+
+
+def information(design: Array, seen: Evaluation) -> Array:
+    """Return minus the curvature of the log-likelihood in the coefficients, with no direction below 0."""
+    values, vectors = np.linalg.eigh(-(design.T @ seen.curvature @ design))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _updated(
+    spread: Spread, tables: AnswerTables, seen: Evaluation, width_prior: tuple[float, float]
+) -> Spread:
+    """Return spreads that are likelier, given what is known of each participant (EM)."""
+    people = seen.of_u.shape[0]
+    squares = float((seen.of_u @ seen.u**2).sum())
+    slack = people * PARTICIPANT_SCALE**2
+    variance = 0.5 * (np.sqrt(slack**2 + 4 * squares * PARTICIPANT_SCALE**2) - slack)
+    mean = (seen.of_nodes * tables.ln_width).sum(axis=1)
+    weight = people / spread.width_sd**2
+    prior_weight = width_prior[1] ** -2
+    middle = (weight * mean.mean() + prior_weight * width_prior[0]) / (weight + prior_weight)
+    scatter = float((seen.of_nodes * (tables.ln_width - middle) ** 2).sum())
+    sd = np.sqrt((scatter + WIDTH_PEOPLE * WIDTH_SPREAD**2) / (people + WIDTH_PEOPLE))
+    return Spread(max(float(variance**0.5), 0.02), spread.level_sd, float(middle), float(sd))
+
+
+def _over_participant_sds(smooth: SmoothTables, prior: CurvePrior, start: CurveNode) -> list[CurveNode]:
+    """Return the nodes of one τ: from the likeliest σ_u both ways until the rest is negligible."""
+    found = nodes_at(smooth, prior, start.spread, start.mean)
+    best = best_of(found).ln_evidence
+    for ratio in (SPREAD_RATIO, 1 / SPREAD_RATIO):
+        sd, at = start.spread.participant_sd, start.mean
+        while 0.01 < sd < 4.0:
+            sd *= ratio
+            nodes = nodes_at(smooth, prior, replace(start.spread, participant_sd=sd), at)
+            found += nodes
+            node = best_of(nodes)
+            at, best = node.mean, max(best, node.ln_evidence)
+            if node.ln_evidence < best - NEGLIGIBLE:
+                break
+    return found
+
+
+def nodes_at(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array) -> list[CurveNode]:
+    """Return the nodes of some spreads, one for each size of the smooth deviation."""
+    at, seen = _climbed(smooth, prior, spread, at)
+    own = information(prior.design, seen)
+    linear = own @ at + prior.design.T @ seen.gradient
+    ln_prior = -0.5 * (spread.participant_sd / PARTICIPANT_SCALE) ** 2 + np.log(spread.participant_sd)
+    ln_prior += -0.5 * (spread.level_sd / LEVEL_SCALE) ** 2 + np.log(spread.level_sd)
+    nodes = []
+    for deviation in DEVIATIONS.tolist() if prior.n_shape > 2 else [DEVIATION_SCALE]:
+        diagonal = prior.precision(deviation)
+        precision = own + np.diag(diagonal)
+        mean = np.asarray(np.linalg.solve(precision, linear + diagonal * prior.centre), dtype=np.float64)
+        move, off = mean - at, mean - prior.centre
+        value = seen.value + prior.design.T @ seen.gradient @ move - 0.5 * move @ own @ move
+        ln_evidence = (
+            value
+            - 0.5 * off @ (diagonal * off)
+            + 0.5 * (np.log(diagonal).sum() - np.linalg.slogdet(precision)[1])
+            - 0.5 * (deviation / DEVIATION_SCALE) ** 2
+            + np.log(deviation)
+            + ln_prior
+        )
+        nodes.append(CurveNode(spread, deviation, at, float(ln_evidence), mean, precision, seen))
+    return nodes

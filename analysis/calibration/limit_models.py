@@ -1,0 +1,223 @@
+"""The rate limit by each model that leads from answers to a curve: joint, individual, pooled.
+
+One is chosen; the others are fitted to the same ramps and shown beside it (docs/decisions/which-model.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, JointOptions, fit_joint
+from evenlight.analysis.calibration.level_estimates import PooledFit, fit_pooled
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
+from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
+    RateLimitOptions,
+    falling_stretches,
+)
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import (
+    ONE_PARTICIPANT,
+    RateLimitFit,
+    fit_thresholds,
+    require_within_rates,
+)
+from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitForm, RateLimitModel
+from evenlight.data_schema.recordings.ramp import RampTrial
+from evenlight.data_schema.threshold import Threshold
+
+NAME = "calibration"
+FEW_LEVELS = {
+    1: "one level makes no curve: the limit is a constant, known there alone",
+    2: "two levels make no curve: the limit is a straight line in log-log, and its band that of a line",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What the models are fitted to: trials of one task, the thresholds fitted to them, and their display."""
+
+    trials: Sequence[RampTrial]
+    thresholds: Sequence[Threshold]
+    display: Display
+
+
+@dataclass(frozen=True, slots=True)
+class LimitModels:
+    """The rate limit by each model.
+
+    Attributes
+    ----------
+    chosen : RateLimitModel
+        Whose curve is the rate limit.
+    fits : dict of RateLimitModel to RateLimitFit
+        The curves; always with the chosen one.
+    missing : dict of RateLimitModel to str
+        Why others cannot be fitted.
+    joint, pooled : JointFit or None, PooledFit or None
+        What else these two tell; None where they cannot be fitted.
+    """
+
+    chosen: RateLimitModel
+    fits: dict[RateLimitModel, RateLimitFit]
+    missing: dict[RateLimitModel, str] = field(default_factory=dict)
+    joint: JointFit | None = None
+    pooled: PooledFit | None = None
+
+    @property
+    def fit(self) -> RateLimitFit:
+        """The chosen model's curve."""
+        return self.fits[self.chosen]
+
+    @property
+    def others(self) -> dict[RateLimitModel, RateLimitFit]:
+        """The curves of the models beside the chosen one."""
+        return {model: fit for model, fit in self.fits.items() if model is not self.chosen}
+
+    @property
+    def levels(self) -> int:
+        """How many levels the limit rests on."""
+        here = self.fit.reference
+        return _levels(t for t in self.fit.used if here in (None, condition_of(t)))
+
+    @property
+    def first_notes(self) -> tuple[str, ...]:
+        """What has to be said first of the chosen curve: known too badly for use, or no curve at all."""
+        limit, notes = self.fit.limit, []
+        if limit.wide_band:
+            notes.append(f"the rate limit is not for use: {limit.wide_band} (--accept-wide-band overrides)")
+        if not limit.band_luminance:
+            notes.append("the rate limit has no band: nothing is known of how well it is known")
+        if self.levels in FEW_LEVELS:
+            notes.append(FEW_LEVELS[self.levels])
+        return tuple(notes)
+
+
+def _levels(thresholds: Iterable[Threshold]) -> int:
+    """Return how many levels were measured: of a display measured again, luminances differ slightly."""
+    return len({(t.screen, t.factor) for t in thresholds})
+
+
+def fit_models(
+    answers: Answers, options: RateLimitOptions, report: Callable[[int, int], None]
+) -> LimitModels:
+    """Fit the chosen model, then the others to the same ramps.
+
+    Parameters
+    ----------
+    answers, options : Answers, RateLimitOptions
+        What is fitted, and how.
+    report : callable
+        Called with the stages of the joint model done, and their number.
+
+    Raises
+    ------
+    InputError
+        If the chosen model cannot be fitted.
+    """
+    require_within_rates(answers.thresholds)
+    fits: dict[RateLimitModel, RateLimitFit] = {}
+    missing: dict[RateLimitModel, str] = {}
+    joint, pooled = None, None
+    # Which ramps the limit is for, the chosen model tells; for pooled answers the individual one does.
+    first = RateLimitModel.INDIVIDUAL if options.model is RateLimitModel.POOLED else options.model
+    for model in (first, *(other for other in RateLimitModel if other is not first)):
+        try:
+            if model is RateLimitModel.JOINT:
+                joint = fit_joint(answers.trials, _joint_options(answers, options), report)
+                fits[model] = _joint_limit(joint, answers, options.band_level)
+            elif model is RateLimitModel.INDIVIDUAL:
+                fits[model] = fit_thresholds(answers.thresholds, answers.display, options, NAME)
+            else:
+                pooled = fit_pooled(answers.trials, answers.display, options)
+                fits[model] = _pooled_limit(pooled, answers, fits.get(RateLimitModel.INDIVIDUAL))
+        except InputError as error:
+            if model is options.model:
+                raise
+            missing[model] = str(error)
+        reference = fits[model].reference if model in fits else None
+        if model is first and reference is not None:
+            options = dataclasses.replace(
+                options, direction=reference.direction, ramp_duration=reference.ramp_duration
+            )
+    return LimitModels(options.model, fits, missing, joint, pooled)
+
+
+def _joint_options(answers: Answers, options: RateLimitOptions) -> JointOptions:
+    """Return the joint model's options; with one or two levels the shape is no question."""
+    form, degree = options.form, options.degree
+    levels = _levels(answers.thresholds)
+    if form is None and degree is None and levels in FEW_LEVELS:
+        form, degree = RateLimitForm.LOG_LOG, levels - 1
+    return JointOptions(
+        form, degree, options.monotone, options.band_level, options.direction, options.ramp_duration
+    )
+
+
+def _joint_limit(joint: JointFit, answers: Answers, band_level: float) -> RateLimitFit:
+    """Return the joint model's curve, with its simultaneous band."""
+    counted = tuple(t for t in answers.thresholds if t.participant_id not in joint.left_out)
+    own = [t for t in counted if condition_of(t) == joint.reference]
+    points = [t for t in own if t.flag not in UNUSABLE]
+    luminance = sorted({t.luminance for t in own})
+    edges = joint.band_luminance, joint.simultaneous_lower, joint.simultaneous_upper
+    # Between two levels no answer tells how the curve bends: the band is that of the line, which is said.
+    of_line = slice(None, None, joint.band_luminance.size - 1) if _levels(own) == 2 else slice(None)
+    at, lower, upper = (tuple(values[of_line].tolist()) for values in edges)
+    limit = RateLimit(
+        name=NAME,
+        display_name=answers.display.name,
+        display_fingerprint=answers.display.fingerprint,
+        form=joint.basis.form,
+        coefficients=tuple(joint.coefficients.tolist()),
+        luminance_range=joint.basis.luminance_range,
+        band_luminance=at,
+        band_lower=lower,
+        band_upper=upper,
+        band_level=band_level,
+        point_luminance=tuple(t.luminance for t in points),
+        point_rate=tuple(t.threshold for t in points),
+        condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
+        procedure=counted[0].procedure,
+        direction=joint.reference.direction,
+        ramp_duration=joint.reference.ramp_duration,
+        model=RateLimitModel.JOINT,
+        band_kind=BandKind.SIMULTANEOUS,
+    )
+    return RateLimitFit(
+        limit=limit,
+        residual_df=len(luminance) - len(limit.coefficients),
+        residual_sd=joint.level_sd.value,
+        participant_sd=joint.participant_sd.value if len(joint.participants) > 1 else None,
+        falling=falling_stretches(joint.basis, joint.coefficients),
+        used=counted,
+        excluded=tuple(t for t in answers.thresholds if t.participant_id in joint.left_out),
+        notes=joint.notes,
+        reference=joint.reference,
+        effects=joint.effects,
+    )
+
+
+def _pooled_limit(pooled: PooledFit, answers: Answers, individual: RateLimitFit | None) -> RateLimitFit:
+    """Return the curve through the pooled answers as the limit of its task and ramps."""
+    conditions = conditions_of(answers.thresholds)
+    reference = individual.reference if individual else conditions[0] if len(conditions) == 1 else None
+    curve, notes = pooled.curve.limit, pooled.curve.notes
+    if len({t.participant_id for t in answers.thresholds}) == 1:
+        curve = dataclasses.replace(curve, band_luminance=(), band_lower=(), band_upper=())
+        notes = (ONE_PARTICIPANT, *notes)
+    limit = dataclasses.replace(
+        curve,
+        procedure=answers.thresholds[0].procedure,
+        direction=reference.direction if reference else None,
+        ramp_duration=reference.ramp_duration if reference else None,
+        model=RateLimitModel.POOLED,
+    )
+    return dataclasses.replace(
+        pooled.curve, limit=limit, notes=notes, used=tuple(answers.thresholds), reference=reference
+    )

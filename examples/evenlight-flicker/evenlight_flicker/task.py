@@ -1,0 +1,236 @@
+"""Flicker: a square whose luminance goes up and down at some frequency, and the question whether it was seen.
+
+It shows no video of a file, so it conducts its trials itself: `FlickerTask` has all that a `Task` has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evenlight import Frame, TaskDeclaration
+from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Response, Trial, TrialFlag
+from evenlight.data_schema.recordings.viewing import ComparisonTrial
+from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.sessions.pages import Pages
+from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
+from evenlight.experiments.stage import Clip, Stage
+from evenlight.experiments.viewing.simulated_viewers import Viewing
+from evenlight.experiments.viewing.viewing_task import FixedOrder, clip_log, noise_seed_of, shown_columns
+from evenlight.method.contrast.luminance import dimmed_luminance
+
+SIDE = 256  # [pixels] of the square
+MAX_DROPPED_SHARE = 0.01  # of a trial's refreshes
+MEAN_FACTOR = 0.5  # of a white square: what flickers around it stays below full brightness
+
+
+# What is shown, how often, how: the fields are the keys of a design's file.
+@dataclass(frozen=True, slots=True)
+class FlickerDesign:
+    """Which flicker is shown, and how often."""
+
+    frequency: float = quantity("Hz", "of the flicker", above=0.0, maximum=60.0, default=10.0)
+    depths: tuple[float, ...] = quantity(
+        "1",
+        "amplitudes, as shares of the mean luminance",
+        above=0.0,
+        maximum=0.9,
+        default=(0.01, 0.02, 0.04, 0.08),
+    )
+    repetitions: int = quantity("1", "trials of each depth, and without flicker", minimum=1, default=5)
+    duration: float = quantity("s", "how long the square is shown", above=0.0, default=1.0)
+    pause_duration: float = as_in(RampDesign, "pause_duration")
+    practice_trials: int = as_in(RampDesign, "practice_trials")
+    trials_between_breaks: int = as_in(RampDesign, "trials_between_breaks")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+# A line of trials.jsonl, and the columns of an export.
+@dataclass(frozen=True, slots=True)
+class FlickerTrial(Trial):
+    """One flicker, and whether it was seen."""
+
+    participant_id: str = as_in(RampTrial, "participant_id")
+    session_id: str = as_in(RampTrial, "session_id")
+    trial_index: int = as_in(RampTrial, "trial_index")
+    frequency: float = quantity("Hz", "of the flicker", above=0.0)
+    depth: float = quantity(
+        "1", "amplitude, as a share of the mean luminance; 0 in a catch trial", minimum=0.0
+    )
+    response: Response = described("was there flicker: yes, no")
+    response_time: float | None = as_in(RampTrial, "response_time")
+    simulated: bool = as_in(RampTrial, "simulated")
+    practice: bool = as_in(RampTrial, "practice")
+    block: int = as_in(RampTrial, "block")
+    attempt: int = as_in(RampTrial, "attempt")
+    onset: float | None = as_in(RampTrial, "onset")
+    noise_seed: int | None = as_in(RampTrial, "noise_seed")
+    n_frames: int | None = as_in(ComparisonTrial, "n_frames")
+    frames_dropped: int | None = as_in(ComparisonTrial, "frames_dropped")
+    flag: TrialFlag = described("why it is left out; empty for none", default=TrialFlag.NONE)
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFlicker:
+    """A trial that is to come."""
+
+    frequency: float
+    depth: float
+    block: int = 1  # 0 for practice
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What of its row is known before it is shown."""
+        return {
+            "frequency": self.frequency, "depth": self.depth, "block": self.block, "practice": self.block == 0
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class WhiteSquare:
+    """A video of nothing but white; its brightness factors make the flicker."""
+
+    n_frames: int
+    refresh_rate: float
+    name: str = "white"
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield its frames."""
+        white = np.full((SIDE, SIDE, 3), 255, np.uint8)
+        for k in range(self.n_frames):
+            yield Frame(k / self.refresh_rate, 1 / self.refresh_rate, white)
+
+    def sha256(self) -> str:
+        """Return nothing: it is no file."""
+        return ""
+
+
+class FlickerTask:
+    """A session: each depth, and none, equally often and in random order."""
+
+    instructions = "instructions_flicker"
+    seconds = 0.0  # no trial has a time limit
+    minutes_between_breaks = 0.0  # breaks go by trials alone
+    practice_rule = None  # all trials for practice are shown, whatever the answers
+
+    def __init__(self, setting: SessionSetting) -> None:
+        self._design: FlickerDesign = setting.design
+        self._session, self._rig = setting.session, setting.rig
+        depths = [0.0, *self._design.depths] * self._design.repetitions
+        order = generator_for(*self._session, Purpose.ORDER).permutation(depths).tolist()
+        self._order = FixedOrder([PlannedFlicker(self._design.frequency, depth) for depth in order], True)
+        self.n_trials = self._order.n_trials
+        self.trials_between_breaks = self._design.trials_between_breaks
+        white = setting.display.peak_luminance
+        self.neutral_luminance = float(dimmed_luminance(white, MEAN_FACTOR, setting.display))
+
+    @property
+    def minutes(self) -> float:
+        """How long the session takes, about."""
+        return 2 + self.n_trials * (self._design.pause_duration + self._design.duration + 2) / 60
+
+    def prepare(self, stage: Stage) -> None:
+        """Prepare nothing: the square is small, and made as it goes."""
+
+    def practice(self) -> Sequence[PlannedFlicker]:
+        """Return the trials for practice: the strongest flicker."""
+        strongest = PlannedFlicker(self._design.frequency, max(self._design.depths), block=0)
+        return [strongest] * self._design.practice_trials
+
+    def next_trial(self) -> PlannedFlicker | None:
+        """Return the trial that comes next, or None at the end."""
+        return self._order.next_trial()
+
+    def take(self, trial: FlickerTrial) -> None:
+        """Take an answered trial."""
+        self._order.take(trial)
+
+    def conduct(
+        self, planned: PlannedFlicker, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> ConductedTrial:
+        """Show the square, and ask."""
+        seed = noise_seed_of(self._session, place)
+        stage.wait(self._design.pause_duration, self.neutral_luminance)
+        shown = stage.play(self._clip(planned, seed))
+        participant.see_trial(planned, place.trial_index)
+        keys = {self._rig.keys.yes: Response.YES, self._rig.keys.no: Response.NO}
+        question = pages.text("question_flicker", self._rig.keys)
+        press = stage.ask(question, list(keys), self.neutral_luminance)
+        columns = shown_columns(place, [shown], seed, MAX_DROPPED_SHARE) | {"response_time": press.time}
+        return ConductedTrial(self.row(planned, keys[press.name], columns), (clip_log(place, 1, shown),))
+
+    def row(self, planned: PlannedFlicker, answer: Response, columns: dict[str, Any]) -> FlickerTrial:
+        """Return the record of an answered trial."""
+        return FlickerTrial(**planned.columns, **columns, response=answer)
+
+    def feedback(self, trial: FlickerTrial, pages: Pages) -> str:
+        """Return nothing: no trial is commented on."""
+        return ""
+
+    def is_right(self, trial: FlickerTrial) -> bool:
+        """Return whether flicker was seen, or none where there was none."""
+        return (trial.response is Response.YES) == (trial.depth > 0)
+
+    def is_flagged(self, trial: FlickerTrial) -> bool:
+        """Return whether a trial is left out of the analysis."""
+        return trial.flag is not TrialFlag.NONE
+
+    def _clip(self, planned: PlannedFlicker, seed: int) -> Clip:
+        """Return the square as it flickers: a sine of luminance, which is linear in the brightness factor."""
+        rate = self._rig.refresh_rate
+        times = np.arange(max(1, round(self._design.duration * rate))) / rate
+        wave = np.sin(2 * np.pi * planned.frequency * times)
+        factors = MEAN_FACTOR * (1 + planned.depth * wave)
+        return Clip(WhiteSquare(len(times), rate), times, len(times) / rate, factors, seed)
+
+
+class Watchers(Viewing):
+    """Simulated participants, each with a depth that half of the flicker is seen at."""
+
+    def __init__(self, setting: SessionSetting) -> None:
+        """See nothing: the depth of a trial says all."""
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return a participant."""
+        return float(rng.lognormal(np.log(0.02), 0.2))
+
+    def truth(self, person: float) -> dict[str, Any]:
+        """Return what is true of a participant."""
+        return {"depth": person}
+
+    def answer(self, person: float, planned: PlannedFlicker, rng: np.random.Generator) -> Response:
+        """Return whether flicker is seen; now and then where there is none."""
+        share = 0.05 + 0.9 / (1 + (person / planned.depth) ** 4) if planned.depth else 0.05
+        return Response.YES if rng.random() < share else Response.NO
+
+
+INSTRUCTIONS = """\
+# Your task
+
+Each time you see a bright square for a short while. Sometimes it flickers. Then you are asked whether it did.
+
+Press {yes} for yes, {no} for no. Press {proceed} to begin with practice.
+"""
+FLICKER = TaskDeclaration(
+    name="flicker",
+    title="Seeing flicker",
+    design=FlickerDesign,
+    trial=FlickerTrial,
+    task=FlickerTask,
+    observer=Watchers,
+    pages={
+        "en": {
+            "instructions": INSTRUCTIONS,
+            "question": "Did it flicker?\n\nPress {yes} for yes, {no} for no.",
+        }
+    },
+)

@@ -1,0 +1,497 @@
+"""The live view: what it tells of a session is what its files hold, as they grow; and it disturbs nothing."""
+
+import dataclasses
+import io
+import json
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from blind_sessions import SMALL, arguments, rows, written
+from rich.console import Console
+
+from evenlight import progress
+from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.ramp import (
+    BREAK_TIME,
+    Direction,
+    Procedure,
+    RampDesign,
+    TrialFlag,
+    trial_seconds,
+)
+from evenlight.data_schema.recordings.session import EventKind, SessionEvent, SessionStatus
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.live_view import live_view as module
+from evenlight.experiments.live_view.live_view import in_one_line, live_view, session_view, watch_session
+from evenlight.experiments.live_view.session_so_far import GrowingLog, SessionSoFar
+from evenlight.experiments.live_view.thresholds_so_far import LevelSoFar, ThresholdsSoFar
+from evenlight.experiments.ramp.ramp_observer import MEDIAN_RATE_LIMIT, ObserverPopulation
+from evenlight.experiments.ramp.simulate_ramp import RampSimulation, answered_session, participant_of
+from evenlight.method.preset_files import load_display, load_rate_limit
+
+DISPLAY = load_display("varjo-xr3")
+
+
+@pytest.fixture
+def lab(command: Callable[..., Any], tmp_path: Path) -> Path:
+    """A complete rehearsal of ten trials after two for practice."""
+    assert command(*arguments(tmp_path / "lab", written(SMALL, tmp_path))).code == 0
+    return tmp_path / "lab"
+
+
+def session_of(lab: Path) -> Path:
+    return lab / "sub-01/ses-01"
+
+
+def cut(lab: Path, n: int) -> None:
+    """Make of a complete session what it was when its trial number `n` had just begun."""
+    folder = session_of(lab)
+    for name, key in ((TRIALS, "trial_index"), (FRAMES, "trial_index")):
+        kept = [line for line in rows(lab, name) if line[key] < n]
+        (folder / name).write_text("".join(json.dumps(line) + "\n" for line in kept))
+    kept = []
+    for event in rows(lab, EVENTS):
+        kept.append(event)
+        if event["kind"] == "trial_begun" and event["trial_index"] == n:
+            break
+    (folder / EVENTS).write_text("".join(json.dumps(line) + "\n" for line in kept))
+    manifest = json.loads((folder / MANIFEST).read_text()) | {"status": "running"}
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+
+
+def so_far(lab: Path) -> SessionSoFar:
+    return SessionSoFar(session_of(lab))
+
+
+def drawn(session: SessionSoFar, width: int = 80, height: int = 24) -> list[str]:
+    console = Console(file=io.StringIO(), width=width, height=height)
+    console.print(session_view(session, (width, height)))
+    return console.file.getvalue().splitlines()
+
+
+# Thresholds
+
+
+@pytest.mark.parametrize("procedure", list(Procedure))
+def test_the_thresholds_so_far_are_those_of_the_fit(procedure: Procedure) -> None:
+    """The same prior and answers on a coarser grid: within a third of the fit's own standard error."""
+    design = RampDesign(procedure=procedure, factors=(0.4, 1.0), screens=("white",), repetitions=8)
+    trials = answered(design, participants=2)
+    for who in ("01", "02"):
+        own = [trial for trial in trials if trial.participant_id == who]
+        shown = {level.level[1]: level for level in levels_after(design, own)}
+        for fit in fit_thresholds_of(own, judge=False):
+            level = shown[fit.threshold.factor]
+            off = np.log(level.threshold / fit.threshold.threshold) / fit.threshold.standard_error_ln
+            assert abs(off) < 1 / 3
+            assert level.ci_low < fit.threshold.threshold < level.ci_high
+            assert level.n_ramps == 64
+
+
+def test_the_intervals_hold_the_true_thresholds_as_often_as_they_say() -> None:
+    """100 intervals of 95 %: binomial SD 2.2 %, so 88 % is three of them below. Levels of one person share
+    their guess rate alone."""
+    design = load_design("yes_no_targeted")
+    held = []
+    for k in range(10):
+        simulation, trials = simulated(design, k)
+        observer = participant_of(simulation, k)
+        for level in levels_after(design, trials):
+            truth = observer.function_at(level.luminance, design.procedure, *level.level[2:]).threshold
+            held.append(level.ci_low <= truth <= level.ci_high)
+    assert len(held) == 100
+    assert np.mean(held) >= 0.88
+
+
+def test_an_adaptive_session_is_told_what_its_placement_believes() -> None:
+    """Rates that are candidates fall on the nodes of the schedule's own grid."""
+    design = dataclasses.replace(load_design("recommended"), factors=(0.4, 1.0), trials_per_level=12)
+    trials = answered(design, participants=1)
+    thresholds = ThresholdsSoFar(design)
+    low, high = min(design.relative_rates), max(design.relative_rates)
+    for trial in trials:
+        thresholds.take(trial)
+        place = np.log(trial.rate / trial.initial_luminance / low) / thresholds._grid.step
+        assert place == pytest.approx(round(place), abs=1e-6)
+    assert thresholds._grid.step == pytest.approx(np.log(high / low) / 26)
+
+
+def test_flagged_and_practice_trials_do_not_count_towards_a_threshold() -> None:
+    design = dataclasses.replace(SMALL, practice_trials=0)
+    (trial,) = answered(design, participants=1)[:1]
+    thresholds = ThresholdsSoFar(design)
+    thresholds.take(dataclasses.replace(trial, practice=True))
+    thresholds.take(dataclasses.replace(trial, flag=TrialFlag.DROPPED_FRAMES))
+    assert thresholds.levels() == []
+
+
+def simulated(design: RampDesign, order_index: int) -> tuple[RampSimulation, list[Any]]:
+    limit = load_rate_limit(MEDIAN_RATE_LIMIT)
+    simulation = RampSimulation(10, 5, DISPLAY, design, limit, ObserverPopulation())
+    observer = participant_of(simulation, order_index)
+    return simulation, answered_session(simulation, order_index, f"{order_index + 1:02d}", observer)
+
+
+def answered(design: RampDesign, participants: int) -> list[Any]:
+    return [trial for k in range(participants) for trial in simulated(design, k)[1]]
+
+
+def levels_after(design: RampDesign, trials: list[Any]) -> list[Any]:
+    thresholds = ThresholdsSoFar(design)
+    for trial in trials:
+        thresholds.take(trial)
+    return thresholds.levels()
+
+
+# Counts and times
+
+
+def test_a_rehearsal_is_told_as_its_files_have_it(lab: Path) -> None:
+    session = so_far(lab)
+    assert (session.ended, session.state) == (True, "complete")
+    assert (len(session.usable), session.flagged) == (10, 0)
+    practice = [t for t in rows(lab) if t["practice"]]
+    right = sum((t["response"] == "yes") != t["is_catch"] for t in practice)
+    assert session.practice == f"{right} of 2 right"
+    catches = [t["response"] == "yes" for t in rows(lab) if t["is_catch"] and not t["practice"]]
+    assert f"false alarms {sum(catches)} of {len(catches)}" in session.answers
+    # 0.1 + 0.5 + 0.1 s of 1/60 s frames, none dropped.
+    assert session.frames == "dropped in 0 of 12 trials; longest frame 16.7 ms (refresh 16.7 ms)"
+    assert sum(level.n_ramps for level in session.levels) == 8
+
+
+def test_a_session_in_its_midst_is_told_with_what_goes_on_and_is_left(lab: Path) -> None:
+    """Two for practice, then four of ten: the next, number five, comes after the first break."""
+    cut(lab, 2 + 4)
+    session = so_far(lab)
+    assert (len(session.usable), session.state, session.ended) == (4, "trial 5 is shown", False)
+    left, next_break = session.to_come()
+    assert left is not None
+    assert next_break == 4
+
+
+class HandMade(SessionSoFar):
+    """A session of 20 trials of 10 s each, of which some are answered, without breaks so far."""
+
+    def __init__(self, done: int, **design: int) -> None:
+        self.manifest: Any = SimpleNamespace(
+            task="rating",
+            participant_id="01",
+            session_id="01",
+            simulated=False,
+            status=SessionStatus.RUNNING,
+            n_trials=20,
+            design=SimpleNamespace(**({"trials_between_breaks": 0, "repeat_flagged": False} | design)),
+            rig=None,
+        )
+        one = RatingTrial("01", "01", 0, "gym", Version.OURS, 1, 1, 0.5, 5, 2.0, simulated=False)
+        self.trials = [dataclasses.replace(one, trial_index=k) for k in range(done)]
+        begun = EventKind.TRIAL_BEGUN
+        self.events = [SessionEvent(begun, 10.0 * k, trial_index=k, attempt=1) for k in range(done + 1)]
+        self.longest_frame = 0.0
+        self._thresholds = None
+
+    @property
+    def last_change(self) -> float:
+        return time.time()
+
+
+def test_the_time_left_is_the_trials_left_at_the_pace_so_far() -> None:
+    assert HandMade(done=0).to_come() == (None, None)
+    left = [HandMade(done).to_come()[0] for done in range(1, 21)]
+    assert left == [10.0 * (20 - done) for done in range(1, 21)]
+
+
+def test_a_ramp_session_knows_its_time_before_the_first_answer(lab: Path) -> None:
+    """10 trials of the design's own length; breaks after 4 and 8, as no break was taken yet a minute each."""
+    cut(lab, 0)
+    assert so_far(lab).to_come()[0] == pytest.approx(10 * trial_seconds(SMALL) + 2 * BREAK_TIME)
+
+
+def test_a_break_begins_the_count_anew_and_tells_how_long_breaks_are() -> None:
+    """After 4 of 20 trials a break of 30 s; another 4 s after it, in the midst of trial 6."""
+    session = HandMade(done=5, trials_between_breaks=4)
+    rest = SessionEvent(EventKind.PAGE_SHOWN, 40.0, detail="break")
+    later = [dataclasses.replace(e, time=e.time + 30) for e in session.events[4:]]
+    session.events = [*session.events[:4], rest, *later]
+    # 15 left at 10 s: from one trial to the next, and not over the break, which was 30 s, and so will be
+    # those after 8, 12 and 16.
+    assert session.to_come() == (15 * 10.0 + 3 * 30.0, 3)
+
+
+@pytest.mark.parametrize(
+    ("done", "every", "next_break", "breaks"),
+    # Of 20 trials: breaks after 8 and 16, none at the end. None was taken: after 5 trials 3 to go.
+    [(1, 8, 7, 2), (5, 8, 3, 2), (5, 20, None, 0), (5, 15, 10, 1)],
+)
+def test_breaks_still_to_come_are_counted_into_the_time_left(
+    done: int, every: int, next_break: int | None, breaks: int
+) -> None:
+    left = 10.0 * (20 - done) + breaks * BREAK_TIME
+    assert HandMade(done, trials_between_breaks=every).to_come() == (pytest.approx(left), next_break)
+
+
+def test_breaks_by_minutes_come_at_the_pace_so_far() -> None:
+    """Every minute, of 10 s a trial: after 6 trials, so from the fifth on one more."""
+    assert HandMade(5, minutes_between_breaks=1).to_come()[1] == 1
+
+
+def test_flagged_trials_prolong_the_session_where_they_are_shown_again() -> None:
+    session = HandMade(10, repeat_flagged=True)
+    session.trials[0] = dataclasses.replace(session.trials[0], flag=TrialFlag.DROPPED_FRAMES)
+    # 9 of 10 usable: the 11 left take 11 · 10 / 9 showings.
+    assert (len(session.usable), session.flagged) == (9, 1)
+    assert session.to_come()[0] == pytest.approx(11 * 10 / 9 * 10.0)
+
+
+def test_a_session_that_was_killed_shows_by_its_silence(lab: Path) -> None:
+    cut(lab, 6)
+    assert "nothing new" not in drawn(so_far(lab))[1]
+    before = time.time() - 600
+    os.utime(session_of(lab) / EVENTS, (before, before))
+    assert drawn(so_far(lab))[1].split(",")[1].strip() == "nothing new for 10 min"
+
+
+@pytest.mark.parametrize(("seen", "words"), [(0, "above 0.500"), (4, "below 2.00"), (2, "0.500 to 2.00")])
+def test_of_answers_all_alike_only_a_bound_is_told(seen: int, words: str) -> None:
+    """Their threshold is the prior's."""
+    level = ("white", 1.0, Direction.DOWN, 5.0)
+    cells = module._cells(LevelSoFar(level, 100.0, 1.0, 0.5, 2.0, 4, seen, latest=False), several=False)
+    assert cells[3] == words
+    assert cells[2] == ("1.00" if seen == 2 else "–")
+
+
+def test_of_a_viewing_experiment_no_answer_is_told() -> None:
+    """Who knows how it goes may tell the participant: counts and times alone."""
+    text = "\n".join(drawn(HandMade(3)))
+    assert "3 of 20" in text
+    assert "2.0 s, 2.0 s, 2.0 s" in text
+    assert all(word not in text for word in ("ours", "baseline", "rated", " 5"))
+
+
+# Files that grow
+
+
+def test_a_line_without_its_end_waits_until_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    log = GrowingLog(path)
+    assert log.new_lines() == []  # there is none yet
+    path.write_bytes(b'{"a": 1}\n{"a": ')
+    assert log.new_lines() == ['{"a": 1}']
+    assert log.new_lines() == []
+    with path.open("ab") as stream:
+        stream.write('"ä"}\n'.encode()[:3])  # in the midst of a letter
+    assert log.new_lines() == []
+    with path.open("ab") as stream:
+        stream.write('"ä"}\n'.encode()[3:])
+    assert log.new_lines() == ['{"a": "ä"}']
+    path.write_bytes(b'{"a": 1}\n')  # a crash tore a line off before it was taken: nothing to take back
+    assert log.new_lines() == []
+
+
+def test_a_session_is_watched_while_it_grows(
+    lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """Trial after trial, the last line half written each time; it ends when the session does."""
+    whole, folder = tmp_path / "whole", session_of(lab)
+    shutil.copytree(folder, whole)
+    lines = (folder / TRIALS).read_text().splitlines(keepends=True)
+    cut(lab, 0)
+    session, seen = SessionSoFar(folder), []
+    for k, line in enumerate(lines):
+        with (folder / TRIALS).open("a") as stream:
+            stream.write(line[:40])
+            stream.flush()
+            session.update()
+            before = len(session.usable)
+            stream.write(line[40:])
+        session.update()
+        seen.append((before, len(session.usable)))
+        assert len(session.trials) == k + 1
+    assert seen == [(0, 0), (0, 0), *((k, k + 1) for k in range(10))]
+
+    def end(seconds: float) -> None:
+        for name in (EVENTS, MANIFEST):
+            shutil.copy(whole / name, folder / name)
+
+    monkeypatch.setattr("rich.console.Console.is_terminal", True)
+    watch_session(folder, once=False, sleep=end)
+    said = capsys.readouterr().out
+    assert said.index("is answered") < said.index("complete")
+
+
+# What is drawn
+
+
+def test_a_session_of_ten_levels_fits_a_terminal_of_80_columns_and_24_lines(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    design = dataclasses.replace(load_design("paper"), repetitions=1)
+    assert command(*arguments(tmp_path / "lab", written(design, tmp_path))).code == 0
+    session = so_far(tmp_path / "lab")
+    assert len(session.levels) == 10
+    lines = drawn(session)
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    text = "\n".join(lines)
+    assert "SIMULATED" in lines[0]
+    assert "…" not in text  # nothing is cut off
+    for level in session.levels:
+        if level.n_seen in (0, level.n_ramps):
+            assert f"above {level.ci_low:#.3g}" in text or f"below {level.ci_high:#.3g}" in text
+        else:
+            assert f"{level.threshold:#.3g}" in text
+            assert f"{level.ci_low:#.3g} to {level.ci_high:#.3g}" in text
+    for width, height in ((60, 24), (60, 16), (200, 60)):
+        small = drawn(session, width, height)
+        assert len(small) <= height
+        assert max(map(len, small)) <= width
+    few = "\n".join(drawn(session, 60, 16))
+    latest = next(level for level in session.levels if level.latest)
+    assert f"{latest.level[0]} {latest.level[1]:g}" in few
+    assert "more levels: a taller window shows them" in few
+
+
+class Terminal(io.StringIO):
+    """Standard error as a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[], Terminal]:
+    """Put a terminal where standard error is; in a test itself, for pytest puts its own there before."""
+
+    def attach() -> Terminal:
+        screen = Terminal()
+        monkeypatch.setattr("sys.stderr", screen)
+        for name, value in {"COLUMNS": "80", "LINES": "24", "TERM": "xterm", "NO_COLOR": "1"}.items():
+            monkeypatch.setenv(name, value)
+        return screen
+
+    return attach
+
+
+def test_the_terminal_of_a_run_shows_the_session_to_its_end(
+    command: Callable[..., Any], tmp_path: Path, terminal: Callable[[], Terminal]
+) -> None:
+    screen = terminal()
+    ended = command(*arguments(tmp_path / "lab", written(SMALL, tmp_path)))
+    assert ended.code == 0
+    shown = screen.getvalue()
+    assert "SIMULATED" in shown
+    assert "10 of 10" in shown
+    for level in so_far(tmp_path / "lab").levels:
+        assert f"{level.luminance:.3g}" in shown
+
+
+@pytest.mark.parametrize("more", [["--rig", "nowhere.rig.toml"], ["--quiet"]])
+def test_a_terminal_shows_nothing_of_what_is_refused_or_quiet(
+    command: Callable[..., Any], tmp_path: Path, terminal: Callable[[], Terminal], more: list[str]
+) -> None:
+    screen = terminal()
+    words = [
+        w for w in arguments(tmp_path / "lab", written(SMALL, tmp_path)) if w not in ("--rig", "simulated")
+    ]
+    rig = [] if "--rig" in more else ["--rig", "simulated"]
+    command(*words, *rig, *more)
+    assert "SIMULATED" not in screen.getvalue()
+    assert screen.getvalue().count("\n") == (more[0] == "--rig")  # the line that says why
+
+
+def test_without_a_terminal_a_long_session_is_told_in_lines(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """A line after each minute; a session of less says nothing."""
+    with live_view(session_of(lab), quiet=False) as show:
+        show()
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    for quiet in (False, True):
+        with live_view(session_of(lab), quiet) as show:
+            show()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"evenlight: {in_one_line(so_far(lab))}"
+    assert line.startswith("evenlight: ramp, participant 01, session 01, SIMULATED: 10 of 10 trials, ")
+
+
+def test_a_view_that_fails_says_so_once_and_the_session_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    with live_view(tmp_path / "nowhere", quiet=False) as show:
+        show()
+        show()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("evenlight: the live view ends, the session goes on: ")
+
+
+def test_a_terminal_that_takes_no_text_holds_up_nothing(
+    lab: Path, terminal: Callable[[], Terminal], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Selected text, or a line that is broken: writing waits, the session does not."""
+    stopped = threading.Event()
+    screen = terminal()
+    monkeypatch.setattr(screen, "write", lambda text: stopped.wait(60) and len(text))
+    monkeypatch.setattr(module, "PATIENCE", 0.05)
+    begun = time.monotonic()
+    with live_view(session_of(lab), quiet=False) as show:
+        for _ in range(3):
+            show()
+    assert screen.getvalue() == ""
+    assert time.monotonic() - begun < 10
+    stopped.set()
+
+
+def test_reading_and_drawing_between_two_trials_takes_at_most_20_ms(lab: Path) -> None:
+    """Of the processor, in the median over 40 times; no flip is awaited then."""
+    console = Console(file=Terminal(), force_terminal=True, width=80, height=24)
+    session, times = so_far(lab), []
+    with module._drawn(console) as draw:
+        for _ in range(40):
+            begun = time.process_time()
+            session.update()
+            draw(session)
+            times.append(time.process_time() - begun)
+    assert np.median(times) < 0.02
+
+
+# The command `watch`
+
+
+def test_watch_shows_the_latest_session_once(command: Callable[..., Any], lab: Path) -> None:
+    shown = command("watch", lab, "--once")
+    assert (shown.code, shown.err) == (0, "")
+    assert "SIMULATED" in shown.out
+    assert "10 of 10" in shown.out
+    before = {path: path.read_bytes() for path in lab.glob("**/*") if path.is_file()}
+    assert command("watch", lab).out == shown.out  # no terminal: once
+    assert {path: path.read_bytes() for path in lab.glob("**/*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("more", [[], ["--participant", "02"], ["--session", "02"]])
+def test_watch_refuses_what_is_no_session_in_one_line(
+    command: Callable[..., Any], tmp_path: Path, lab: Path, more: list[str]
+) -> None:
+    shown = command("watch", lab if more else tmp_path / "nowhere", *more)
+    assert (shown.code, shown.err.count("\n")) == (2, 1)
+    assert "there is no session that was run; give the folder that `evenlight run` has as --out" in shown.err
+
+
+def test_watch_says_which_line_cannot_be_used(command: Callable[..., Any], lab: Path) -> None:
+    with (session_of(lab) / TRIALS).open("a") as stream:
+        stream.write("{}\n")
+    shown = command("watch", lab, "--once")
+    assert (shown.code, shown.err.count("\n")) == (2, 1)
+    assert TRIALS in shown.err

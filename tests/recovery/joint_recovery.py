@@ -1,0 +1,198 @@
+"""Simulated data sets through the joint model, back to the population's curve."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, JointOptions, fit_joint
+from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.ramp.ramp_observer import ObserverPopulation, draw_observer
+from evenlight.experiments.ramp.ramp_plan import ramp_levels
+from evenlight.experiments.ramp.simulate_ramp import (
+    RampSimulation,
+    answered_session,
+    participant_id,
+    participant_of,
+)
+from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.rate_limit import rate_limit_at
+
+Array = NDArray[np.float64]
+DISPLAY = "varjo-xr3"
+BEND = 30.0  # [cd/m^2] of the broken line: the relative rate is held below, the rate goes with L^0.3 above
+DRAWN = 20_000  # observers, for the mean of their ln(threshold): its standard error is 0.002
+
+
+def _preset(luminance: Array) -> Array:
+    """Return the published limit; below 8.8 cd/m^2 its relative rate is held."""
+    return rate_limit_at(load_rate_limit("surace2025"), luminance)
+
+
+def _power_law(luminance: Array) -> Array:
+    """Return 0.06 L^0.8."""
+    return np.asarray(0.06 * luminance**0.8)
+
+
+def _broken_line(luminance: Array) -> Array:
+    """Return a line with a bend over logarithms: no polynomial."""
+    return np.asarray(0.035 * BEND * np.where(luminance < BEND, luminance / BEND, (luminance / BEND) ** 0.3))
+
+
+TRUTHS: dict[str, Callable[[Array], Array]] = {
+    "preset": _preset,
+    "power law": _power_law,
+    "broken line": _broken_line,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """What is simulated.
+
+    Attributes
+    ----------
+    design, truth : str or RampDesign, str
+        Design or its preset; which of `TRUTHS` the median person's yes/no threshold follows.
+    participants, population : int, ObserverPopulation
+        How many, and how they differ.
+    scale : float
+        Of all thresholds.
+    """
+
+    design: str | RampDesign
+    truth: str
+    participants: int = 10
+    population: ObserverPopulation = dataclasses.field(default_factory=ObserverPopulation)
+    scale: float = 1.0
+
+    @property
+    def ramps(self) -> RampDesign:
+        """The design."""
+        design = load_design(self.design) if isinstance(self.design, str) else self.design
+        assert isinstance(design, RampDesign)
+        return design
+
+    def answers(self, seed: int) -> tuple[list[RampTrial], dict[float, float]]:
+        """Return the trials of a data set, and the mean ln(threshold) of its people at each luminance."""
+        limit = _weber()
+        simulation = RampSimulation(
+            self.participants, seed, load_display(DISPLAY), self.ramps, limit, self.population
+        )
+        trials: list[RampTrial] = []
+        sums: dict[float, float] = {}
+        for k in range(self.participants):
+            seen = participant_of(simulation, k)
+            factors = {
+                luminance: own * self._over_limit(luminance) for luminance, own in seen.level_factors.items()
+            }
+            observer = dataclasses.replace(seen, level_factors=factors)
+            trials += answered_session(simulation, k, participant_id(k, self.participants), observer)
+            for level in ramp_levels(self.ramps, load_display(DISPLAY)):
+                at, function = level.luminance, observer.function_at(level.luminance, self.ramps.procedure)
+                sums[at] = sums.get(at, 0.0) + float(np.log(function.threshold)) / self.participants
+        return trials, sums
+
+    def _over_limit(self, luminance: float) -> float:
+        """Return the truth as a multiple of the limit that observers are drawn from."""
+        at = np.array([luminance])
+        return float(self.scale * TRUTHS[self.truth](at)[0] / rate_limit_at(_weber(), at)[0])
+
+    def true_curve(self, luminance: Array) -> Array:
+        """Return exp(mean of ln threshold over people) in the design's task [cd/m^2/s]."""
+        if self.ramps.procedure is Procedure.TWO_INTERVAL:
+            own = self.population.median_two_interval_ratio
+        else:
+            own = mean_caution(self.population)
+        return np.asarray(self.scale * own * TRUTHS[self.truth](luminance))
+
+
+def _weber() -> RateLimit:
+    """Return a limit with one relative rate."""
+    ends = (1.0, 200.0)
+    middle, half = np.log(ends).mean(), np.ptp(np.log(ends)) / 2
+    coefficients = (float(np.log(0.03) + middle), float(half))
+    return RateLimit("weber", DISPLAY, "", RateLimitForm.LOG_LOG, coefficients, ends)
+
+
+@functools.cache
+def mean_caution(population: ObserverPopulation) -> float:
+    """Return exp(mean of ln caution): what the criterion makes of yes/no thresholds on average."""
+    chance = np.random.default_rng(5)
+    limit = _weber()
+    drawn = (draw_observer(limit, (), chance, population).caution for _ in range(DRAWN))
+    return float(np.exp(np.mean(np.log(list(drawn)))))
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """One data set's curve against the truth, at the luminances of the band.
+
+    Attributes
+    ----------
+    fit : JointFit
+        What was found.
+    errors : array (97,)
+        ln(curve / truth).
+    own_errors : array (levels,)
+        ln(curve / geometric mean of the participants' thresholds) at the levels: free of whom chance drew.
+    covered : bool
+        Whether the truth lies in the simultaneous band everywhere.
+    pointwise : array (97,) of bool
+        Whether it lies in the pointwise band.
+    """
+
+    fit: JointFit
+    errors: Array
+    own_errors: Array
+    covered: bool
+    pointwise: NDArray[np.bool_]
+
+    @property
+    def half_width(self) -> float:
+        """Of the simultaneous band, in ln(rate), on average over luminance."""
+        return float(np.mean(np.log(self.fit.simultaneous_upper / self.fit.simultaneous_lower)) / 2)
+
+
+def recovered_sets(
+    study: Study, sets: int, seed: int, options: JointOptions | None = None
+) -> Iterator[Recovered]:
+    """Yield what is found of each of some data sets."""
+    for k in range(sets):
+        trials, means = study.answers(seed + k)
+        yield compared(fit_joint(trials, options), study, means)
+
+
+def compared(fit: JointFit, study: Study, means: dict[float, float]) -> Recovered:
+    """Return a fit against the truth of its study, and the mean ln(threshold) of its participants."""
+    at = fit.band_luminance
+    truth = study.true_curve(at)
+    curve = fit.basis.rate(fit.basis.design(at) @ fit.coefficients)
+    inside = (fit.simultaneous_lower <= truth) & (truth <= fit.simultaneous_upper)
+    pointwise = (fit.pointwise_lower <= truth) & (truth <= fit.pointwise_upper)
+    levels = np.array(list(means))
+    own = fit.basis.design(levels) @ fit.coefficients - np.array(list(means.values()))
+    return Recovered(fit, np.log(curve / truth), own, bool(inside.all()), pointwise)
+
+
+def individual_errors(trials: list[RampTrial], means: dict[float, float]) -> Array:
+    """Return ln(curve / geometric mean of the participants' thresholds) of the individual fits' curve.
+
+    Parameters
+    ----------
+    trials, means
+        What `Study.answers` gives.
+    """
+    thresholds = [fit.threshold for fit in fit_thresholds_of(trials, judge=False)]
+    limit = fit_thresholds(thresholds, load_display(DISPLAY)).limit
+    levels = np.array(list(means))
+    return np.asarray(np.log(rate_limit_at(limit, levels)) - np.array(list(means.values())))
