@@ -164,7 +164,7 @@ def _print_result(summary: OptimizationSummary, out: Path) -> None:
         f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
     )
     asked = "" if summary.rate_limit_procedure is None else f" ({summary.rate_limit_procedure.value})"
-    accepted = ", whose wide band was accepted" if summary.wide_band_accepted else ""
+    accepted = ", whose wide or missing band was accepted" if summary.wide_band_accepted else ""
     typer.echo(
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
         f"{summary.mean_power / summary.full_power:.1%} of full power, "

@@ -119,6 +119,11 @@ class RateLimit:
         "what the band holds at its level: the curve at any one luminance, or all of it",
         default=BandKind.POINTWISE,
     )
+    monotone: bool = described(
+        "true if the curve was kept from falling with luminance, and its band narrowed to such curves if it "
+        "holds any",
+        default=False,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -183,9 +188,15 @@ class RateLimit:
 
     @property
     def wide_band(self) -> str:
-        """How wide the band is, in words, if that is too wide for use; else empty."""
+        """How wide the band is, in words, if that is too wide for use; else empty.
+
+        A limit that a model gave, but without a band, is known no better. Of presets, older files and tables
+        of points nothing is known, and nothing said.
+        """
         widest = self.widest_band
-        if widest is None or _width(widest) <= WIDEST_USABLE_BAND:
+        if widest is None:
+            return f"fitted by the {self.model.value} model, it has no band" if self.model else ""
+        if _width(widest) <= WIDEST_USABLE_BAND:
             return ""
         at, lower, upper = widest
         ratio = f", a ratio of {_width(widest):.3g}" if lower else ""

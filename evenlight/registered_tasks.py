@@ -128,10 +128,12 @@ def load_tasks() -> None:
     A package names in its entry points of the group `evenlight.tasks` a `TaskDeclaration`, as
     `flicker = "my_package:FLICKER"`, or a module that calls `register_task`.
 
+    One of a package that cannot be loaded is told of: what needs nothing of it goes on.
+
     Raises
     ------
     InputError
-        If one cannot be loaded.
+        If a file cannot be loaded.
     """
     for entry in metadata.entry_points(group=GROUP):
         package = entry.dist.name if entry.dist else "of no name"
@@ -140,10 +142,11 @@ def load_tasks() -> None:
             found = entry.load()
             if isinstance(found, TaskDeclaration):
                 register_task(found)
+            wrong = "" if entry.name in TASKS else "is no TaskDeclaration of that name, and registers none"
         except Exception as error:
-            raise InputError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
-        if entry.name not in TASKS:
-            raise InputError(f"{where} is no TaskDeclaration of that name, and registers none")
+            wrong = f"cannot be loaded: {type(error).__name__}: {error}"
+        if wrong:
+            print(f"evenlight: note: {where} {wrong}", file=sys.stderr)
     for name in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         path = Path(name)
         module = f"evenlight_task_{path.stem}"

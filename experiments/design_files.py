@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any, cast
@@ -41,15 +42,14 @@ def load_task_design(task: str, name_or_path: str | None) -> Design:
     >>> load_task_design("search", "paper").ring_gap
     10.0
     """
-    cls = TASKS[task].design
-    if name_or_path is None and DEFAULT not in design_names(task):
+    cls, presets = TASKS[task].design, _presets(task)
+    if name_or_path is None and DEFAULT not in presets:
         return cast(Design, cls())
-    return cast(Design, _load(cls, task, name_or_path or DEFAULT))
+    return cast(Design, _load(cls, presets, name_or_path or DEFAULT))
 
 
-def _load(cls: type[Any], task: str, name_or_path: str) -> Any:
-    """Return the design of a preset, or of a toml file, for a task or sweep."""
-    presets = _presets(task)
+def _load(cls: type[Any], presets: dict[str, Path], name_or_path: str) -> Any:
+    """Return the design of a preset, or of a toml file."""
     known = sorted(presets)
     if name_or_path in known:
         return read_toml_record(cls, presets[name_or_path])
@@ -68,7 +68,7 @@ def load_sweep_design(task: str, name_or_path: str) -> SweepDesign:
     >>> load_sweep_design("power-sweep", "quick").repeats
     3
     """
-    return cast(SweepDesign, _load(DESIGN_OF_SWEEP[task], task, name_or_path))
+    return cast(SweepDesign, _load(DESIGN_OF_SWEEP[task], _presets(task), name_or_path))
 
 
 def design_names(task: str = "ramp") -> list[str]:
@@ -81,40 +81,39 @@ def design_names(task: str = "ramp") -> list[str]:
 
 
 def _presets(task: str) -> dict[str, Path]:
-    """Return the files of the presets of a task, by name.
-
-    Raises
-    ------
-    InputError
-        If an installed package names designs that cannot be found, or one that there is already.
-    """
+    """Return the files of the presets of a task, by name; designs that cannot be used are told of."""
     suffix = _suffix(task)
     presets: dict[str, Path] = {}
-    for owner, folder in {"": DESIGNS, **_folders_of_packages()}.items():
-        for path in sorted(folder.glob(f"*{suffix}")):
+    for owner, paths in {"": sorted(DESIGNS.iterdir()), **_designs_of_packages()}.items():
+        for path in paths:
             name = path.name.removesuffix(suffix)
+            if not path.name.endswith(suffix) or "." in name:
+                continue
             if name in presets:
-                raise InputError(f"{owner}: its design {path} has the name of {presets[name]}; rename it")
-            if "." not in name:
-                presets[name] = path
+                _tell(f"{owner}: its design {path} has the name of {presets[name]}; rename it")
+            presets.setdefault(name, path)
     return presets
 
 
-def _folders_of_packages() -> dict[str, Path]:
-    """Return the folders of designs that installed packages name, by what messages call them."""
-    folders = {}
+def _designs_of_packages() -> dict[str, list[Path]]:
+    """Return the designs that installed packages name, by what messages call their owners."""
+    designs = {}
     for entry in metadata.entry_points(group=GROUP):
-        package = entry.dist.name if entry.dist else "of no name"
-        owner = f"the installed package {package}"
-        try:
-            folder = Path(str(resources.files(entry.value)))
+        owner = f"the installed package {entry.dist.name if entry.dist else 'of no name'}"
+        try:  # a folder without __init__.py lists its files too, but has no path of its own
+            paths = [Path(str(each)) for each in resources.files(entry.value).iterdir()]
         except Exception as error:
-            why = f"{type(error).__name__}: {error}"
-            raise InputError(f"{owner}: its designs {entry.name!r} cannot be loaded: {why}") from error
-        if not any(folder.glob(f"*{SUFFIX}")):
-            raise InputError(f"{owner}: its designs {entry.name!r}: {folder} holds no file *{SUFFIX}")
-        folders[f"{owner}, {entry.name}"] = folder
-    return folders
+            _tell(f"{owner}: its designs {entry.name!r} cannot be loaded: {type(error).__name__}: {error}")
+            continue
+        designs[f"{owner}, {entry.name}"] = sorted(paths)
+        if not any(path.name.endswith(SUFFIX) for path in paths):
+            _tell(f"{owner}: its designs {entry.name!r}: {entry.value} holds no file *{SUFFIX}")
+    return designs
+
+
+def _tell(words: str) -> None:
+    """Say what is wrong with a package; what needs nothing of it goes on."""
+    print(f"evenlight: note: {words}", file=sys.stderr)
 
 
 def _suffix(task: str) -> str:

@@ -18,7 +18,6 @@ from evenlight.data_schema.provenance import require_seed
 
 if TYPE_CHECKING:
     from evenlight.experiments.run_session import SessionOutcome, SessionRequest
-    from evenlight.experiments.sessions.conduct_session import SessionProgress
     from evenlight.experiments.sweeps.run_sweep import SweepRequest
 
 SWEEPS = ("luminance-sweep", "power-sweep")
@@ -259,9 +258,9 @@ def _run_session(request: SessionRequest, quiet: bool) -> None:
         live_view(folder, quiet, rehearsal=request.staging.simulated) as show,
     ):
 
-        def report(progress: SessionProgress) -> None:
+        def report(usable: int) -> None:
             nonlocal done
-            done = progress.done
+            done = usable
             show()
 
         outcome = run_session(

@@ -25,7 +25,7 @@ from evenlight.data_schema.recordings.session import (
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
-from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
+from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import Staging, open_stage, smallest_factor
@@ -118,7 +118,7 @@ class SessionOutcome:
 
 def run_session(
     request: SessionRequest,
-    report: Callable[[SessionProgress], None] = lambda progress: None,
+    report: Callable[[int], None] = lambda usable: None,
     tell: Callable[[str], None] = lambda words: None,
 ) -> SessionOutcome:
     """Run a session, new or resumed, and return how it ended.
@@ -130,7 +130,7 @@ def run_session(
     request : SessionRequest
         What was asked for.
     report : callable, optional
-        Called with the progress of the session.
+        Called with the usable trials so far, before the first and after each.
     tell : callable, optional
         Called before the session with what forbids nothing, and the experimenter should know.
 

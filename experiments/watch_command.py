@@ -31,11 +31,11 @@ def latest_session(dataset: Path, participant: str | None = None, session: str |
     InputError
         If there is none.
     """
+    if not dataset.is_dir():
+        raise InputError(f"{dataset}: no such folder; give the one that `evenlight run` has as --out")
     wanted = f"sub-{participant or '*'}/ses-{session or '*'}"
     logs = [path for path in dataset.glob(f"{wanted}/{EVENTS}") if path.with_name(MANIFEST).exists()]
     if not logs:
-        raise InputError(
-            f"{dataset / wanted}: there is no session that was run; give the folder that `evenlight run` has "
-            "as --out"
-        )
+        who = f"participant {participant} has no session" if participant else "there is no session"
+        raise InputError(f"{dataset}: {who}{f' {session}' if session else ''} that was run")
     return max(logs, key=lambda path: path.stat().st_mtime_ns).parent

@@ -107,9 +107,9 @@ def require_known(limit: RateLimit, accept_wide_band: bool = False) -> None:
     Parameters
     ----------
     limit : RateLimit
-        Without a band, it passes: nothing is known of how well it is known.
+        Without a band, it passes only if no model of this program fitted it (a preset, an older file).
     accept_wide_band : bool
-        Whether any width will do.
+        Whether any width will do, and none.
 
     >>> band = {"band_luminance": (1.0, 9.0), "band_lower": (0.5, 0.1), "band_upper": (1.0, 1.0)}
     >>> limit = RateLimit("r", "d", "", RateLimitForm.RATE, (0.4,), (1.0, 9.0), **band)

@@ -103,17 +103,15 @@ class Calibration:
 
     @property
     def excluded_participants(self) -> dict[str, str]:
-        """Participants of whom no answer went into the rate limit, and why."""
-        joint = self.models.joint
-        if self.models.chosen is RateLimitModel.JOINT and joint is not None:
-            return dict.fromkeys(joint.left_out, ThresholdFlag.FALSE_ALARMS.value)
-        flags: dict[str, set[str]] = {}
-        usable = set()
-        for fit in self.thresholds:
-            flags.setdefault(fit.threshold.participant_id, set()).add(fit.threshold.flag.value)
-            if fit.threshold.flag not in UNUSABLE:
-                usable.add(fit.threshold.participant_id)
-        return {who: ", ".join(sorted(why)) for who, why in flags.items() if who not in usable}
+        """Participants of whom nothing went into the rate limit, and why, as flags."""
+        curve, flags = self.rate_limit, dict[str, set[str]]()
+        joint = self.models.chosen is RateLimitModel.JOINT  # leaves out nobody for answers that are all alike
+        used = {t.participant_id for t in curve.used}
+        for t in curve.excluded:
+            if t.participant_id not in used:
+                why = ThresholdFlag.FALSE_ALARMS if joint else t.flag
+                flags.setdefault(t.participant_id, set()).add(why.value)
+        return {who: ", ".join(sorted(why)) for who, why in flags.items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import joined_lumin
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import WIDEST_BAND
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table, probability
 from evenlight.analysis.report_prose import prose
@@ -75,17 +76,24 @@ def _level_table(thresholds: Sequence[Threshold]) -> Table:
         own = [t for t, other in zip(thresholds, keys, strict=True) if other == key]
         used = [t for t in own if t.flag not in UNUSABLE]
         mean, low, high = level_means(used)[0][1:] if used else (None, None, None)
-        interval = None if low is None or high is None else f"{low:.3g} to {high:.3g}"
         relative = None if mean is None else 100 * mean / luminance
-        row = (screen, factor, luminance, f"{len(used)} of {len(own)}", mean, interval, relative, _flags(own))
+        row = (screen, factor, luminance, f"{len(used)} of {len(own)}", mean, _interval(low, high), relative,
+               _flags(own))  # fmt: skip
         rows.append((condition.words, *row) if several else row)
     columns = ("screen", "factor b", "luminance [cd/m²]", "used", "threshold [cd/m²/s]", "95 % CI",
                "threshold [%/s]", "flags")  # fmt: skip
     return Table(
-        "Thresholds of each level: geometric mean over participants with its 95 % confidence interval (CI).",
+        "Thresholds of each level: geometric mean over participants with its 95 % confidence interval (CI), "
+        "of Student's t for each level by itself: another model than the curve's, and wide with few people; "
+        f"none is stated beyond a ratio of {WIDEST_BAND:g}.",
         ("ramps", *columns) if several else columns,
         tuple(rows),
     )
+
+
+def _interval(low: float | None, high: float | None) -> str | None:
+    """Return an interval in words; None if there is none, or one that says nothing."""
+    return f"{low:.3g} to {high:.3g}" if low and high and high <= WIDEST_BAND * low else None
 
 
 def _flags(thresholds: Sequence[Threshold]) -> str:
@@ -165,7 +173,7 @@ def population_section(levels: Sequence[LevelEstimates], simulated: bool) -> Sec
     order = sorted(levels, key=lambda e: (e.level.direction.value, e.level.ramp_duration, e.level.luminance))
     for estimates in order:
         level, random = estimates.level, estimates.random
-        interval = None if random is None else f"{random.ci_low:.3g} to {random.ci_high:.3g}"
+        interval = None if random is None else _interval(random.ci_low, random.ci_high)
         spread = None if random is None else f"{np.exp(random.participant_sd):.2f}"
         row = (
             level.screen, level.factor, level.luminance, None if random is None else random.threshold,

@@ -43,7 +43,6 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
         "falling_cd_m2": [list(stretch) for stretch in curve.falling],
         "models": _models(calibration),
         "joint": None if calibration.models.joint is None else _joint(calibration.models.joint),
-        "pooled": pooled_comparison(calibration),
         "levels": [level_mapping(level) for level in calibration.levels],
         "levels_in_words": difference_in_words(calibration.levels),
         "pooled_ratio_mean": mean_ratios(calibration.levels)[0],
@@ -57,30 +56,6 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
         "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],
         "roll": mapping_from_record(roll) if roll else None,
         "provenance": mapping_from_record(provenance),
-    }
-
-
-def pooled_comparison(calibration: Calibration) -> dict[str, Any] | None:
-    """Return how far the pooled curve lies from the population's, as ratios; None if one is missing or 0."""
-    pooled = calibration.pooled
-    if pooled is None:
-        return None
-    theirs = pooled.curve.limit
-    ratio = _ratio(theirs, calibration.rate_limit.limit)
-    if ratio is None:
-        return None
-    mean = float(np.exp(np.mean(np.log(ratio))))
-    return {
-        "luminance_cd_m2": pooled.luminance.tolist(),
-        "threshold_cd_m2_s": pooled.threshold.tolist(),
-        "coefficients": list(theirs.coefficients),
-        "monotone": pooled.curve.monotone,
-        "levels_left_out": pooled.left_out,
-        "ratio_to_population_mean": mean,
-        "ratio_to_population_min": float(ratio.min()),
-        "ratio_to_population_max": float(ratio.max()),
-        "in_words": f"the pooled curve lies {abs(mean - 1):.1%} {'above' if mean > 1 else 'below'} the "
-        "population's on average, in which each participant has a threshold of their own",
     }
 
 

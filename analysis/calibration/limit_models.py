@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evenlight.analysis.calibration.joint.joint_fit import JointFit, JointOptions, fit_joint
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
 from evenlight.analysis.calibration.level_estimates import PooledFit, fit_pooled
+from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
@@ -20,7 +21,6 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     falling_stretches,
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import (
-    ONE_PARTICIPANT,
     RateLimitFit,
     fit_thresholds,
     require_within_rates,
@@ -36,6 +36,15 @@ FEW_LEVELS = {
     1: "one level makes no curve: the limit is a constant, known there alone",
     2: "two levels make no curve: the limit is a straight line in log-log, and its band that of a line",
 }
+FEW_PEOPLE = 4  # with three, the joint model's band is too wide for use in a third of the data sets
+MOSTLY_PRIOR = (
+    f"fewer than {FEW_PEOPLE} participants: how far people differ, and with it much of the band's width, "
+    "comes from other studies rather than from these answers"
+)
+FEW_POOLED = (
+    f"The curve of fewer than {FEW_PEOPLE} participants pooled has no band: how its points scatter tells "
+    "nothing of how people differ."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +97,11 @@ class LimitModels:
     @property
     def first_notes(self) -> tuple[str, ...]:
         """What has to be said first of the chosen curve: known too badly for use, or no curve at all."""
-        limit, notes = self.fit.limit, []
-        if limit.wide_band:
-            notes.append(f"the rate limit is not for use: {limit.wide_band} (--accept-wide-band overrides)")
-        if not limit.band_luminance:
-            notes.append("the rate limit has no band: nothing is known of how well it is known")
+        words, notes = self.fit.limit.wide_band, []
+        if words:
+            notes.append(f"the rate limit is not for use: {words} (--accept-wide-band overrides)")
+        if self.chosen is RateLimitModel.JOINT and 1 < _people(self.fit.used) < FEW_PEOPLE:
+            notes.append(MOSTLY_PRIOR)
         if self.levels in FEW_LEVELS:
             notes.append(FEW_LEVELS[self.levels])
         return tuple(notes)
@@ -101,6 +110,11 @@ class LimitModels:
 def _levels(thresholds: Iterable[Threshold]) -> int:
     """Return how many levels were measured: of a display measured again, luminances differ slightly."""
     return len({(t.screen, t.factor) for t in thresholds})
+
+
+def _people(thresholds: Iterable[Threshold]) -> int:
+    """Return how many participants have thresholds."""
+    return len({t.participant_id for t in thresholds})
 
 
 def fit_models(
@@ -130,7 +144,7 @@ def fit_models(
         try:
             if model is RateLimitModel.JOINT:
                 joint = fit_joint(answers.trials, _joint_options(answers, options), report)
-                fits[model] = _joint_limit(joint, answers, options.band_level)
+                fits[model] = _joint_limit(joint, answers, options)
             elif model is RateLimitModel.INDIVIDUAL:
                 fits[model] = fit_thresholds(answers.thresholds, answers.display, options, NAME)
             else:
@@ -148,23 +162,20 @@ def fit_models(
     return LimitModels(options.model, fits, missing, joint, pooled)
 
 
-def _joint_options(answers: Answers, options: RateLimitOptions) -> JointOptions:
+def _joint_options(answers: Answers, options: RateLimitOptions) -> RateLimitOptions:
     """Return the joint model's options; with one or two levels the shape is no question."""
-    form, degree = options.form, options.degree
-    levels = _levels(answers.thresholds)
-    if form is None and degree is None and levels in FEW_LEVELS:
-        form, degree = RateLimitForm.LOG_LOG, levels - 1
-    return JointOptions(
-        form, degree, options.monotone, options.band_level, options.direction, options.ramp_duration
-    )
+    levels = min(_levels(answers.thresholds), len(set(joined_luminances(answers.thresholds))))
+    if options.form is None and options.degree is None and levels in FEW_LEVELS:
+        return dataclasses.replace(options, form=RateLimitForm.LOG_LOG, degree=levels - 1)
+    return options
 
 
-def _joint_limit(joint: JointFit, answers: Answers, band_level: float) -> RateLimitFit:
+def _joint_limit(joint: JointFit, answers: Answers, options: RateLimitOptions) -> RateLimitFit:
     """Return the joint model's curve, with its simultaneous band."""
     counted = tuple(t for t in answers.thresholds if t.participant_id not in joint.left_out)
     own = [t for t in counted if condition_of(t) == joint.reference]
     points = [t for t in own if t.flag not in UNUSABLE]
-    luminance = sorted({t.luminance for t in own})
+    luminance = sorted(set(joined_luminances(own)))
     edges = joint.band_luminance, joint.simultaneous_lower, joint.simultaneous_upper
     # Between two levels no answer tells how the curve bends: the band is that of the line, which is said.
     of_line = slice(None, None, joint.band_luminance.size - 1) if _levels(own) == 2 else slice(None)
@@ -179,7 +190,7 @@ def _joint_limit(joint: JointFit, answers: Answers, band_level: float) -> RateLi
         band_luminance=at,
         band_lower=lower,
         band_upper=upper,
-        band_level=band_level,
+        band_level=options.band_level,
         point_luminance=tuple(t.luminance for t in points),
         point_rate=tuple(t.threshold for t in points),
         condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
@@ -188,6 +199,7 @@ def _joint_limit(joint: JointFit, answers: Answers, band_level: float) -> RateLi
         ramp_duration=joint.reference.ramp_duration,
         model=RateLimitModel.JOINT,
         band_kind=BandKind.SIMULTANEOUS,
+        monotone=options.monotone,
     )
     return RateLimitFit(
         limit=limit,
@@ -208,9 +220,9 @@ def _pooled_limit(pooled: PooledFit, answers: Answers, individual: RateLimitFit 
     conditions = conditions_of(answers.thresholds)
     reference = individual.reference if individual else conditions[0] if len(conditions) == 1 else None
     curve, notes = pooled.curve.limit, pooled.curve.notes
-    if len({t.participant_id for t in answers.thresholds}) == 1:
+    if _people(answers.thresholds) < FEW_PEOPLE:
         curve = dataclasses.replace(curve, band_luminance=(), band_lower=(), band_upper=())
-        notes = (ONE_PARTICIPANT, *notes)
+        notes = (FEW_POOLED, *notes)
     limit = dataclasses.replace(
         curve,
         procedure=answers.thresholds[0].procedure,

@@ -8,6 +8,7 @@ from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.limit_models import FEW_LEVELS, LimitModels
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import FEWEST_FOR_INTERVALS
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
 from evenlight.analysis.report_prose import prose
@@ -51,6 +52,8 @@ def rate_limit_section(calibration: Calibration, rate_limit_png: bytes, publishe
     caption = prose(
         "fit_rate_limit_caption",
         limit=fit.limit,
+        people=len({t.participant_id for t in fit.own}),
+        fewest=FEWEST_FOR_INTERVALS,
         crosses=models.chosen is RateLimitModel.JOINT and any(t.flag in UNUSABLE for t in fit.used),
         others=[model.value for model in models.others],
         published=published,

@@ -30,10 +30,14 @@ APART = "put the sessions of each in a data set of its own (`run`: another --out
 def why_apart(sessions: Sequence[SessionManifest]) -> str:
     """Return why the ramps of some sessions cannot be fitted together, and the way out; empty if they can.
 
-    Calibrations of one display have one name, and luminances within `LARGEST_RATIO` of each other at
-    the pixel values and factors of `COMPARED_AT`. Of the same photometry they are one, whatever their names.
+    Calibrations of one display have a name in common, and luminances within `LARGEST_RATIO` of each other at
+    the pixel values and factors of `COMPARED_AT`. Of the same photometry they are one, by all of its names.
     """
-    kept: dict[tuple[str, str], tuple[str, Display]] = {}
+    names: dict[str, set[str]] = {}  # by fingerprint
+    for shown in (session.display for session in sessions):
+        if shown is not None:
+            names.setdefault(shown.fingerprint, set()).add(shown.name)
+    kept: dict[str, tuple[str, Display]] = {}
     for session in sessions:
         name, display = _named(session), session.display
         if display is None:
@@ -41,10 +45,10 @@ def why_apart(sessions: Sequence[SessionManifest]) -> str:
                 f"{name} has no display ({MANIFEST}: display is null); expected that of the ramps, for which "
                 "alone their rate limit holds"
             )
-        for other in kept.values():
-            if why := _why_other(display, *other):
+        for key, other in kept.items():
+            if why := _why_other(display, *other, renamed=names[key].isdisjoint(names[display.fingerprint])):
                 return f"{name} runs on the display {display.name!r}{why}"
-        kept.setdefault((display.name, display.fingerprint), (name, display))
+        kept.setdefault(display.fingerprint, (name, display))
     return ""
 
 
@@ -53,11 +57,9 @@ def _named(session: SessionManifest) -> str:
     return f"session {session.session_id} of participant {session.participant_id}"
 
 
-def _why_other(display: Display, other_session: str, other: Display) -> str:
+def _why_other(display: Display, other_session: str, other: Display, *, renamed: bool) -> str:
     """Return why a display is not that of another session, measured again; empty if it may be."""
-    if display.fingerprint == other.fingerprint:
-        return ""
-    if display.name != other.name:
+    if renamed:
         return (
             f", {other_session} on {other.name!r}: a rate limit holds for one display; {APART}, or, if it is "
             f"one panel measured again, give its file the name {other.name!r}"

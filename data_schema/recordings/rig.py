@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass, field
 
 from evenlight.data_schema.quantities import check_limits, described, quantity
@@ -14,7 +15,15 @@ KEY = (
     "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
 )
 METER = "^(none|simulated|manual|[a-z0-9]+:.*)$"  # an instrument: its driver and address
-TRIGGER = "^(simulated|(serial|rts|dtr|lsl):.+)$"  # what takes triggers: its driver and address
+# What takes triggers: its driver and address; in words, and as a pattern.
+TRIGGER_FORMS = (
+    "simulated, serial:PORT, serial:PORT?baud=57600, rts:PORT, dtr:PORT, rts:PORT?pulse_ms=10 (1 or more), "
+    "or lsl:NAME"
+)
+TRIGGER = (
+    r"^(simulated|serial:[^?]+(\?baud=[1-9][0-9]*)?|lsl:.+|"
+    r"(rts|dtr):[^?]+(\?pulse_ms=[1-9][0-9]*(\.[0-9]+)?)?)$"
+)
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
@@ -191,6 +200,9 @@ class Rig:
     )
 
     def __post_init__(self) -> None:
+        for trigger in self.triggers:
+            if not re.fullmatch(TRIGGER, trigger):
+                raise ValueError(f"triggers must be {TRIGGER_FORMS}, got {trigger!r}")
         check_limits(self)
         if self.bits not in (8, 10):
             raise ValueError(f"bits must be 8 or 10, got {self.bits}")

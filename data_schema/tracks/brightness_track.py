@@ -34,7 +34,7 @@ from evenlight.data_schema.storage.text_files import read_json_record, write_jso
 from evenlight.data_schema.storage.whole_files import write_whole
 
 PROCEDURE = "what the participants of the rate limit were asked"
-WIDE_BAND = "true if the rate limit's band is too wide for use, and was accepted all the same"
+WIDE_BAND = "true if the rate limit's band is too wide for use or missing, and was accepted all the same"
 LARGEST_WEIGHT = (
     1e6  # weights or multiples of the rate limit: beyond, a section means "no other" or "no limit"
 )

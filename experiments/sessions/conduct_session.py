@@ -24,17 +24,6 @@ from evenlight.experiments.stage import PausePressed, Stage
 
 
 @dataclass(frozen=True, slots=True)
-class SessionProgress:
-    """How far a session is, for the experimenter."""
-
-    # usable trials
-    done: int
-    planned: int
-    flagged: int  # trials left out of the analysis
-    practised: str  # result of the practice, in words; empty before
-
-
-@dataclass(frozen=True, slots=True)
 class SessionParts:
     """Who and what takes part in a session."""
 
@@ -52,7 +41,7 @@ class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for, or 
 def conduct_session(
     store: SessionStore,
     parts: SessionParts,
-    report: Callable[[SessionProgress], None] = lambda progress: None,
+    report: Callable[[int], None] = lambda usable: None,
 ) -> SessionStatus:
     """Conduct a session, new or resumed, and return how far it got.
 
@@ -63,7 +52,7 @@ def conduct_session(
     parts : SessionParts
         Who and what takes part.
     report : callable, optional
-        Called after each trial, and as each page comes.
+        Called with the usable trials so far, before the first and after each one, practice included.
     """
     session = _Session(store, parts, report)
     store.use_clock(parts.stage.now)
@@ -109,9 +98,7 @@ def _note_changes(store: SessionStore, parts: SessionParts) -> None:
 class _Session:
     """The course of one session."""
 
-    def __init__(
-        self, store: SessionStore, parts: SessionParts, report: Callable[[SessionProgress], None]
-    ) -> None:
+    def __init__(self, store: SessionStore, parts: SessionParts, report: Callable[[int], None]) -> None:
         self.store, self.parts, self._report = store, parts, report
         self._practised = sum(trial.practice for trial in store.trials)
         for trial in store.trials:
@@ -131,16 +118,17 @@ class _Session:
                 return SessionStatus.DECLINED
         begun = any(not trial.practice for trial in self.store.trials)
         if resumed:
-            self._page("resume")
+            self._page("resume")  # on another day, perhaps at other keys
+        try_keys(self.parts, self.store.note, self._pause)
         if not begun:
             self._practise()
-        self._report(self._progress())
+        self._report(self._usable())
         self._rested = self._rested[0], self.parts.stage.now()
         while (planned := self.parts.task.next_trial()) is not None:
             self._rest()
             trial = self._trial(planned)
             self.parts.task.take(trial)
-            self._report(self._progress())
+            self._report(self._usable())
         self._page("end")
         self.store.note(EventKind.COMPLETED)
         return SessionStatus.COMPLETE
@@ -153,9 +141,8 @@ class _Session:
         return agreed
 
     def _practise(self) -> None:
-        """Try the keys, give the instructions, and the trials for practice that are left, with feedback."""
+        """Give the instructions, and the trials for practice that are left, with feedback."""
         task, rule = self.parts.task, self.parts.task.practice_rule
-        try_keys(self.parts, self.store.note, self._pause)
         self._page(task.instructions)
         for planned in task.practice()[self._practised :]:
             answers = self._practice_answers()
@@ -164,7 +151,7 @@ class _Session:
             if rule and answers and len(answers) % rule.trials == 0:
                 self._page("practice_again", **self._practice_result())
             trial = self._trial(planned)
-            self._report(self._progress())
+            self._report(self._usable())
             if told := task.feedback(trial, self.parts.pages):
                 self._page_of_text("feedback", told)
         answers = self._practice_answers()
@@ -267,7 +254,7 @@ class _Session:
     def _shown_text(self, name: str, text: str, keys: Sequence[str]) -> str:
         """Show a text as a page, and return the key that was pressed."""
         self.store.note(EventKind.PAGE_SHOWN, name)
-        self._report(self._progress())
+        self._report(self._usable())
         self.parts.participant.see_page(keys)
         footer = self.parts.pages.text("footer", self.parts.keys) if name == "feedback" else ""
         with self._triggers_noted():
@@ -276,26 +263,18 @@ class _Session:
     def _text(self, name: str, **values: object) -> str:
         """Return a page with its numbers filled in, those of some pages handed in."""
         task = self.parts.task
+        mark = "mark" if getattr(self.store.manifest.design, "fixation_mark", False) else "middle"
         return self.parts.pages.text(
             self.parts.pages.name_for(name, self.store.manifest.task),
             self.parts.keys,
             minutes=max(1, round(task.minutes)),
             seconds=f"{task.seconds:g}",
+            look=self.parts.pages.text(f"look_{mark}", self.parts.keys),
             trials=task.n_trials,
             done=min(self._answered(), task.n_trials),
             trials_between_breaks=task.trials_between_breaks or task.n_trials,
             **values,
         )
-
-    def _progress(self) -> SessionProgress:
-        """Return how far the session is."""
-        answers, result = self._practice_answers(), self._practice_result()
-        flagged = sum(self.parts.task.is_flagged(t) for t in self.store.trials if not t.practice)
-        told = answers and None not in answers
-        words = "practice {right} of {practised} right".format(**result) if told else ""
-        rule = self.parts.task.practice_rule
-        words += f" ({rule.correct} needed)" if words and rule and not rule.passed(answers) else ""
-        return SessionProgress(self._usable(), self.parts.task.n_trials, flagged, words)
 
     def _answered(self) -> int:
         """Return how many trials of the session were answered, flagged ones too."""

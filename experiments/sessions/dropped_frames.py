@@ -22,7 +22,7 @@ MAX_FLAGGED_SHARE = 0.25  # of trials (choice)
 MAX_REPEATED_SHARE = 0.25  # of a session's trials, shown again (choice)
 CHECK_SECONDS = 2.0  # of a stimulus before the session
 FEWEST_TRIALS = 5  # before a session is stopped
-ERROR_RATE = 0.05  # one-sided, of the bound on the share of flagged trials
+ERROR_RATE = 0.05  # share of sessions stopped, over all looks, with just the accepted share
 WHAT_TO_DO = (
     "close other programs, switch off notifications and the desktop's effects, use the display's own "
     "resolution and a lower refresh rate"
@@ -117,15 +117,22 @@ def _pace(shown: ShownStimulus) -> str:
 def too_many_flagged(flags: Sequence[bool]) -> bool:
     """Return whether the trials so far show that too many are flagged.
 
-    They do if the lower 95 % bound of the share (Clopper & Pearson 1934) lies above what a session accepts.
+    They do if they are 20 times as likely under shares above what a session accepts, all of them equally
+    likely beforehand, as under that share itself. However often and long one looks, that comes about in at
+    most 1 of 20 sessions whose share is accepted (Ville 1939; Robbins 1970).
 
-    >>> [too_many_flagged([True] * k + [False] * (5 - k)) for k in (3, 4)]
+    >>> [too_many_flagged([True] * k + [False] * (6 - k)) for k in (4, 5)]
     [False, True]
     """
     n, flagged = len(flags), sum(flags)
-    if n < FEWEST_TRIALS or not flagged:
+    if n < FEWEST_TRIALS or flagged <= MAX_FLAGGED_SHARE * n:
         return False
-    return bool(special.betaincinv(flagged, n - flagged + 1, ERROR_RATE) > MAX_FLAGGED_SHARE)
+    above = flagged + 1, n - flagged + 1
+    others = special.betaln(*above) + math.log(special.betaincc(*above, MAX_FLAGGED_SHARE))
+    accepted = special.xlogy(flagged, MAX_FLAGGED_SHARE) + special.xlogy(
+        n - flagged + 1, 1 - MAX_FLAGGED_SHARE
+    )
+    return bool(others - accepted > -math.log(ERROR_RATE))
 
 
 def most_repeats(n_trials: int) -> int:

@@ -1,4 +1,4 @@
-"""The test of the keys before practice: a participant presses each key of the task once.
+"""The test of the keys, before practice and on resuming: a participant presses each key of the task once.
 
 A key that is not there, or is not what it is called, is found out before it can be taken for an answer.
 """

@@ -266,10 +266,12 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._renderer.draw(self._window.framebuffer(), field, len(recording), interval.noise_seed)
         self._shown = field
         half_a_frame = 0.5 / self._rig.refresh_rate
-        if -half_a_frame <= time - interval.adaptation < interval.duration - half_a_frame:
+        within = -half_a_frame <= time - interval.adaptation < interval.duration - half_a_frame
+        if within:
             self._window.mark("ramp")
         drawn = self._ground_drawn(field) if probe else None
-        self._screenshots.take(self._window, "ramp", interval.label if labelled else "")
+        text = interval.label if labelled else ""
+        self._screenshots.take(self._window, "ramp" if within or text else "field", text)
         flip = self._window.flip()
         self._brightness.after_flip()
         probed = None if drawn is None else self._brightness.seen(drawn)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import suppress
 
 from evenlight.hardware.drivers.power_sampling import split_address
@@ -13,6 +14,7 @@ BAUD = {"baud": "baud rate of the serial port"}
 PULSE_WIDTH = {"pulse_ms": "how long a pulse lasts [ms]"}
 FASTEST = 0.2  # [s] a byte that a port has not taken by then would come too late
 DEFAULT_PULSE = 5.0  # [ms] seen by recorders of 400 samples a second and more (choice)
+APART = 0.001  # [s] between a pulse's end and the next; triggers closer than that share a pulse
 
 
 class SerialTrigger(SerialLink):
@@ -59,11 +61,21 @@ class RtsTrigger(SerialTrigger):
         self._pulse = options.get("pulse_ms", DEFAULT_PULSE) / 1000
         self._says = f"a pulse of {1000 * self._pulse:g} ms on {self.line.upper()}"
         self._end_of_pulse: threading.Timer | None = None
+        self._rose = self._fell = 0.0  # when the line last did [s]
         self._set(high=False)  # a port raises its lines when it is opened
 
     def send(self, code: int, label: str) -> None:
-        """Raise the line; it falls by itself."""
+        """Raise the line; it falls by itself, or at once for a trigger that comes during its pulse."""
+        if self._end_of_pulse is not None:
+            if time.monotonic() < self._rose + APART:  # of the same flip
+                return
+            self._end_of_pulse.cancel()
+            self._end_of_pulse.join()
+            if self._fell < self._rose:
+                self._fall()
+            time.sleep(max(0.0, self._fell + APART - time.monotonic()))
         self._set(high=True)
+        self._rose = time.monotonic()
         self._end_of_pulse = threading.Timer(self._pulse, self._fall)
         self._end_of_pulse.start()
 
@@ -84,6 +96,7 @@ class RtsTrigger(SerialTrigger):
         """Lower the line; if the port is gone, the next trigger tells of it."""
         with suppress(InstrumentError):
             self._set(high=False)
+        self._fell = time.monotonic()
 
 
 class DtrTrigger(RtsTrigger):

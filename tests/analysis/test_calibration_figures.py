@@ -124,6 +124,16 @@ def test_one_participants_level_has_the_interval_of_the_threshold() -> None:
     assert level_means(thresholds({"01": [1.0]})) == [(10.0, 1.0, 0.5, 2.0)]
 
 
+@pytest.mark.parametrize(("people", "bars", "arrows"), [(2, 0, 0), (4, 1, 1)])
+def test_a_wide_interval_of_a_level_does_not_stretch_the_axis(people: int, bars: int, arrows: int) -> None:
+    """Of two people no interval is drawn; of four, one that leaves the axis (1 to 9 cd/m²/s) has an arrow."""
+    shown = thresholds({f"{k}": [9.0 if k else 1.0] for k in range(people)})
+    axes = rate_limit_figure(load_rate_limit("surace2025"), shown, medium=SMALL).axes[0]
+    assert axes.get_ylim()[1] < 12
+    assert len([bar for bar in axes.containers if bar.has_yerr]) == bars
+    assert sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == "^") == arrows
+
+
 def test_the_curve_is_the_limit_and_dashed_only_outside_the_measured_range() -> None:
     limit = load_rate_limit("surace2025")
     low, high = limit.luminance_range

@@ -94,7 +94,7 @@ def test_the_summary_states_what_the_curve_rests_on(results: Path) -> None:
     assert summary["condition_number"] < 5
     assert summary["residual_df"] == 10 - 1 - summary["degree"]  # ten luminances
     assert isinstance(summary["monotone"], bool)
-    assert summary["pooled"]["ratio_to_population_mean"] > 0
+    assert summary["models"]["pooled"]["ratio_to_chosen_mean"] > 0
     assert set(summary["criteria"]) == {"01", "02", "03", "04", "05", "06"}
     assert set(summary["provenance"]["inputs"]) == {"dataset"}
 

@@ -32,11 +32,24 @@ def test_a_slow_drift_does_not_run_into_one_level() -> None:
     assert joined_levels(levels)[levels[2]].luminance == 108.0
 
 
-def test_levels_that_differ_in_more_than_luminance_stay_apart() -> None:
+def test_levels_of_another_screen_or_factor_stay_apart() -> None:
     first = RampLevelKey("white", 1.0, 100.0)
-    other = {"screen": "gray", "factor": 0.96, "direction": Direction.UP, "ramp_duration": 2.0}
-    levels = [first, *(dataclasses.replace(first, **{k: v}, luminance=98.0) for k, v in other.items())]
+    levels = [
+        first,
+        *(
+            dataclasses.replace(first, **own, luminance=98.0)
+            for own in ({"screen": "gray"}, {"factor": 0.96})
+        ),
+    ]
     assert joined_levels(levels) == {level: level for level in levels}
+
+
+def test_conditions_under_two_calibrations_have_one_luminance_but_stay_two_levels() -> None:
+    first = RampLevelKey("white", 1.0, 100.0)
+    other = dataclasses.replace(first, direction=Direction.UP, ramp_duration=2.0, luminance=96.04)
+    joined = joined_levels([first, other])
+    assert [level.luminance for level in joined.values()] == pytest.approx([98.0, 98.0])
+    assert joined[first] != joined[other]
 
 
 def test_a_participant_under_both_calibrations_has_two_thresholds_and_counts_once() -> None:

@@ -13,9 +13,10 @@ from scipy import special
 
 from evenlight.analysis.calibration.joint.answer_tables import WIDTHS, answer_tables
 from evenlight.analysis.calibration.joint.curve_bands import simultaneous_band
-from evenlight.analysis.calibration.joint.joint_fit import JointFit, JointOptions, fit_joint
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
 from evenlight.analysis.calibration.joint.marginal_likelihood import Spread, smoothed
 from evenlight.analysis.calibration.rate_limit.conditions import Condition
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial, Response
@@ -71,6 +72,11 @@ def expected(
     return ramps(
         who, luminance, [(float(r), int(y), total) for r, y in zip(rates, yes, strict=True)], duration
     )
+
+
+def shown_as(factor: float, trials: Sequence[RampTrial]) -> list[RampTrial]:
+    """Return trials as of a level with this brightness factor, whatever its luminance."""
+    return [dataclasses.replace(trial, factor=factor) for trial in trials]
 
 
 def people(
@@ -160,7 +166,7 @@ def test_gradient_and_curvature_are_the_differences_of_the_likelihood() -> None:
 
 def test_with_many_answers_the_curve_is_the_geometric_mean_and_the_band_students_t() -> None:
     """Thresholds known, no scatter of levels: mean and t interval of eight ln(threshold)."""
-    fit = fit_joint(people(total=60), JointOptions(RateLimitForm.LOG_LOG, 1))
+    fit = fit_joint(people(total=60), RateLimitOptions(RateLimitForm.LOG_LOG, 1))
     ln_factors = np.log(FACTORS)
     truth = np.exp(ln_factors.mean()) * RELATIVE_THRESHOLD * np.array(LUMINANCES)
     np.testing.assert_allclose(curve(fit, LUMINANCES), truth, rtol=0.02)
@@ -253,7 +259,7 @@ def test_the_limit_is_that_of_the_lowest_condition_and_the_others_ratio_is_found
 
 
 def test_the_condition_can_be_chosen(both_durations: list[RampTrial]) -> None:
-    chosen = fit_joint(both_durations, JointOptions(ramp_duration=4.0))
+    chosen = fit_joint(both_durations, RateLimitOptions(ramp_duration=4.0))
     lowest = fit_joint(both_durations)
     assert chosen.reference == Condition(Direction.DOWN, 4.0)
     ratio = curve(chosen, LUMINANCES) / curve(lowest, LUMINANCES)
@@ -287,8 +293,8 @@ def dipping() -> list[RampTrial]:
 def test_a_monotone_curve_does_not_fall_and_its_band_is_no_wider(
     dipping: list[RampTrial], form: RateLimitForm
 ) -> None:
-    free = fit_joint(dipping, JointOptions(form, 2))
-    rising = fit_joint(dipping, JointOptions(form, 2, monotone=True))
+    free = fit_joint(dipping, RateLimitOptions(form, 2))
+    rising = fit_joint(dipping, RateLimitOptions(form, 2, monotone=True))
     at = np.linspace(*free.basis.luminance_range, 400)
     assert (np.diff(curve(free, at)) < -1e-3).any()
     assert (np.diff(curve(rising, at)) >= -1e-4).all()
@@ -319,7 +325,7 @@ def test_the_shape_is_the_one_that_predicts_the_luminances_left_out() -> None:
 
 
 def test_a_shape_asked_for_is_taken_whatever_the_scores_say() -> None:
-    fit = fit_joint(people(), JointOptions(RateLimitForm.LN_RATE, 2))
+    fit = fit_joint(people(), RateLimitOptions(RateLimitForm.LN_RATE, 2))
     assert (fit.basis.form, fit.basis.degree) == (RateLimitForm.LN_RATE, 2)
     assert [shape.chosen for shape in fit.shapes].count(True) == 1
 
@@ -327,21 +333,21 @@ def test_a_shape_asked_for_is_taken_whatever_the_scores_say() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (JointOptions(RateLimitForm.RATE, 2), "the joint model describes"),
-        (JointOptions(RateLimitForm.LOG_LOG, 4), "needs thresholds at 5 or more luminances, got 4"),
-        (JointOptions(ramp_duration=7.0), "no usable threshold of ramps 7 s"),
+        (RateLimitOptions(RateLimitForm.RATE, 2), "the joint model describes"),
+        (RateLimitOptions(RateLimitForm.LOG_LOG, 4), "needs thresholds at 5 or more luminances, got 4"),
+        (RateLimitOptions(ramp_duration=7.0), "no usable threshold of ramps 7 s"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(options: JointOptions, message: str) -> None:
+def test_what_cannot_be_fitted_is_refused(options: RateLimitOptions, message: str) -> None:
     with pytest.raises(InputError, match=message):
         fit_joint(people(FACTORS[:2]), options)
 
 
 def test_options_out_of_range_are_refused() -> None:
     with pytest.raises(InputError, match="degree"):
-        JointOptions(degree=9)
+        RateLimitOptions(degree=9)
     with pytest.raises(InputError, match="between 0 and 1"):
-        JointOptions(band_level=1.0)
+        RateLimitOptions(band_level=1.0)
 
 
 def test_the_same_answers_give_the_same_curve_and_progress_is_told() -> None:
@@ -373,14 +379,72 @@ def test_a_display_measured_again_makes_no_new_luminance_for_the_shape() -> None
     trials = [
         trial
         for k, (low, high) in enumerate([(20.0, 80.0), (20.2, 80.8), (20.0, 80.0)])
-        for luminance in (low, high)
-        for trial in expected(f"{k + 1:02d}", luminance, RELATIVE_THRESHOLD * luminance)
+        for factor, luminance in ((0.2, low), (0.8, high))
+        for trial in shown_as(factor, expected(f"{k + 1:02d}", luminance, RELATIVE_THRESHOLD * luminance))
     ]
     fit = fit_joint(trials)
     assert (fit.basis.form, fit.basis.degree, fit.basis.luminance_range) == (
         RateLimitForm.LOG_LOG,
         1,
-        (20.0, 80.8),
+        pytest.approx((20.0 * 1.01**0.5, 80.0 * 1.01**0.5)),
     )
     flat = fit_joint([trial for trial in trials if trial.initial_luminance < 50])
-    assert (flat.basis.degree, flat.basis.luminance_range) == (0, (20.0, 20.2))
+    assert (flat.basis.degree, flat.basis.luminance_range[0]) == (0, pytest.approx(20.0 * 1.01**0.5))
+
+
+def test_close_levels_of_a_design_are_no_single_level() -> None:
+    """Fourteen factors, neighbours 4 % apart: a power law over a range of 1.66, and no constant."""
+    close = tuple(np.geomspace(62.6, 104.0, 14).tolist())
+    trials = [
+        trial
+        for k, factor in enumerate((0.9, 1.1))
+        for luminance in close
+        for trial in shown_as(luminance / 104, expected(f"{k}", luminance, factor * 0.02 * luminance, 6))
+    ]
+    fit = fit_joint(trials)
+    assert fit.basis.degree >= 1
+    ends = curve(fit, [close[0], close[-1]])
+    assert ends[1] / ends[0] == pytest.approx(104.0 / 62.6, rel=0.1)
+
+
+@pytest.mark.parametrize("form", [RateLimitForm.LN_RATE, RateLimitForm.LOG_LOG])
+def test_a_line_asked_for_is_refused_where_there_is_one_luminance(form: RateLimitForm) -> None:
+    trials = people(FACTORS[:3], (50.0,))
+    with pytest.raises(InputError, match="needs thresholds at 2 or more luminances, got 1"):
+        fit_joint(trials, RateLimitOptions(form, 1))
+    assert fit_joint(trials, RateLimitOptions(form)).basis.form is form
+
+
+def test_a_calibration_for_each_participant_costs_nothing_and_tells_nothing_more() -> None:
+    """Two levels, twelve calibrations within 5 %: the tables of one calibration, and its band."""
+    factors = np.linspace(0.7, 1.3, 12)
+    fits, sizes = [], []
+    for ratio in (1.0, 1.004):
+        trials = [
+            trial
+            for k, factor in enumerate(factors)
+            for level in (0.25, 1.0)
+            for L in (100 * level * ratio**k,)
+            for trial in shown_as(level, expected(f"{k:02d}", L, factor * RELATIVE_THRESHOLD * L))
+        ]
+        sizes.append(answer_tables(trials).ln_likelihood.shape)
+        fits.append(fit_joint(trials))
+    assert sizes[0] == sizes[1]
+    assert half_width(fits[1]) == pytest.approx(half_width(fits[0]), rel=1e-6)
+    middle = [float(one.basis.rate(one.coefficients[0])) for one in fits]
+    assert middle[1] / middle[0] == pytest.approx(1.004**5.5, rel=1e-6)  # Weber: as the mean luminance
+
+
+def test_answers_that_refute_a_rising_curve_keep_the_free_band_and_say_so() -> None:
+    """Thresholds fall by a factor of five: no rising curve lies within the free band."""
+    trials = [
+        trial
+        for k, factor in enumerate((0.9, 1.0, 1.1))
+        for luminance, threshold in ((10, 2.0), (30, 1.0), (60, 0.6), (80, 0.5), (100, 0.4))
+        for trial in expected(f"{k}", float(luminance), factor * threshold)
+    ]
+    free, asked = fit_joint(trials), fit_joint(trials, RateLimitOptions(monotone=True))
+    assert (asked.falls_surely, free.falls_surely) == (True, False)
+    assert any("speak against a curve that does not fall" in note for note in asked.notes)
+    assert (asked.simultaneous_lower <= free.simultaneous_lower * (1 + 1e-9)).all()
+    assert (asked.simultaneous_upper >= free.simultaneous_upper * (1 - 1e-9)).all()

@@ -1,6 +1,7 @@
 """The rate limit by three models: which is chosen, what stands beside it, and limits without a curve."""
 
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from evenlight.analysis.calibration.choices.limit_choices import SAFE, limit_cho
 from evenlight.analysis.calibration.fit_summary import summary_of
 from evenlight.analysis.calibration.level_estimates import fit_pooled
 from evenlight.analysis.calibration.limit_models import LimitModels
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, basis_for
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
 from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
@@ -34,6 +35,7 @@ LEVELS = (6.0, 12.0, 25.0, 50.0, 100.0)
 NINETY = math.exp(2 * 1.96 * 0.35)  # how far the thresholds of 95 % of people lie apart
 
 
+@functools.cache
 def trials(
     people: Sequence[float] = PEOPLE,
     levels: Sequence[float] = LEVELS,
@@ -71,6 +73,7 @@ def trials(
     return tuple(rows)
 
 
+@functools.cache
 def fitted(rows: tuple[RampTrial, ...], options: RateLimitOptions | None = None) -> Calibration:
     """The calibration of trials in memory."""
     data = RampData("ramp", (), True, sha256="", warnings=(), rows=rows, display=DISPLAY)
@@ -132,9 +135,8 @@ def test_the_summary_and_the_report_show_the_other_models_as_ratios(joint: Calib
 
 
 def test_all_models_are_fitted_to_the_same_ramps() -> None:
-    found = fitted(
-        trials(directions=(Direction.DOWN, Direction.UP)), RateLimitOptions(direction=Direction.UP)
-    )
+    both = trials(people=PEOPLE[2:5], directions=(Direction.DOWN, Direction.UP))
+    found = fitted(both, RateLimitOptions(direction=Direction.UP))
     assert {fit.limit.direction for fit in found.models.fits.values()} == {Direction.UP}
     assert len(found.models.fits) == 3
 
@@ -163,7 +165,7 @@ def test_one_or_two_levels_give_a_constant_or_a_line_and_say_so_first(
     limit = found.rate_limit.limit
     assert (limit.form, len(limit.coefficients) - 1) == (form, degree)
     assert limit.luminance_range == (levels[0], levels[-1])
-    assert limit.wide_band == ""
+    assert bool(limit.wide_band) is not bool(limit.band_luminance)  # as many coefficients as points: no band
     leading = [words for words in found.warnings[:2] if "no band" not in words]
     assert leading[0].startswith(said)
     # Beyond what was measured: the relative rate is held below, the rate above.
@@ -199,10 +201,45 @@ def test_one_participant_alone_is_not_known_well_enough_and_two_no_worse() -> No
 @pytest.mark.parametrize("model", [RateLimitModel.INDIVIDUAL, RateLimitModel.POOLED])
 def test_one_participant_of_another_model_has_no_band_which_is_said_first(model: RateLimitModel) -> None:
     found = fitted(trials(people=(1.0,)), RateLimitOptions(model=model))
-    assert found.rate_limit.limit.band_luminance == ()
+    limit = found.rate_limit.limit
+    assert limit.band_luminance == ()
     assert "no band" in found.warnings[0]
-    require_known(found.rate_limit.limit)  # as a limit without a band always did
     assert "no band" in limit_choices(found).missing[SAFE]
+    with pytest.raises(
+        InputError, match=f"fitted by the {model.value} model, it has no band; .*accept_wide_band"
+    ):
+        require_known(limit)
+    require_known(limit, accept_wide_band=True)
+    require_known(dataclasses.replace(limit, model=None))  # a preset, or a file of an older version
+
+
+@pytest.mark.parametrize(("people", "refused"), [(PEOPLE[2:5], True), (PEOPLE[1:5], False)])
+def test_fewer_than_four_participants_pooled_have_no_band(people: tuple[float, ...], refused: bool) -> None:
+    """The scatter of pooled points knows nothing of people, of whom two or three tell little."""
+    line = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1, model=RateLimitModel.POOLED)
+    limit = fitted(trials(people=people), line).rate_limit.limit
+    assert ("no band" in limit.wide_band) is refused
+
+
+def test_fewer_than_four_participants_are_told_where_the_width_comes_from(joint: Calibration) -> None:
+    said = "comes from other studies"
+    assert any(said in words for words in fitted(trials(people=PEOPLE[2:5])).warnings[:2])
+    assert not any(said in words for words in joint.warnings)
+
+
+def test_the_safe_edge_is_no_models_fit_and_can_be_used(joint: Calibration) -> None:
+    safe = limit_choices(joint).named(SAFE)
+    assert safe is not None
+    require_known(safe.limit)
+
+
+def test_pooled_answers_leave_nobody_out() -> None:
+    rows = tuple(
+        dataclasses.replace(row, response=Response.YES) if row.participant_id == "03" else row
+        for row in trials()
+    )
+    pooled = fitted(rows, RateLimitOptions(model=RateLimitModel.POOLED))
+    assert pooled.excluded_participants == {}
 
 
 def test_a_band_too_wide_for_use_has_no_safe_edge_and_is_the_first_warning(joint: Calibration) -> None:
@@ -221,7 +258,7 @@ def test_a_band_too_wide_for_use_has_no_safe_edge_and_is_the_first_warning(joint
     ("asked", "words"),
     [
         (lambda: RateLimitOptions(model=RateLimitModel.POOLED, monotone=True), "for the model joint"),
-        (lambda: fitted(trials(), RateLimitOptions(RateLimitForm.RATE)), "got the form rate"),
+        (lambda: fitted(trials((1.0,)), RateLimitOptions(RateLimitForm.RATE)), "got the form rate"),
     ],
     ids=["monotone", "rate"],
 )
@@ -234,7 +271,7 @@ def test_who_says_yes_to_nothing_is_left_out_by_name(joint: Calibration) -> None
     """Yes to every catch trial: their criterion, not their eyes, set the threshold."""
     rows = tuple(
         dataclasses.replace(row, response=Response.YES) if row.participant_id == "03" else row
-        for row in trials()
+        for row in trials(PEOPLE[:4])
     )
     found = fitted(rows)
     assert found.excluded_participants == {"03": "false_alarms"}
@@ -263,3 +300,19 @@ def test_a_level_measured_on_two_calibrations_of_a_display_is_one_level_for_the_
         assert (limit.form, len(limit.coefficients)) == (RateLimitForm.LOG_LOG, 2), model
         np.testing.assert_allclose(np.log(rate_limit_at(limit, [20.0, 80.0]) / [0.6, 2.4]), 0, atol=0.3)
     assert any("two levels make no curve" in words for words in found.warnings[:2])
+
+
+def test_close_levels_are_as_many_as_they_are_for_the_shape() -> None:
+    """Fourteen levels, neighbours 4 % apart: the paper's quartic, no constant; one level has no line."""
+    close = np.geomspace(62.6, 104.0, 14)
+    basis = basis_for(close, RateLimitOptions())
+    assert (basis.form, basis.degree) == (RateLimitForm.LN_RATE, 4)
+    with pytest.raises(InputError, match="at 2 or more luminances, got 1"):
+        basis_for([100.0, 102.0], RateLimitOptions(degree=1), levels=1)
+
+
+def test_a_limit_says_that_its_curve_was_kept_from_falling(joint: Calibration) -> None:
+    found = fitted(trials(), RateLimitOptions(monotone=True))
+    limit = found.rate_limit.limit
+    assert (limit.monotone, joint.rate_limit.limit.monotone) == (True, False)
+    assert any("kept from falling" in note for note in found.rate_limit.notes)

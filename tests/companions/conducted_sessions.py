@@ -13,7 +13,7 @@ from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
 from evenlight.experiments.ramp.ramp_task import RampTask
-from evenlight.experiments.sessions.conduct_session import SessionParts, SessionProgress, conduct_session
+from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session
 from evenlight.experiments.sessions.staging import BlindStage
@@ -91,7 +91,7 @@ def conducted(
     *stops_at: str,
     design: RampDesign = DESIGN,
     observer: SimulatedObserver = OBSERVER,
-    report: Callable[[SessionProgress], None] = lambda progress: None,
+    report: Callable[[int], None] = lambda usable: None,
 ) -> SessionStatus:
     task = RampTask(design, DISPLAY, 1, 0, RIG)
     cast = SessionParts(task, stage, Sitter(stage, *stops_at, observer=observer), load_pages("en"), KEYS)

@@ -83,6 +83,14 @@ def test_a_display_that_drifts_on_is_compared_with_all_before() -> None:
     assert "a ratio of 1.27" in why_apart(steps)
 
 
+def test_one_calibration_under_two_names_is_measured_again_under_either() -> None:
+    again = changed(name="tv", peak_luminance=96.0)
+    both = [session("01", DESK), session("02", changed(name="tv"))]
+    for last in (session("03", again), session("03", changed(peak_luminance=96.0))):
+        assert why_apart([*both, last]) == why_apart([last, *both]) == ""
+    assert "on 'desk': a rate limit holds for one display" in why_apart([both[0], session("03", again)])
+
+
 def test_a_name_with_braces_is_shown_as_it_is() -> None:
     said = why_apart([session("01", DESK), session("02", changed(name="{x}", gamma=2.0))])
     assert "the display '{x}'" in said

@@ -51,6 +51,16 @@ def test_a_trial_that_is_paused_is_shown_again_as_the_next_attempt(tmp_path: Pat
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("mark", [True, False])
+def test_instructions_name_the_mark_where_there_is_one(tmp_path: Path, mark: bool) -> None:
+    design = dataclasses.replace(DESIGN, fixation_mark=mark)
+    stage = Stage({})
+    conducted(begun(tmp_path / "lab", design), stage, design=design)
+    (told,) = (page for page in stage.pages if page.startswith("# Your task"))
+    assert ("looking at the small mark in the middle of the screen. At the end" in told) is mark
+    assert ("looking at the middle of the screen. At the end" in told) is not mark
+
+
 def test_the_pause_key_stops_the_session_from_the_pause_and_it_can_be_resumed(tmp_path: Path) -> None:
     """Consent, two keys and instructions are pages 1 to 4; without practice the pause is the fifth."""
     store = begun(tmp_path / "lab")

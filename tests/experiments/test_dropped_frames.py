@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import conducted_sessions as course
@@ -109,13 +110,25 @@ def test_a_rehearsal_is_not_checked() -> None:
 
 @pytest.mark.parametrize(
     ("flagged", "trials", "stops"),
-    # Lower 95 % bounds of Clopper & Pearson: 3 of 5 0.19, 4 of 5 0.34, 5 of 10 0.22, 6 of 10 0.30.
-    [(4, 4, False), (3, 5, False), (4, 5, True), (5, 10, False), (6, 10, True), (0, 5, False)],
+    # Of k flagged of n, the mean of p^k (1 - p)^(n - k) over p from 0.25 to 1, against p = 0.25:
+    # 4 of 5: 1/30 (1 - 0.0046) / 0.75 = 0.0442 against 0.00293, 15 times; 5 of 5: 0.222 against 0.00098.
+    [(4, 4, False), (4, 5, False), (5, 5, True), (6, 10, False), (7, 10, True), (0, 5, False)],
 )
 def test_a_session_stops_where_surely_more_than_a_quarter_of_the_trials_are_flagged(
     flagged: int, trials: int, stops: bool
 ) -> None:
     assert too_many_flagged([True] * flagged + [False] * (trials - flagged)) is stops
+
+
+@pytest.mark.parametrize(("share", "fewest", "most"), [(0.2, 0, 10), (0.25, 0, 25), (0.5, 500, 500)])
+def test_over_a_long_session_a_display_that_is_accepted_rarely_stops_it(
+    share: float, fewest: int, most: int
+) -> None:
+    """Of 500 sessions of 600 trials with just the accepted share, looked at after each, at most 5 %."""
+    counts = np.cumsum(np.random.default_rng(1).random((500, 600)) < share, axis=1)
+    too_many = cache(lambda n, k: too_many_flagged([True] * k + [False] * (n - k)))
+    stopped = sum(any(too_many(n, int(k)) for n, k in enumerate(row, start=1)) for row in counts)
+    assert fewest <= stopped <= most
 
 
 EIGHT = dataclasses.replace(course.DESIGN, catch_share=0.0, repetitions=8)  # 16 ramps

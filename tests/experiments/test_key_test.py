@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import conducted_sessions as course
 import pytest
 
 from evenlight.data_schema.display import Display
@@ -18,7 +19,7 @@ from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.key_test import AnsweredByKeys, try_keys
 from evenlight.experiments.sessions.pages import load_pages
-from evenlight.experiments.sessions.session_store import SessionStore, begin_session
+from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.sessions.task import Person
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
@@ -81,6 +82,15 @@ def test_each_key_is_pressed_once_in_turn_before_the_instructions(tmp_path: Path
     assert "With this key you answer: yes." in pages[1]
     assert "Press **N** once" in pages[2]
     assert noted(store) == [{"y": [], "n": []}]
+
+
+def test_keys_are_tried_again_where_a_session_goes_on_among_its_trials(tmp_path: Path) -> None:
+    """It stops at the fifth of five trials, for dropped frames."""
+    stage = course.Stage(dict.fromkeys(range(5), course.drop_ten_frames))
+    assert course.conducted(course.begun(tmp_path / "lab"), stage) is SessionStatus.ABORTED
+    store = resume_session(tmp_path / "lab", "01", "01", utc=str)
+    assert course.conducted(store, course.Stage({})) is SessionStatus.COMPLETE
+    assert noted(store) == [{"y": [], "n": []}] * 2
 
 
 def test_another_key_is_named_and_the_right_one_is_waited_for(tmp_path: Path) -> None:

@@ -480,13 +480,21 @@ def test_watch_shows_the_latest_session_once(command: Callable[..., Any], lab: P
     assert {path: path.read_bytes() for path in lab.glob("**/*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("more", [[], ["--participant", "02"], ["--session", "02"]])
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ([], "nowhere: no such folder; give the one that `evenlight run` has as --out"),
+        (["--participant", "99"], "lab: participant 99 has no session that was run"),
+        (["--participant", "01", "--session", "02"], "lab: participant 01 has no session 02 that was run"),
+        (["--session", "02"], "lab: there is no session 02 that was run"),
+    ],
+)
 def test_watch_refuses_what_is_no_session_in_one_line(
-    command: Callable[..., Any], tmp_path: Path, lab: Path, more: list[str]
+    command: Callable[..., Any], tmp_path: Path, lab: Path, more: list[str], said: str
 ) -> None:
     shown = command("watch", lab if more else tmp_path / "nowhere", *more)
     assert (shown.code, shown.err.count("\n")) == (2, 1)
-    assert "there is no session that was run; give the folder that `evenlight run` has as --out" in shown.err
+    assert said in shown.err
 
 
 def test_watch_says_which_line_cannot_be_used(command: Callable[..., Any], lab: Path) -> None:

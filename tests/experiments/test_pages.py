@@ -35,6 +35,16 @@ def test_pages_name_the_keys_of_the_rig_and_the_numbers_of_the_session() -> None
     assert "the space bar" in pages.text("break", Keys())
 
 
+@pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("answer", ["first", "second"])
+def test_an_answer_is_called_the_same_where_keys_are_tried_asked_for_and_explained(
+    language: str, answer: str
+) -> None:
+    pages = load_pages(language).texts
+    for name in ("question_two_interval", "question_comparison", "instructions_comparison"):
+        assert pages[f"meaning_{answer}"].strip() in pages[name]
+
+
 def test_no_brace_is_left_in_any_filled_page() -> None:
     for language in languages():
         pages = load_pages(language)

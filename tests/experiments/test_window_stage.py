@@ -293,8 +293,16 @@ def test_without_a_window_the_pause_key_works_and_silence_is_an_error() -> None:
         blind.ask("Changed?", ["y"], 70.0)
 
 
-def test_pictures_are_taken_once_of_each_kind_of_screen(tmp_path) -> None:
-    window = Window()
+def test_pictures_are_taken_once_of_each_kind_of_screen_and_that_of_a_ramp_within_it(tmp_path) -> None:
+    """The ramp begins after 1 s at 50 Hz: 50 frames after the first of its interval."""
+    drawn: list[int] = []
+
+    class Pictured(Window):
+        def read_codes(self, size: tuple[int, int] | None = None) -> np.ndarray:
+            drawn.extend([len(Renderer.drawn)] if size is None else [])
+            return super().read_codes(size)
+
+    window = Pictured()
     keyboard = SimulatedKeyboard(window.now)
     stage = WindowStage(window, keyboard, RIG, LAB, 20.0, screenshots=tmp_path / "shots")
     keyboard.queue("space", 0.3)
@@ -303,4 +311,5 @@ def test_pictures_are_taken_once_of_each_kind_of_screen(tmp_path) -> None:
     keyboard.queue("y", 0.3)
     stage.ask("Did it change?", ["y"], 70.0)
     names = {path.name for path in (tmp_path / "shots").iterdir()}
-    assert names == {"page-welcome-to-it.png", "ramp.png", "question-did-it-change.png"}
+    assert names == {"page-welcome-to-it.png", "field.png", "ramp.png", "question-did-it-change.png"}
+    assert drawn[2] - drawn[1] == 50

@@ -23,6 +23,7 @@ PLACES = {
     "space": 65, "escape": 9, "left": 113, "numeric pad, 7": 79, "F1": 67,
 }  # fmt: skip
 SHIFT = 50
+READ_LATER = 0.05  # [s] three frames after a press
 PATIENCE = 5.0  # [s] until a press that is not heard counts as lost
 
 
@@ -51,12 +52,12 @@ def main(layouts: list[str]) -> None:
             send(code, True)
             after = window.now()
             send(code, False)
+            time.sleep(READ_LATER)
             presses = []
             while not presses and window.now() - before < PATIENCE:
                 window.flip()
                 presses = keyboard.pressed()
-            time.sleep(0.05)  # a press heard twice would come now
-            window.flip()
+            window.flip()  # a press heard twice would come now
             presses += keyboard.pressed()
             delays.extend((press.time - before, press.time - after) for press in presses)
             return [press.name for press in presses]

@@ -61,6 +61,15 @@ def test_the_example_of_a_desk_shows_every_key_at_its_default_but_for_the_age_li
         (RIG + 'dither = "blue"\n', "dither"),
         (RIG + 'actuator = "backlight"\n', "backlight must name one"),
         (RIG + '[keys]\nyes = "n"\n', "must differ"),
+        (
+            RIG + 'triggers = ["serial:/dev/x?baud=fast"]\n',
+            r"serial:PORT\?baud=57600, .* got 'serial:/dev/x\?baud=f",
+        ),
+        (
+            RIG + 'triggers = ["rts:/dev/x?baud=9600"]\n',
+            r"rts:PORT\?pulse_ms=10 .* got 'rts:/dev/x\?baud=9600'",
+        ),
+        (RIG + 'triggers = ["parallel:0x378"]\n', "triggers must be simulated, serial:PORT, "),
         ("name = lab", "not valid TOML"),
         ("", "the key 'name' of a Rig is missing"),
     ],

@@ -128,14 +128,14 @@ BROKEN = {  # entry points, modules, what is said
     "no package": (f"{DESIGNS}gone.designs\n", {}, "No module named 'gone'"),
     "a preset of ours": (
         f"{DESIGNS}paper_rings\n",
-        {"paper_rings/__init__.py": "", "paper_rings/paper.design.toml": ""},
+        {"paper_rings/__init__.py": "", "paper_rings/quick.design.toml": ""},
         "has the name of",
     ),
 }
 
 
 @pytest.mark.parametrize("what", BROKEN)
-def test_a_package_that_is_broken_is_named_in_one_line(
+def test_a_package_that_is_broken_is_named_in_one_line_and_stops_nothing_else(
     what: str, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     entry_points, modules, said = BROKEN[what]
@@ -148,12 +148,25 @@ def test_a_package_that_is_broken_is_named_in_one_line(
         (site / name).parent.mkdir(parents=True, exist_ok=True)
         (site / name).write_text(text)
     monkeypatch.syspath_prepend(site)
-    refused = command("run", "ramp", *SESSION, "--design", "paper", "--out", tmp_path / "lab")
-    assert (refused.code, refused.err.count("\n")) == (2, 1)
-    assert refused.err.startswith("evenlight: the installed package lab-rings")
-    assert "rings" in refused.err
-    assert said in refused.err
-    assert not (tmp_path / "lab").exists()
+    done = command("run", "ramp", *SESSION, "--design", "quick", "--out", tmp_path / "lab")
+    assert (done.code, done.err.count("\n")) == (0, 1)
+    assert done.err.startswith("evenlight: note: the installed package lab-rings")
+    assert "rings" in done.err
+    assert said in done.err
+    refused = command("run", "rings", *SESSION, "--out", tmp_path / "none")
+    assert (refused.code, "task 'rings' cannot be run; there is" in refused.err) == (2, True)
+
+
+def test_designs_may_lie_in_a_folder_without_a_module(
+    command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "site/lab_rings-1.0.dist-info").mkdir(parents=True)
+    (tmp_path / "site/lab_rings-1.0.dist-info/entry_points.txt").write_text(f"{DESIGNS}bare_rings\n")
+    (tmp_path / "site/bare_rings").mkdir()
+    (tmp_path / "site/bare_rings/short.design.toml").write_text("repetitions = 2\n")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    done = command("run", "ramp", *SESSION, "--design", "short", "--out", tmp_path / "lab")
+    assert (done.code, done.err) == (0, "")
 
 
 @pytest.mark.usefixtures("installed")

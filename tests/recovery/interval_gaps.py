@@ -8,8 +8,7 @@ The observer has two detectors, whose evidence is independent.
   interval: a change that is none. A transient also raises the late noise, by 1 + 10 |step| exp(-t / 0.3 s)
   at the ramp's beginning. What the ramp itself leaves in the adaptation is not in the model.
 - The step at the end of an interval: the ratio of the luminances after and before it, with a noise of 2 % and
-  of 10 % of the step. Under a pattern of high contrast the noise is three times as large, in a cross-fade of
-  half a second twice.
+  of 10 % of the step.
 
 The figures are assumptions; docs/decisions/interval-gap.md has the table that follows from them, and
 `python tests/recovery/interval_gaps.py` prints it, with other assumptions too. d' is that of two intervals,
@@ -47,19 +46,12 @@ class Gap:
     """What is shown between the intervals."""
 
     name: str
-    kind: IntervalGap | None = None  # as a session shows it; None for one that was only considered
-    grey: float = 1.0  # else a luminance, as a multiple of the level
-    noise: float = 1.0  # of the step, as a multiple of that of an abrupt one
-    faded: bool = False
-    transient: float = 0.0  # of the pattern, beside its mean luminance, as a step in ln(L)
+    kind: IntervalGap | None = None  # as a session shows it; None for a return to the level's luminance
 
 
 GAPS = (
     Gap("steps drawn at random", IntervalGap.RANDOM_STEPS),
     Gap("common grey, the level's luminance"),
-    Gap("common grey, half the level's luminance", grey=0.5),
-    Gap("patterned mask, the level's mean luminance", noise=3.0, transient=0.4),
-    Gap("cross-fade to the level's luminance", noise=2.0, faded=True),
     Gap("steady", IntervalGap.STEADY),
 )
 
@@ -82,8 +74,8 @@ def sensitivities(gap: Gap, trials: int, adaptation: float = 5.0, seed: int = 1)
         for change in (0.0, CHANGE)
     )
     logarithms = np.log(unchanged / LEVEL)
-    changes = change_evidence(sides, logarithms, response_to(logarithms, adaptation), gap.transient, rng)
-    steps = step_evidence(luminances, gap, rng)
+    changes = change_evidence(sides, logarithms, response_to(logarithms, adaptation), rng)
+    steps = step_evidence(luminances, rng)
     return d_prime(changes, sides), d_prime(steps, sides)
 
 
@@ -105,27 +97,23 @@ def course(gap: Gap, side: int, index: int, change: float) -> Samples:
     if gap.kind is not None:
         gaps = task._gaps(planned, TrialPlace("01", "01", index, 1, True), intervals)
     else:
-        gaps = [(gap.grey * LEVEL,)] * 3
+        gaps = [(LEVEL,)] * 3
     parts = [np.full(SAMPLES["pause"], LEVEL)]
     for number, interval in enumerate(intervals):
-        parts.append(_gap(gap, parts[-1][-1], gaps[number]))
+        parts.append(_gap(gaps[number]))
         ramp = np.linspace(interval.initial_luminance, interval.final_luminance, SAMPLES["ramp"])
         parts += [
             np.full(SAMPLES["hold"], interval.initial_luminance),
             ramp,
             np.full(SAMPLES["hold"], interval.final_luminance),
         ]
-    parts.append(_gap(gap, parts[-1][-1], gaps[2]))
+    parts.append(_gap(gaps[2]))
     return np.concatenate(parts)
 
 
-def _gap(gap: Gap, before: float, luminances: tuple[float, ...]) -> Samples:
+def _gap(luminances: tuple[float, ...]) -> Samples:
     """Return the luminance in a gap."""
-    n = SAMPLES["gap"]
-    if gap.faded:
-        share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n) + 1) / n)
-        return before + share * (luminances[0] - before)
-    return np.repeat(luminances, n // len(luminances))
+    return np.repeat(luminances, SAMPLES["gap"] // len(luminances))
 
 
 def response_to(logarithms: Samples, adaptation: float) -> Samples:
@@ -135,11 +123,7 @@ def response_to(logarithms: Samples, adaptation: float) -> Samples:
 
 
 def change_evidence(
-    sides: NDArray[np.int64],
-    unchanged: Samples,
-    response: Samples,
-    transient: float,
-    rng: np.random.Generator,
+    sides: NDArray[np.int64], unchanged: Samples, response: Samples, rng: np.random.Generator
 ) -> Samples:
     """Return how much more the first interval seems to fall than the second, (n,): fall, drift and noise."""
     fall = -np.log(1 - CHANGE)
@@ -147,20 +131,19 @@ def change_evidence(
     for sign, begin in ((1, FIRST), (-1, SECOND)):
         end = begin + 2 * SAMPLES["hold"] + SAMPLES["ramp"] - 1
         seems = seems + sign * (response[:, begin] - response[:, end])
-        before = np.abs(unchanged[:, begin] - unchanged[:, begin - 1]) + transient
+        before = np.abs(unchanged[:, begin] - unchanged[:, begin - 1])
         variance += (1 + MASKING * before * np.exp(-1.0 / MASKING_TIME)) ** 2 / 2
     late = fall / (THRESHOLD_D / np.sqrt(2))
     return seems + late * np.sqrt(variance) * rng.standard_normal(len(sides))
 
 
-def step_evidence(luminances: Samples, gap: Gap, rng: np.random.Generator) -> Samples:
+def step_evidence(luminances: Samples, rng: np.random.Generator) -> Samples:
     """Return how much higher the step up after the first interval is than after the second, (n,)."""
     seen = []
     for begin in (FIRST, SECOND):
         end = begin + 2 * SAMPLES["hold"] + SAMPLES["ramp"]
-        after = end + (SAMPLES["gap"] - 1 if gap.faded else 0)
-        step = np.log(luminances[:, after] / luminances[:, end - 1])
-        noise = gap.noise * np.hypot(STEP_NOISE, STEP_SHARE * step)
+        step = np.log(luminances[:, end] / luminances[:, end - 1])
+        noise = np.hypot(STEP_NOISE, STEP_SHARE * step)
         seen.append(step + noise * rng.standard_normal(len(step)))
     return seen[0] - seen[1]
 

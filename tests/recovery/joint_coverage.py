@@ -1,6 +1,6 @@
 """Bias of the joint model's curve and coverage of its bands: the table of docs/decisions/joint-model.md.
 
-Run with `python tests/recovery/joint_coverage.py`; forty data sets take half a minute on one core.
+Run with `python tests/recovery/joint_coverage.py`; forty data sets take about a minute on one core.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections import Counter
 import numpy as np
 from joint_recovery import TRUTHS, Study, individual_errors, recovered_sets
 
-from evenlight.analysis.calibration.joint.joint_fit import JointOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
 
@@ -84,7 +84,7 @@ def _print_individual(study: Study, asked: argparse.Namespace) -> None:
 def _row(study: Study, asked: argparse.Namespace) -> str:
     """Return the row of a study."""
     began = time.process_time()
-    found = list(recovered_sets(study, asked.sets, asked.seed, JointOptions(monotone=asked.monotone)))
+    found = list(recovered_sets(study, asked.sets, asked.seed, RateLimitOptions(monotone=asked.monotone)))
     seconds = (time.process_time() - began) / asked.sets
     errors = np.array([one.errors for one in found])
     share = np.mean([one.covered for one in found])

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.calibration.joint.joint_fit import JointFit, JointOptions, fit_joint
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial
@@ -164,7 +165,7 @@ class Recovered:
 
 
 def recovered_sets(
-    study: Study, sets: int, seed: int, options: JointOptions | None = None
+    study: Study, sets: int, seed: int, options: RateLimitOptions | None = None
 ) -> Iterator[Recovered]:
     """Yield what is found of each of some data sets."""
     for k in range(sets):

@@ -25,7 +25,7 @@ def test_a_steady_gap_leaves_a_change_at_threshold_at_threshold_and_random_steps
     assert KINDS[IntervalGap.RANDOM_STEPS][0] < KINDS[IntervalGap.STEADY][0]
 
 
-def test_a_common_luminance_a_mask_and_a_cross_fade_tell_which_interval_changed() -> None:
-    """Their steps alone are worth more than the change that is to be measured."""
-    for gap in GAPS:
-        assert gap.kind or FOUND[gap.name][1] > THRESHOLD_D
+def test_a_common_luminance_tells_which_interval_changed() -> None:
+    """Its steps alone are worth more than the change that is to be measured."""
+    (common,) = (FOUND[gap.name] for gap in GAPS if gap.kind is None)
+    assert common[1] > THRESHOLD_D

@@ -40,8 +40,11 @@ KINDS = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_whole_curve_lies_in_the_band(kind: tuple[str, str, float]) -> None:
-    """Of five bands of 95 %, four or five hold the truth with a probability of 97.7 %."""
+def test_no_more_than_one_band_of_five_misses_the_curve(kind: tuple[str, str, float]) -> None:
+    """With 95 % coverage 97.7 % of such fives pass, with 90 % still 91.9 %, with 50 % only 18.8 %.
+
+    So it shows gross failure alone; coverage itself is `joint_coverage.py`'s.
+    """
     assert sum(one.covered for one in found(*kind)) >= 4
 
 
@@ -55,10 +58,10 @@ def test_the_curve_is_that_of_the_people_drawn(kind: tuple[str, str, float]) -> 
 
 @pytest.mark.slow
 def test_fewer_people_never_give_a_narrower_band() -> None:
-    """The first one, two and four people of the same data sets; medians over four data sets."""
+    """The first one, two and four people of the same data sets; medians over three data sets."""
     study = Study(YES_NO, "preset", 4)
     widths: dict[int, list[float]] = {1: [], 2: [], 4: []}
-    for seed in range(4):
+    for seed in range(3):
         trials, means = study.answers(seed)
         for n, own in widths.items():
             fit = fit_joint([trial for trial in trials if int(trial.participant_id) <= n])
@@ -74,7 +77,7 @@ def test_people_who_saw_everything_do_not_draw_the_limit_to_the_unsafe_side() ->
 
     Individual fits leave these out, and put the limit too high; the joint model counts them.
     """
-    study = Study(YES_NO, "preset", 10, ObserverPopulation(participant_sd=0.6), scale=0.4)
+    study = Study(YES_NO, "preset", 8, ObserverPopulation(participant_sd=0.6), scale=0.4)
     joint, individual = [], []
     for seed in (1, 2, 3):
         trials, means = study.answers(seed)

@@ -353,5 +353,6 @@ def safe_limit(limit: RateLimit) -> RateLimit | None:
         band_lower=(),
         band_upper=(),
         condition_number=None,
+        model=None,  # not fitted, but the edge of what was
         source=f"lower edge of the {limit.band_words} of: {limit.source or limit.name}",
     )

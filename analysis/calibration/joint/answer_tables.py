@@ -23,6 +23,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampLevelKey,
     catch_counts,
     group_by_participant_and_level,
+    joined_levels,
     level_order,
     ramp_counts,
 )
@@ -45,7 +46,7 @@ class AnswerTables:
     Attributes
     ----------
     participants, levels : tuple of str, tuple of RampLevelKey
-        P participants and C levels, in the order of the tables.
+        P participants and C levels of the population, in the order of the tables.
     start, step : float
         First node of ln(threshold / L), and the distance of two.
     ln_likelihood : array (C, P, T, K)
@@ -86,6 +87,9 @@ class AnswerTables:
 def answer_tables(trials: Sequence[RampTrial], prior: PsychometricPrior | None = None) -> AnswerTables:
     """Return the tables of some trials, all of one task.
 
+    Rates are taken relative to the luminance that they were shown at, and calibrations of one level are
+    joined. Where thresholds grow as L^0.8 to L^1.2, one 2.5 % off the level's mean is so moved by 0.5 %.
+
     Parameters
     ----------
     trials : sequence of RampTrial
@@ -96,7 +100,8 @@ def answer_tables(trials: Sequence[RampTrial], prior: PsychometricPrior | None =
     prior = prior or PsychometricPrior()
     counts = _counts(trials)
     participants = tuple(dict.fromkeys(who for who, _ in counts))
-    levels = tuple(sorted({level for _, level in counts}, key=level_order))
+    joined = joined_levels(level for _, level in counts)
+    levels = tuple(sorted(set(joined.values()), key=level_order))
     relative = [np.log(own.rates / level.luminance) for (_, level), own in counts.items()]
     most = max(int(own.n_trials.sum()) for own in counts.values())
     step = float(np.clip(most**-0.5, SMALLEST_STEP, LARGEST_STEP))
@@ -106,8 +111,8 @@ def answer_tables(trials: Sequence[RampTrial], prior: PsychometricPrior | None =
     grids = [_nuisance_nodes(first[who], prior) for who in participants]
     table = np.zeros((len(levels), len(participants), nodes.size, grids[0].shape[1]))
     for ((who, level), own), x in zip(counts.items(), relative, strict=True):
-        place = levels.index(level), participants.index(who)
-        table[place] = _ln_likelihood(own, x, nodes, grids[place[1]])
+        place = levels.index(joined[level]), participants.index(who)
+        table[place] += _ln_likelihood(own, x, nodes, grids[place[1]])
     ln_width, _, lapse, ln_weight = (np.array([grid[k] for grid in grids]) for k in range(4))
     alike = np.array(
         [_all_alike([own for (p, _), own in counts.items() if p == who]) for who in participants]

@@ -66,8 +66,8 @@ def simultaneous_band(curves: Array, level: float) -> tuple[Array, Array]:
     return middle - half, middle + half
 
 
-def narrowed_to_rising(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Return the part of a band that a curve which does not fall can run through.
+def narrowed_to_rising(lower: Array, upper: Array) -> tuple[Array, Array] | None:
+    """Return the part of a band that a curve which does not fall can run through; None if none can.
 
     If such a curve lies in the band, it is at least the lower edge's highest value so far, and at most the
     upper edge's lowest value from there on.
@@ -75,7 +75,9 @@ def narrowed_to_rising(lower: Array, upper: Array) -> tuple[Array, Array]:
     >>> narrowed = narrowed_to_rising(np.array([1.0, 0.5, 2.0]), np.array([3.0, 5.0, 4.0]))
     >>> [edge.tolist() for edge in narrowed]
     [[1.0, 1.0, 2.0], [3.0, 4.0, 4.0]]
+    >>> narrowed_to_rising(np.array([2.0, 0.5]), np.array([3.0, 1.0])) is None
+    True
     """
     highest = np.maximum.accumulate(lower)
     lowest = np.minimum.accumulate(upper[::-1])[::-1]
-    return np.minimum(highest, lowest), np.maximum(highest, lowest)
+    return (highest, lowest) if (highest <= lowest).all() else None

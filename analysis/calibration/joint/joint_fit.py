@@ -36,7 +36,6 @@ from evenlight.analysis.calibration.joint.polynomial_shape import (
     scored_shapes,
 )
 from evenlight.analysis.calibration.joint.population_curve import (
-    SMOOTH_DEGREE,
     PopulationCurve,
     curve_prior,
     luminance_groups,
@@ -56,44 +55,11 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import condition_notes, shape_notes
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimitForm
-from evenlight.data_schema.recordings.ramp import Direction, RampTrial
+from evenlight.data_schema.recordings.ramp import RampTrial
 
 CURVES_DRAWN = 4000  # Monte Carlo error of a 95 % band's level: 0.3 %
+SEED = 1
 STAGES = 4  # of the fit, for a progress bar
-
-
-@dataclass(frozen=True, slots=True)
-class JointOptions:
-    """How the joint model is fitted.
-
-    Attributes
-    ----------
-    form, degree : RateLimitForm or None, int or None
-        Of the polynomial; None where the predictive score shall choose.
-    monotone : bool
-        Whether the curve must not fall with luminance, and the band may use that it does not.
-    band_level : float
-        Of both bands.
-    direction, ramp_duration : Direction or None, float or None
-        Of the ramps whose limit is wanted, where there are several [s]; else the lowest.
-    seed : int
-        Of the curves drawn for the band.
-    """
-
-    form: RateLimitForm | None = None
-    degree: int | None = None
-    monotone: bool = False
-    band_level: float = 0.95
-    direction: Direction | None = None
-    ramp_duration: float | None = None
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        if self.degree is not None and not 0 <= self.degree <= SMOOTH_DEGREE:
-            raise InputError(f"the degree of the rate limit must lie in 0 to 8, got {self.degree}")
-        if not 0 < self.band_level < 1:
-            raise InputError(f"the band's level must lie between 0 and 1, got {self.band_level:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +85,8 @@ class JointFit:
         Predictive scores of the shapes.
     reference, effects : Condition, tuple of ConditionEffect
         The ramps that the curve is for, and how the thresholds of others compare.
+    falls_surely : bool
+        Whether a curve that does not fall was asked for, and none lies within the simultaneous band.
     left_out : tuple of str
         Participants with too many false alarms.
     n_trials : int
@@ -142,6 +110,7 @@ class JointFit:
     shapes: tuple[ShapeScore, ...]
     reference: Condition
     effects: tuple[ConditionEffect, ...]
+    falls_surely: bool
     left_out: tuple[str, ...]
     n_trials: int
     notes: tuple[str, ...]
@@ -149,7 +118,7 @@ class JointFit:
 
 def fit_joint(
     trials: Sequence[RampTrial],
-    options: JointOptions | None = None,
+    options: RateLimitOptions | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> JointFit:
     """Fit the joint model to the answers of all participants in one task.
@@ -158,7 +127,7 @@ def fit_joint(
     ----------
     trials : sequence of RampTrial
         Ramps and catch trials of one task, without practice and flagged trials.
-    options : JointOptions, optional
+    options : RateLimitOptions, optional
         Shape, band, condition.
     report : callable, optional
         Called with the stages done and their number.
@@ -168,7 +137,7 @@ def fit_joint(
     InputError
         If no answers are left, all answers are alike, or the shape asked for needs more luminances.
     """
-    options = options or JointOptions()
+    options = options or RateLimitOptions()
     counted, left_out = _without_false_alarmers(trials)
     tables = answer_tables(counted)
     _require_threshold(tables, counted)
@@ -179,7 +148,7 @@ def fit_joint(
     shapes, shape = scored_shapes(population, smooth, (options.form, options.degree))
     found = fitted_polynomial(shape, population, smooth, options.monotone)
     report(3, STAGES)
-    draws = population.draws(CURVES_DRAWN, np.random.default_rng(options.seed))
+    draws = population.draws(CURVES_DRAWN, np.random.default_rng(SEED))
     effects = condition_effects(population, draws, (reference, others))
     fit = JointFit(
         basis=shape.basis,
@@ -232,12 +201,11 @@ def _require_threshold(tables: AnswerTables, trials: Sequence[RampTrial]) -> Non
 
 
 def _population(
-    tables: AnswerTables, options: JointOptions
+    tables: AnswerTables, options: RateLimitOptions
 ) -> tuple[PopulationCurve, Condition, tuple[Condition, ...]]:
     """Return the posterior of the curve, the condition that it is for, and the others."""
     of_levels = [Condition(level.direction, level.ramp_duration) for level in tables.levels]
-    wanted = RateLimitOptions(direction=options.direction, ramp_duration=options.ramp_duration)
-    allowed = allowed_references(tuple(dict.fromkeys(of_levels)), wanted)
+    allowed = allowed_references(tuple(dict.fromkeys(of_levels)), options)
     population, others = _with_reference(tables, of_levels, allowed[0])
     effects = population.central.mean[population.prior.n_shape :].tolist()
     lower = {one: by for one, by in zip(others, effects, strict=True) if one in allowed and by < 0}
@@ -259,20 +227,24 @@ def _with_reference(
 
 
 def _bands(
-    population: PopulationCurve, draws: Array, fitted: tuple[CurveBasis, Array], options: JointOptions
+    population: PopulationCurve, draws: Array, fitted: tuple[CurveBasis, Array], options: RateLimitOptions
 ) -> dict[str, Any]:
-    """Return the bands' luminances and edges [cd/m^2/s]; they hold the fitted polynomial too."""
+    """Return the bands' luminances and edges [cd/m^2/s]; they hold the fitted polynomial too.
+
+    A band within which every curve falls somewhere stays as it is: the answers speak against what was asked.
+    """
     basis, coefficients = fitted
     luminance = band_luminances(population.tables.luminance)
     curves = drawn_curves(population, draws, luminance)
     curve = np.full(luminance.size, coefficients[0])
     if basis.degree:
         curve = basis.design(luminance) @ coefficients[: basis.degree + 1]
-    bands = {"band_luminance": luminance}
+    bands: dict[str, Any] = {"band_luminance": luminance}
     for kind, band in (("pointwise", pointwise_band), ("simultaneous", simultaneous_band)):
         lower, upper = band(curves, options.band_level)
-        if options.monotone:
-            lower, upper = narrowed_to_rising(lower, upper)
+        narrowed = narrowed_to_rising(lower, upper) if options.monotone else (lower, upper)
+        bands["falls_surely"] = narrowed is None  # in the end of the simultaneous one
+        lower, upper = narrowed or (lower, upper)
         bands[f"{kind}_lower"] = basis.rate(np.minimum(lower, curve))
         bands[f"{kind}_upper"] = basis.rate(np.maximum(upper, curve))
     return bands
@@ -291,7 +263,7 @@ def _people(population: PopulationCurve) -> dict[str, Any]:
     }
 
 
-def _notes(fit: JointFit, options: JointOptions, spare: int) -> tuple[str, ...]:
+def _notes(fit: JointFit, options: RateLimitOptions, spare: int) -> tuple[str, ...]:
     """Return what a reader of the curve should know."""
     notes = []
     if fit.left_out:
@@ -309,6 +281,16 @@ def _notes(fit: JointFit, options: JointOptions, spare: int) -> tuple[str, ...]:
         notes.append(
             "One participant: how far the population's curve lies from theirs is not known from these "
             "answers; the band's width rests on what other studies found of differences between people."
+        )
+    if fit.falls_surely:
+        notes.append(
+            "The answers speak against a curve that does not fall: none lies within the simultaneous band. "
+            "The band is that of free curves, widened to hold this one; fit without --monotone."
+        )
+    elif options.monotone:
+        notes.append(
+            "The curve was kept from falling; the band is the part of that of free curves in which such a "
+            "curve can run."
         )
     if fit.basis.degree:
         notes += shape_notes(fit.basis, fit.coefficients, spare)

@@ -53,7 +53,7 @@ class Evaluation:
         Nodes of the participants' deviations.
     of_u, of_nodes : array (P, U), array (P, K)
         Posterior mass of each participant's deviation, and of width and asymptotes.
-    slope, steepness : array (C, P)
+    slope, cell_information : array (C, P)
         Of each cell's log-likelihood in its own ordinate: mean derivative and minus mean second derivative.
     """
 
@@ -64,7 +64,7 @@ class Evaluation:
     of_u: Array
     of_nodes: Array
     slope: Array
-    steepness: Array
+    cell_information: Array
 
 
 @dataclass(frozen=True, slots=True)

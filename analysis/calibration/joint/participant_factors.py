@@ -122,7 +122,7 @@ def _own_differences(population: PopulationCurve, condition: Condition, referenc
     estimates = []
     for one in (condition, reference):
         cells = np.array([own == one for own in of_levels])
-        slope, information = seen.slope[cells].sum(axis=0), seen.steepness[cells].sum(axis=0)
+        slope, information = seen.slope[cells].sum(axis=0), seen.cell_information[cells].sum(axis=0)
         known = information > LEAST_INFORMATION
         estimates.append(np.where(known, slope / np.where(known, information, 1.0), np.nan))
     difference = estimates[0] - estimates[1]

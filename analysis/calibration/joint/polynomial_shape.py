@@ -90,13 +90,9 @@ def shape_of(form: RateLimitForm, degree: int, population: PopulationCurve) -> S
     """
     prior = population.prior
     luminance = population.tables.luminance
-    if luminance_groups(luminance).max() == 0:
-        basis = CurveBasis(RateLimitForm.LOG_LOG, 0, (float(luminance.min()), float(luminance.max())))
-        columns = np.ones((luminance.size, 1))
-    else:
-        basis = basis_for(luminance, RateLimitOptions(form, degree))
-        columns = basis.design(luminance)
-    design = np.column_stack([columns, prior.design[:, prior.n_shape :]])
+    distinct = int(luminance_groups(luminance).max()) + 1
+    basis = basis_for(luminance, RateLimitOptions(form, degree), distinct)
+    design = np.column_stack([basis.design(luminance), prior.design[:, prior.n_shape :]])
     if np.linalg.matrix_rank(design) < design.shape[1]:
         raise InputError(
             "the effect of a condition cannot be separated from the curve's shape: the conditions share too "
@@ -119,11 +115,9 @@ def scored_shapes(
         Form and degree asked for; None where the score shall choose.
     """
     distinct = int(luminance_groups(population.tables.luminance).max()) + 1
-    if distinct == 1:
-        return (ShapeScore(RateLimitForm.LOG_LOG, 0, None, None, True),), shape_of(
-            RateLimitForm.LOG_LOG, 0, population
-        )
     eligible = _eligible(distinct, wanted)
+    if distinct == 1:
+        return (ShapeScore(*eligible[0], None, None, True),), shape_of(*eligible[0], population)
     others = [kind for kind in CANDIDATES if kind not in eligible and kind[1] <= distinct - 2]
     possible = _possible(population, eligible, others)
     eligible = [kind for kind in eligible if kind in possible]
@@ -168,6 +162,8 @@ def _eligible(
             "the joint model describes ln(rate), got the form rate; choose ln_rate or log_log, or fit the "
             "individual or the pooled model"
         )
+    if distinct == 1:
+        return [(form or RateLimitForm.LOG_LOG, degree or 0)]
     if form is None and degree is None:
         allowed = [kind for kind in CANDIDATES if kind[1] <= distinct - 2]
         return allowed or [CANDIDATES[0]]

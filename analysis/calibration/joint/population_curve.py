@@ -29,7 +29,7 @@ from evenlight.data_schema.rate_limit import RateLimitForm
 SMOOTH_DEGREE = 8
 # Half-normal priors, scales in ln units: brightness studies find 0.2 to 0.35 between participants
 PARTICIPANT_SCALE, LEVEL_SCALE, DEVIATION_SCALE = 0.5, 0.25, 0.4
-SAME_LUMINANCE = 0.05  # ln units between neighbours, up to which they count as one
+LUMINANCE_DIGITS = 4  # of ln(luminance): less is rounding
 WEAK_SD = 3.0  # of everything else, about a constant relative rate amid those tested
 WIDTH_SPREAD, WIDTH_PEOPLE = 0.4, 4.0  # of ln(width): as if so many people had shown that spread
 WIDTH_MEAN_SD = 0.8  # of the population's mean ln(width), about the individual fits' median
@@ -125,16 +125,12 @@ class PopulationCurve:
 
 
 def luminance_groups(luminance: Array) -> NDArray[np.intp]:
-    """Return which group each luminance belongs to, from 0: a display measured again is no new luminance.
+    """Return the number of each level's luminance, from 0 for the lowest: two screens may share one.
 
-    >>> luminance_groups(np.array([100.0, 20.0, 101.0, 50.0])).tolist()
-    [2, 0, 2, 1]
+    >>> luminance_groups(np.array([100.0, 20.0, 101.0, 20.0])).tolist()
+    [1, 0, 2, 0]
     """
-    order = np.argsort(luminance)
-    apart = np.diff(np.log(luminance[order])) > SAME_LUMINANCE
-    groups = np.empty(luminance.size, dtype=np.intp)
-    groups[order] = np.concatenate([[0], np.cumsum(apart)])
-    return groups
+    return np.unique(np.log(luminance).round(LUMINANCE_DIGITS), return_inverse=True)[1]
 
 
 def smooth_basis(luminance: Array) -> CurveBasis:

@@ -114,25 +114,27 @@ def group_by_level(trials: Iterable[RampTrial]) -> dict[RampLevelKey, list[RampT
 def joined_levels(levels: Iterable[RampLevelKey]) -> dict[RampLevelKey, RampLevelKey]:
     """Return, for each level, the level of the population that it belongs to.
 
-    Luminances of one screen and factor within `SAME_LEVEL` of the lowest are one level, at their geometric
-    mean: a display that was measured again in mid-study (docs/decisions/re-measured-display.md).
+    Luminances of one screen and factor, in whatever condition, within `SAME_LEVEL` of the lowest are one
+    level, at their geometric mean: a display that was measured again in mid-study
+    (docs/decisions/re-measured-display.md).
 
     >>> levels = [RampLevelKey("white", factor, L) for factor, L in ((1, 100.0), (1, 96.04), (0.2, 20.0))]
     >>> joined = joined_levels(levels)
     >>> [round(joined[level].luminance, 6) for level in levels]
     [98.0, 98.0, 20.0]
     """
-    groups: dict[RampLevelKey, list[list[RampLevelKey]]] = {}
+    groups: dict[tuple[str, float], list[list[RampLevelKey]]] = {}
     for level in sorted(set(levels), key=lambda level: level.luminance):
-        own = groups.setdefault(replace(level, luminance=0.0), [])
+        own = groups.setdefault((level.screen, level.factor), [])
         if not own or level.luminance > SAME_LEVEL * own[-1][0].luminance:
             own.append([])
         own[-1].append(level)
     joined = {}
     for group in (group for own in groups.values() for group in own):
-        mean = float(np.exp(np.mean(np.log([level.luminance for level in group]))))
+        luminance = np.unique([level.luminance for level in group])
+        mean = float(np.exp(np.mean(np.log(luminance))))
         for level in group:
-            joined[level] = replace(level, luminance=mean) if len(group) > 1 else level
+            joined[level] = replace(level, luminance=mean) if luminance.size > 1 else level
     return joined
 
 

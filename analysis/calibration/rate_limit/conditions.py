@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     CurveBasis,
     LuminanceAbscissa,
@@ -221,7 +222,7 @@ def _model(
 ) -> ThresholdModel:
     """Return the mixed model with a given reference."""
     L = abscissae(used, options)
-    basis = basis_for(L, options)
+    basis = basis_for(L, options, len(set(joined_luminances(used))))
     others = [condition for condition in conditions_of(used) if condition != reference]
     data = _grouped(used, L, basis, indicators(used, others))
     _require_distinct(data.design, others)

@@ -21,7 +21,6 @@ SHORT_FALL = 0.02  # share of the measured range
 LARGEST_LN = 700.0  # exp() of more overflows; a band may reach there before it is refused
 PAPER_DEGREE = 4  # may meet every one of five luminances, as the paper's does
 SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its swings are real
-SAME_LEVEL = 1.05  # ratio of two luminances up to which they do not count as two for the shape
 WORST_CONDITION = 1e6  # of the design; the covariance squares it, and four of sixteen digits are left
 
 
@@ -159,8 +158,17 @@ class CurveEstimate:
     band_df: float
 
 
-def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
+def basis_for(luminance: ArrayLike, options: RateLimitOptions, levels: int | None = None) -> CurveBasis:
     """Return the basis for thresholds at these luminances [cd/m^2].
+
+    Parameters
+    ----------
+    luminance : array (n,)
+        Where the thresholds are.
+    options : RateLimitOptions
+        Form and degree, or the choice between them.
+    levels : int, optional
+        How many levels these are, where a display was measured again; else each luminance is one.
 
     Raises
     ------
@@ -169,14 +177,13 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions) -> CurveBasis:
         three more above it; or if they crowd together so much that the polynomial is lost in rounding.
     """
     distinct = np.unique(np.asarray(luminance, dtype=np.float64))
-    # Of a display that was measured again, the same level has two luminances close to each other.
-    levels = 1 + int(np.count_nonzero(distinct[1:] > SAME_LEVEL * distinct[:-1]))
+    levels = levels or distinct.size
     form, degree = options.shape(levels)
     needed = luminances_needed(degree)
-    if distinct.size < needed:
+    if levels < needed:
         raise InputError(
             f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, "
-            f"got {distinct.size}; measure more levels, or choose a lower degree with "
+            f"got {levels}; measure more levels, or choose a lower degree with "
             "`evenlight fit --degree`"
         )
     basis = CurveBasis(form, degree, (float(distinct[0]), float(distinct[-1])))

@@ -28,12 +28,14 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
 
 BESIDE = ((0, (1.2, 1.4)), (0, (5, 1.4, 1.2, 1.4)))  # dotted, dash-dotted
 NONE: Mapping[str, RateLimit] = MappingProxyType({})
+FEWEST_FOR_INTERVALS = 4  # people: Student's t of two or three makes a mean's interval say nothing
 SHARES = (1.0, 2.0, 3.0, 5.0, 10.0)  # [%/s] relative rates with a guide line
 
 
@@ -71,7 +73,6 @@ def rate_limit_figure(
         lines_at(figure, left, lines)
         axes = axes_at(figure, left, above + 1.2 * em, width, height)
         _draw_curve(axes, limit)
-        _draw_points(axes, limit, thresholds)
         for (name, other), dashes in zip(beside.items(), BESIDE, strict=False):
             inside = np.linspace(*other.luminance_range, 401)
             axes.plot(
@@ -79,6 +80,7 @@ def rate_limit_figure(
             )
         if compared is not None:
             _draw_compared(axes, compared)
+        _draw_points(axes, limit, thresholds)
         right = 1.15 * max(limit.luminance_range[1], compared.luminance_range[1] if compared else 0.0)
         axes.set(xlim=(0, right), xlabel="luminance L [cd/m²]", ylabel="rate of luminance change [cd/m²/s]")
         axes.set_ylim(0, 1.04 * axes.get_ylim()[1])
@@ -142,7 +144,8 @@ def _draw_points(axes: Axes, limit: RateLimit, thresholds: Sequence[Threshold]) 
         axes.plot(limit.point_luminance, limit.point_rate, "o", color=INK, label="thresholds", zorder=4)
         return
     size = text_size()
-    several = len({t.participant_id for t in used}) > 1
+    people = len({t.participant_id for t in used})
+    several = people > 1
     if several:
         opacity = float(np.clip(8 / np.sqrt(len(used)), 0.2, 0.6))
         place, rate = _coordinates(used)
@@ -153,10 +156,17 @@ def _draw_points(axes: Axes, limit: RateLimit, thresholds: Sequence[Threshold]) 
             *_coordinates(left_out), "x", color=MUTED, ms=0.45 * size, label=_without_value(limit), zorder=2
         )
     means = np.array(level_means(used)).T
-    spread = np.abs(means[2:] - means[1])
     label = "level mean, 95 % CI" if several else "threshold, 95 % CrI"
+    spread: Array | None = np.abs(means[2:] - means[1])
+    # Curve, band and thresholds set the axis; an interval that leaves it ends in an arrow.
+    top = max(axes.get_ylim()[1], 1.05 * means[1].max())
+    cut = means[3] > top
+    if several and people < FEWEST_FOR_INTERVALS:
+        label, spread, cut = "level mean", None, cut & False
     axes.errorbar(means[0], means[1], yerr=spread, fmt="o", color=INK, ms=0.55 * size, capsize=0.25 * size,
                   elinewidth=size / 9, capthick=size / 9, label=label, zorder=4)  # fmt: skip
+    axes.plot(means[0][cut], np.full(cut.sum(), top), "^", color=INK, ms=0.6 * size, clip_on=False, zorder=4)
+    axes.set_ylim(0, top)
 
 
 def _without_value(limit: RateLimit) -> str:
