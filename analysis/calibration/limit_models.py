@@ -100,10 +100,10 @@ class LimitModels:
         words, notes = self.fit.limit.wide_band, []
         if words:
             notes.append(f"the rate limit is not for use: {words} (--accept-wide-band overrides)")
-        if self.chosen is RateLimitModel.JOINT and 1 < _people(self.fit.used) < FEW_PEOPLE:
-            notes.append(MOSTLY_PRIOR)
         if self.levels in FEW_LEVELS:
             notes.append(FEW_LEVELS[self.levels])
+        if self.chosen is RateLimitModel.JOINT and 1 < _people(self.fit.used) < FEW_PEOPLE:
+            notes.append(MOSTLY_PRIOR)
         return tuple(notes)
 
 
