@@ -7,6 +7,7 @@ set -eu
 cd "$(dirname "$0")"
 
 LAB_PACKAGES="xvfb libgl1 libgl1-mesa-dri libglu1-mesa libegl1 libasound2 libjack-jackd2-0 libusb-1.0-0 libfribidi0"
+LAB_PACKAGES="$LAB_PACKAGES libxtst6"  # with which the tests press keys
 
 stop() {
     echo "evenlight: $1" >&2

@@ -1,6 +1,6 @@
 """Thresholds in the midst of a session, with intervals: what adaptive placement believes, for every design.
 
-The beliefs are those of `ramp_schedule.AdaptivePlacement`, on its grid; that of `evenlight fit` is finer.
+The beliefs are those of `AdaptivePlacement`, on its grid; that of `evenlight fit` is finer.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.data_schema.recordings.ramp import Direction, Placement, Procedure, RampDesign, RampTrial
-from evenlight.experiments.ramp.ramp_schedule import AdaptivePlacement, placement_grid, success_chances
+from evenlight.experiments.ramp.adaptive_placement import AdaptivePlacement, placement_grid, success_chances
 
 INTERVAL = (0.025, 0.975)
 LEAST_RATIO = 4.0  # of the highest to the lowest rate of the grid, for designs of one rate

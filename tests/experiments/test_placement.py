@@ -9,7 +9,7 @@ from scipy import special
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
 from evenlight.data_schema.recordings.ramp import Placement
-from evenlight.experiments.ramp.ramp_schedule import (
+from evenlight.experiments.ramp.adaptive_placement import (
     CANDIDATES,
     FALLOFF,
     GUESS_PRIOR,

@@ -59,7 +59,7 @@ def heard() -> dict[str, Any]:
         server.wait()
         server.stdout.close()
     if done.returncode == MISSING:
-        pytest.skip(f"keys cannot be pressed: {done.stdout.strip()}")
+        pytest.skip(f"keys cannot be pressed: {done.stdout.strip()} (on Debian, apt-get install libxtst6)")
     assert done.returncode == 0, done.stderr
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
