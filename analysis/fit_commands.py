@@ -27,7 +27,7 @@ def fit(
     dataset: Annotated[
         Path,
         typer.Argument(
-            help="Data set with ramp sessions, sweeps of a display, or both; or a folder of measured power."
+            help="Data set with ramp sessions, sweeps of a display, or both; or measured power or light."
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results; those of sweeps get folders in it.")],
@@ -68,7 +68,7 @@ def fit(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
 ) -> None:
-    """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse measured power."""
+    """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse power, light."""
     from evenlight.analysis.calibration.choices.choice_on_clip import open_clip, require_budget
     from evenlight.analysis.calibration.choices.limit_choices_report import LOG_LOG_LIMIT, SAFE_LIMIT
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
@@ -77,15 +77,24 @@ def fit(
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.data_schema.errors import InputError
-    from evenlight.data_schema.recordings.dataset_layout import POWER_LOG
+    from evenlight.data_schema.recordings.dataset_layout import POWER_LOG, require_apart
+    from evenlight.data_schema.recordings.light import LIGHT_LOG
     from evenlight.data_schema.storage.whole_files import results_folder
 
+    require_apart(out, dataset)
     if (dataset / POWER_LOG).is_file():
         from evenlight.analysis.measurement.played_power.power_report import write_power_results
         from evenlight.method.preset_files import load_power_model
 
         panel = load_power_model(power_model) if power_model else None
         said = write_power_results(dataset, out, panel)
+        if not quiet:
+            typer.echo("\n".join(said))
+        return
+    if (dataset / LIGHT_LOG).is_file():
+        from evenlight.analysis.measurement.light.light_results import write_light_results
+
+        said = write_light_results(dataset, out)
         if not quiet:
             typer.echo("\n".join(said))
         return

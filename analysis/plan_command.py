@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -269,12 +270,11 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
     >>> whole_numbers("20, 5,20", "--participants")
     (5, 20)
     """
-    try:
-        return tuple(sorted({int(part) for part in text.split(",")}))
-    except ValueError:
+    if not re.fullmatch(" *-?[0-9]{1,9} *(, *-?[0-9]{1,9} *)*", text):
         raise InputError(
             f"{option} takes whole numbers with commas between them, such as 5,10,20; got {text!r}"
-        ) from None
+        )
+    return tuple(sorted({int(part) for part in text.split(",")}))
 
 
 @contextmanager

@@ -78,7 +78,7 @@ def _environment() -> Environment:
         p=p_in_words,
         spaced=spaced,
         in_words=in_words,
-        fixed=lambda value, digits=2: f"{value:.{digits}f}",
+        fixed=lambda value, digits=2: f"{value:z.{digits}f}",
         percent=lambda value, digits=0: f"{100 * value:.{digits}f} %",
     )
     return found

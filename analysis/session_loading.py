@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -16,7 +15,7 @@ from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.ramp import Trial as AnyTrial
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse, call_roll
 from evenlight.data_schema.recordings.session import WHOLE, SessionManifest
-from evenlight.data_schema.storage.text_files import read_json, read_text
+from evenlight.data_schema.storage.text_files import read_json, read_json_lines
 
 Trial = TypeVar("Trial", bound=AnyTrial)
 
@@ -259,27 +258,10 @@ def _read_trials(path: Path, cls: type[Trial]) -> tuple[list[Trial], list[str]]:
     """Return the trials of a file, and a warning if its last line was torn by an interruption."""
     if not path.exists():
         return [], []
-    trials: list[Trial] = []
-    lines = list(_numbered_lines(path))
-    for place, (number, line) in enumerate(lines, start=1):
-        where = f"{path}, line {number}"
-        try:
-            content = json.loads(line)
-        except json.JSONDecodeError as error:
-            if place == len(lines):
-                return trials, [
-                    f"{where}: the last line is torn and was left out; the trial was not complete"
-                ]
-            raise InputError(f"{where}: not valid JSON ({error.msg}); expected one trial per line") from None
-        trials.append(record_from_mapping(cls, content, where))
-    return trials, []
-
-
-def _numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Return the lines of a text file that hold anything, with their numbers."""
-    for number, line in enumerate(read_text(path, "one trial per line in JSON").splitlines(), start=1):
-        if line.strip():
-            yield number, line
+    lines, torn = read_json_lines(path, "one trial per line")
+    trials = [record_from_mapping(cls, content, f"{path}, line {number}") for number, content in lines]
+    words = f"{path}, line {torn}: the last line is torn and was left out; the trial was not complete"
+    return trials, [words] if torn else []
 
 
 def _all_or_none_simulated(sessions: list[Session[Trial]], dataset: Path, task: str) -> bool:

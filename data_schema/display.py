@@ -9,7 +9,13 @@ from evenlight.data_schema.quantities import MOMENT, check_limits, described, qu
 
 # Beyond these a number is a typing error or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
-HIGHEST_GAMMA = 10.0  # panels have 1.8 to 2.6
+DIMMEST = 1e-6  # [cd/m^2] of white: the dark-adapted eye sees nothing below
+# A linear display has 1, measured with errors; panels have 1.8 to 2.6, medical ones up to 3. Below 0.5 lies
+# the exponent that encodes (1/2.2), taken for the one that decodes.
+LOWEST_GAMMA, HIGHEST_GAMMA = 0.5, 5.0
+LOWEST_CONTRAST = (
+    2.0  # white over black; paper has 15, a projector's slide 100: the room's light is not black
+)
 COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 120 pixels
 
 
@@ -21,14 +27,14 @@ class Display:
     peak_luminance: float = quantity(
         "cd/m^2",
         "L_max, emitted at full pixel value and full brightness",
-        above=0.0,
+        minimum=DIMMEST,
         maximum=HIGHEST_LUMINANCE,
     )
     black_level: float = quantity(
         "cd/m^2", "L_black, emitted at pixel value 0 and full brightness", minimum=0.0
     )
     gamma: float = quantity(
-        "1", "γ, exponent from pixel value to luminance", above=0.0, maximum=HIGHEST_GAMMA
+        "1", "γ, exponent from pixel value to luminance", minimum=LOWEST_GAMMA, maximum=HIGHEST_GAMMA
     )
     pixels_per_degree: float = quantity(
         "1/deg",
@@ -53,10 +59,10 @@ class Display:
 
     def __post_init__(self) -> None:
         check_limits(self)
-        if not self.black_level < self.peak_luminance:
+        if not self.black_level < self.peak_luminance / LOWEST_CONTRAST:
             raise ValueError(
-                f"need black_level < peak_luminance, "
-                f"got {self.black_level:g} and {self.peak_luminance:g} cd/m^2"
+                f"need black_level < peak_luminance / {LOWEST_CONTRAST:g}, got {self.black_level:.10g} and "
+                f"{self.peak_luminance:.10g} cd/m^2 (light of the room is reflected_luminance, not black)"
             )
 
     def __repr__(self) -> str:

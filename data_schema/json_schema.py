@@ -71,7 +71,8 @@ Between the files: `participant_id` and `session_id` of manifest and trials are 
 `trial_index` is there once; a session of status `complete` or `imported` has `n_trials` usable trials
 (neither practice nor flagged), but for those that stayed flagged; the table in `beh/` holds the same trials;
 `participants.tsv` lists every `sub-*` folder, and may list participants who have no session yet; each `index`
-of a sweep's readings is there once, and a sweep of status `complete` has `n_readings` of them.
+of a sweep's readings is there once, and a sweep of status `complete` has `n_readings` of them, not counting
+those that repeated one at once (`again_of`).
 `.bidsignore` names the files that are not part of BIDS.
 """
 

@@ -9,6 +9,9 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
 
 LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a typing error, and products of them overflow
+LEAST_LIGHT = (
+    1e-6  # [W] a full panel's light: a square centimetre of 100 cd/m^2 is 5e-5 W of light at 683 lm/W
+)
 
 
 class PanelKind(enum.Enum):
@@ -77,6 +80,20 @@ class PowerModel:
             )
         if self.kind is PanelKind.OLED and not self.red_power + self.green_power + self.blue_power > 0:
             raise ValueError("an oled power model needs a channel power above 0 W")
+        full, by = self._light_power
+        if not LEAST_LIGHT <= full <= LARGEST:
+            raise ValueError(
+                f"the light at full brightness ({by}) must take {LEAST_LIGHT:g} to {LARGEST:g} W, "
+                f"got {full:.4g} W"
+            )
+
+    @property
+    def _light_power(self) -> tuple[float, str]:
+        """What the light takes at full brightness [W], and what that is computed from."""
+        if self.kind is PanelKind.LCD:
+            by = "power_per_luminance_w_m2_cd times peak_luminance_cd_m2"
+            return self.power_per_luminance * self.peak_luminance, by
+        return self.red_power + self.green_power + self.blue_power, "the sum of the channels"
 
     def __repr__(self) -> str:
         slope = f"{self.power_per_luminance:.4g} W m^2/cd up to {self.peak_luminance:g} cd/m^2"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.storage.input_files import open_input
 
 SCHEMA_VERSION = 2
 _PACKAGES = ("numpy", "scipy", "numba", "av")
@@ -96,7 +97,7 @@ def _digest(path: Path) -> str:
             digest.update(part.relative_to(path).as_posix().encode())
             digest.update(bytes.fromhex(_digest(part)))
         return digest.hexdigest()
-    with path.open("rb") as stream:
+    with open_input(path, "a file") as stream:
         while block := stream.read(1 << 20):
             digest.update(block)
     return digest.hexdigest()

@@ -29,6 +29,7 @@ UNIT_SUFFIX = {
     "Hz": "_hz",
     "pixels": "_px",
 }
+LARGEST_WHOLE = 2**63  # what arrays and other programs hold
 # A date, with or without a time of day and its zone (ISO 8601); or nothing.
 MOMENT = (
     "^([0-9]{4}-[0-9]{2}-[0-9]{2}"
@@ -157,6 +158,9 @@ def _check_quantity(field: dataclasses.Field[Any], value: Any) -> None:
     meta = field.metadata
     unit = "" if meta["unit"] == "1" else f" {meta['unit']}"
     for number in _extremes(value):
+        if isinstance(number, int) and abs(number) >= LARGEST_WHOLE:
+            digits = f"{math.log10(abs(number)):.0f}"
+            raise ValueError(f"{file_key(field)} must be a whole number below 2^63, got one near 10^{digits}")
         if not -math.inf < number < math.inf:
             raise ValueError(f"{file_key(field)} must be finite, got {number:g}")
         for limit, breaks, words in (

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import bisect
 import enum
 import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
@@ -17,6 +19,12 @@ LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
 LARGEST_RATE = 1e9  # [cd/m^2/s] a thousand times a blinding luminance, within a second
 ROUNDING = 1e-6  # relative, of numbers written with few digits
+# Of what a fit wrote, the curve lies in its band, and its thresholds on average within a factor of 2 of what
+# is known (660 limits of simulated data sets; docs/decisions/contradictory-limits.md).
+BAND_SLACK = 0.02  # share of the rate: coefficients copied with three digits
+FARTHEST_POINTS = math.log(3.0)  # mean distance from thresholds to the band, or to a curve without one
+POINTS_BEYOND = 1.1  # times the luminances measured: a display measured again joins levels 5 % apart
+MEND = "take the file as `evenlight fit` wrote it, or fit again"
 SAMPLES = 201  # positions at which the polynomial is looked at: finer than a polynomial of degree 20 bends
 # Upper over lower edge: as far as thresholds of 95 % of people reach (SD 0.35 of ln: e^(2 · 1.96 · 0.35)).
 # A wider band tells no more of the median than one person picked at random (docs/decisions/wide-bands.md).
@@ -139,6 +147,8 @@ class RateLimit:
             raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")
         self._check_band()
         self._check_size()
+        self._check_curve_in_band()
+        self._check_points()
 
     def __repr__(self) -> str:
         low, high = self.luminance_range
@@ -180,7 +190,7 @@ class RateLimit:
         """Where the band is widest [cd/m^2], and its edges there [cd/m^2/s]; None without a band.
 
         >>> band = {"band_luminance": (1.0, 9.0), "band_lower": (0.5, 0.1), "band_upper": (1.0, 1.0)}
-        >>> RateLimit("r", "d", "", RateLimitForm.RATE, (0.4,), (1.0, 9.0), **band).widest_band
+        >>> RateLimit("r", "d", "", RateLimitForm.RATE, (0.7,), (1.0, 9.0), **band).widest_band
         (9.0, 0.1, 1.0)
         """
         places = zip(self.band_luminance, self.band_lower, self.band_upper, strict=True)
@@ -240,6 +250,76 @@ class RateLimit:
                 f"coefficients give ln(rate) = {worst:.4g} within luminance_range_cd_m2; need "
                 f"{-LARGEST_LN_RATE:g} to {LARGEST_LN_RATE:g} (is it the rate itself? then form = rate)"
             )
+
+    def _check_curve_in_band(self) -> None:
+        """Refuse a curve that leaves its own band: one of the two was changed."""
+        low, high = self.luminance_range
+        for at, lower, upper in zip(self.band_luminance, self.band_lower, self.band_upper, strict=True):
+            measured = low * (1 - ROUNDING) <= at <= high * (1 + ROUNDING)
+            if measured and not lower * (1 - BAND_SLACK) <= self._curve(at) <= upper * (1 + BAND_SLACK):
+                raise ValueError(
+                    f"the curve contradicts its own band: at {at:.4g} cd/m^2 the coefficients give "
+                    f"{self._curve(at):.3g} cd/m^2/s, and the band reaches from {lower:.3g} to {upper:.3g}; "
+                    f"{MEND}"
+                )
+
+    def _check_points(self) -> None:
+        """Refuse thresholds that are of another curve: far from its band, or from itself without one."""
+        low, high = self.luminance_range
+        levels: dict[float, list[float]] = {}
+        for at, rate in zip(self.point_luminance, self.point_rate, strict=True):
+            if not low / POINTS_BEYOND <= at <= high * POINTS_BEYOND:
+                raise ValueError(
+                    f"point_luminance_cd_m2 must lie in luminance_range_cd_m2, {low:g} to {high:g}, "
+                    f"got {at:g}; {MEND}"
+                )
+            levels.setdefault(at, []).append(rate)
+        distances = {at: self._distance(at, rates) for at, rates in levels.items()}
+        if levels and fmean(distances.values()) > FARTHEST_POINTS:
+            worst = max(distances, key=lambda at: distances[at])
+            rates = levels[worst]
+            raise ValueError(
+                f"the {'band' if self.band_luminance else 'curve'} contradicts the points that it was fitted "
+                f"to: at {worst:.4g} cd/m^2 the curve is {self._curve(worst):.3g} cd/m^2/s, and the "
+                f"thresholds there are {min(rates):.3g} to {max(rates):.3g}; {MEND}"
+            )
+
+    def _distance(self, at: float, rates: Sequence[float]) -> float:
+        """Return how far the thresholds at a luminance lie from what is known there, as a logarithm.
+
+        Of a polynomial of the rate itself, whose errors are not relative, as a share of the mean threshold.
+        """
+        known = [self._curve(at)]
+        if self.band_luminance:
+            known = [_between(at, self.band_luminance, edge) for edge in (self.band_lower, self.band_upper)]
+        above, below = min(rates) - max(known), min(known) - max(rates)
+        if above <= 0 and below <= 0:
+            return 0.0
+        if self.form is RateLimitForm.RATE:
+            return max(above, below) / fmean(self.point_rate)
+        return math.log(min(rates) / max(known) if above > 0 else min(known) / max(rates))
+
+    def _curve(self, at: float) -> float:
+        """Return the polynomial's rate at a luminance, which is moved into those measured [cd/m^2/s]."""
+        low, high = self.luminance_range
+        at = min(max(at, low), high)
+        if self.form is RateLimitForm.LOG_LOG:
+            low, high, at = math.log(low), math.log(high), math.log(at)
+        value = _legendre_sum(self.coefficients, (2 * at - low - high) / ((high - low) or 1.0))
+        return max(value, 0.0) if self.form is RateLimitForm.RATE else math.exp(value)
+
+
+def _between(at: float, places: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value at a place between others, linear in between; beyond them, the last one.
+
+    >>> _between(2.0, (1.0, 3.0), (0.0, 10.0))
+    5.0
+    """
+    k = bisect.bisect_left(places, at)
+    if k in (0, len(places)):
+        return values[min(k, len(places) - 1)]
+    share = (at - places[k - 1]) / (places[k] - places[k - 1])
+    return (1 - share) * values[k - 1] + share * values[k]  # exact at both ends, however far apart
 
 
 def _width(edges: tuple[float, float, float]) -> float:

@@ -21,6 +21,7 @@ from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
 from evenlight.data_schema.recordings.instrument_logs import (
     BacklightSetting,
     ClockPing,
@@ -29,6 +30,13 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PlayedFlip,
     PowerLog,
     PowerSample,
+)
+from evenlight.data_schema.recordings.light import (
+    LightArrival,
+    LightLog,
+    LightResults,
+    LightSample,
+    PatchFlip,
 )
 from evenlight.data_schema.recordings.played_power import FrameEnergy, PlayedPower, VersionPower
 from evenlight.data_schema.recordings.rig import Rig
@@ -161,7 +169,12 @@ KINDS = (
     RecordKind(DisplayFit, _JSON, "display_fit.json", "`evenlight fit`"),
     RecordKind(PowerFit, _JSON, "power_fit.json", "`evenlight fit`"),
     RecordKind(PowerLog, _JSON, "power_log.json", "`evenlight play --measure-power`"),
-    RecordKind(PowerSample, _CSV, "power.csv", "`evenlight play --measure-power`, `evenlight measure power`"),
+    RecordKind(
+        PowerSample,
+        _CSV,
+        "power.csv",
+        "`evenlight play --measure-power`, `evenlight measure power` and `saving`",
+    ),
     RecordKind(MeterReading, _CSV, "luminance.csv", "`evenlight measure luminance`"),
     RecordKind(ClockPing, _CSV, "clock.csv", "`evenlight play --measure-power`"),
     RecordKind(PlayedFlip, _CSV, "flips.csv", "`evenlight play --measure-power`"),
@@ -170,6 +183,13 @@ KINDS = (
     RecordKind(FrameEnergy, _CSV, "frame_energy.csv", "`evenlight play --measure-power`"),
     RecordKind(VersionPower, _CSV, "power_table.csv", "`evenlight play --measure-power`"),
     RecordKind(PlayedPower, _JSON, "played_power.json", "`evenlight play --measure-power`"),
+    RecordKind(DevicePass, _CSV, "passes.csv", "`evenlight measure saving`"),
+    RecordKind(DeviceSaving, _JSON, "saving.json", "`evenlight measure saving`"),
+    RecordKind(LightLog, _JSON, "light_log.json", "`evenlight measure light`"),
+    RecordKind(LightSample, _CSV, "light.csv", "`evenlight measure light`, or another program"),
+    RecordKind(LightArrival, _CSV, "light_arrivals.csv", "`evenlight measure light`"),
+    RecordKind(PatchFlip, _CSV, "light_flips.csv", "`evenlight measure light --rig`"),
+    RecordKind(LightResults, _JSON, "light_results.json", "`evenlight measure light`, `evenlight fit`"),
     RecordKind(
         Statistic, _CSV, "*_statistics.csv", "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`"
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import inspect
 import re
 from pathlib import Path
@@ -20,6 +21,11 @@ GROUPS = {
     "Online": ("OnlineController",),
     "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
     "Tasks of your own": ("register_task", "TaskDeclaration"),
+    "Drivers of your own": (
+        "Driver", "LinkKind", "LuminanceMeter", "PowerMeter", "Backlight", "Reading", "PowerSample",
+        "ClockPing", "InstrumentError", "Fault", "ContextDevice", "SerialLink", "LineSettings",
+        "restore_and_release",
+    ),
     "Errors": ("InputError",),
 }  # fmt: skip
 HEAD = """# The Python interface
@@ -45,7 +51,13 @@ def page() -> str:
 def _entry(name: str, thing: Any) -> str:
     """Return what is said of a function or a class."""
     is_record = dataclasses.is_dataclass(thing)
-    shown = name if is_record or name == "InputError" else _signature(name, thing)
+    described = is_record and (bool(_fields(thing)) or "Attributes" in thing.__doc__)
+    by_name = inspect.isclass(thing) and (
+        issubclass(thing, Exception | enum.Enum) or getattr(thing, "_is_protocol", False)
+    )
+    shown = name if described or by_name else _signature(name, thing)
+    if is_record:
+        shown = shown.replace("'", '"')
     parts = [f"### `{name}`\n", f"```python\n{shown}\n```\n" if shown != name else "", _text(thing)]
     if is_record:
         parts.append(_fields(thing))

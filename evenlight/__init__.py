@@ -18,7 +18,20 @@ if TYPE_CHECKING:
     from evenlight.data_schema.frame import Frame
     from evenlight.data_schema.power_model import PowerModel
     from evenlight.data_schema.rate_limit import RateLimit
+    from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
     from evenlight.data_schema.tracks.loss_curves import LossCurves
+    from evenlight.hardware.backlights import restore_and_release
+    from evenlight.hardware.driver_table import Driver, LinkKind
+    from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
+    from evenlight.hardware.protocols import (
+        Backlight,
+        ContextDevice,
+        Fault,
+        InstrumentError,
+        LuminanceMeter,
+        PowerMeter,
+        Reading,
+    )
     from evenlight.loss import frame_loss, loss_curves
     from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
     from evenlight.online import OnlineController
@@ -27,7 +40,7 @@ if TYPE_CHECKING:
     from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
     from evenlight.track import Track, load, optimize
 
-# In the order of docs/api.md: what goes in, a track, online, data.
+# In the order of docs/api.md: what goes in, a track, online, data, tasks, errors, drivers.
 _PLACES = {
     "open_video": "evenlight.stimuli.sequences",
     "Frame": "evenlight.data_schema.frame",
@@ -52,12 +65,22 @@ _PLACES = {
     "TaskDeclaration": "evenlight.registered_tasks",
     "ViewingTaskDeclaration": "evenlight.registered_tasks",  # its earlier name
     "InputError": "evenlight.data_schema.errors",
+    **dict.fromkeys(
+        ("Backlight", "ContextDevice", "Fault", "InstrumentError", "LuminanceMeter", "PowerMeter", "Reading"),
+        "evenlight.hardware.protocols",
+    ),
+    **dict.fromkeys(("Driver", "LinkKind"), "evenlight.hardware.driver_table"),
+    "restore_and_release": "evenlight.hardware.backlights",
+    **dict.fromkeys(("PowerSample", "ClockPing"), "evenlight.data_schema.recordings.instrument_logs"),
+    **dict.fromkeys(("SerialLink", "LineSettings"), "evenlight.hardware.drivers.serial_link"),
 }
 __all__ = [
-    "Analysis", "Display", "Frame", "InputError", "LossCurves", "OnlineController", "PowerModel", "RampFit",
-    "RateLimit", "TaskDeclaration", "Track",
+    "Analysis", "Backlight", "ClockPing", "ContextDevice", "Display", "Driver", "Fault", "Frame",
+    "InputError", "InstrumentError", "LineSettings", "LinkKind", "LossCurves", "LuminanceMeter",
+    "OnlineController", "PowerMeter", "PowerModel", "PowerSample", "RampFit", "RateLimit", "Reading",
+    "SerialLink", "TaskDeclaration", "Track",
     "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
-    "loss_curves", "open_video", "optimize", "register_task",
+    "loss_curves", "open_video", "optimize", "register_task", "restore_and_release",
 ]  # fmt: skip
 
 

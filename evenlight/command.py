@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
+import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 
@@ -21,13 +25,15 @@ from evenlight.analysis import (
     optimize_command,
     plan_command,
     reproduce_command,
+    saving_command,
 )
 from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
+from evenlight.data_schema.quantities import LARGEST_WHOLE
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
-from evenlight.experiments import play_command, run_command, watch_command
+from evenlight.experiments import light_command, play_command, run_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
@@ -116,6 +122,13 @@ def _write_power(folder: Path, power_model: str | None) -> list[str]:
     return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
 
 
+def _write_light(folder: Path, *, kept: bool) -> list[str]:
+    """Write the results of recorded light into its folder, if that is kept; return what to say of them."""
+    from evenlight.analysis.measurement.light.light_results import write_light_results
+
+    return write_light_results(folder, folder if kept else None)
+
+
 def _simulate(task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None) -> None:
     """Write a data set of simulated participants, in the paper's design."""
     experiment_commands.simulate(task, out, *people, display, stimuli=stimuli, quiet=True)
@@ -142,6 +155,8 @@ app.command()(control_command.control)
 app.command()(audit_command.audit)
 app.command("reproduce")(reproduce_command.reproduce_command((_simulate, _repeat_viewing)))
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
+measure_command.measure.command()(saving_command.saving)
+measure_command.measure.command("light")(light_command.light_command(_write_light))
 app.add_typer(measure_command.measure, name="measure")
 app.command()(bench_command.bench)
 app.command()(validate_command.validate)
@@ -149,10 +164,33 @@ app.command("import")(import_command.import_command(_display))
 app.command()(export_command.export)
 
 
+def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command that refuses numbers among its options with which nothing can be computed."""
+
+    @functools.wraps(command)
+    def checked(**given: Any) -> Any:
+        for name, value in given.items():
+            for number in value if isinstance(value, list | tuple) else (value,):
+                _refuse_no_number(f"--{name.strip('_').replace('_', '-')}", number)
+        return command(**given)
+
+    return checked
+
+
+def _refuse_no_number(option: str, value: object) -> None:
+    """Refuse NaN, infinity, and whole numbers that no array can hold."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{option} must be a finite number, got {value:g}")
+    if isinstance(value, int) and abs(value) >= LARGEST_WHOLE:
+        raise InputError(
+            f"{option} must be a whole number below 2^63, got one near 10^{math.log10(abs(value)):.0f}"
+        )
+
+
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for all of it; report.html tells the story.")],
-    participants: Annotated[int, typer.Option(help="How many simulated participants.", min=2)] = 10,
+    participants: Annotated[int, typer.Option(help="How many simulated participants.", min=2, max=9999)] = 10,
     budget: Annotated[float, typer.Option(help="Mean brightness factor of the track.")] = 0.4,
     seed: Annotated[int, typer.Option(help="Seed of the simulated participants.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
@@ -174,6 +212,11 @@ def demo(
         typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
 
 
+for mounted in (*app.registered_commands, *measure_command.measure.registered_commands):
+    assert mounted.callback is not None
+    mounted.callback = guarded(mounted.callback)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command; end with exit code 2 and one line if its input cannot be used, 1 if a device fails.
 
@@ -183,8 +226,11 @@ def main(arguments: list[str] | None = None) -> None:
         In place of the command line's.
     """
     try:
+        _refuse_empty(sys.argv[1:] if arguments is None else arguments)
         with _termination_raised():
             code = app(arguments, standalone_mode=False)
+            if sys.stdout is not None:
+                sys.stdout.flush()  # what cannot be written is told here, not at Python's end
     except InputError as error:
         _end(str(error), 2)
     except InstrumentError as error:
@@ -195,9 +241,26 @@ def main(arguments: list[str] | None = None) -> None:
         _end("terminated; nothing half-written is left", TERMINATED)
     except (typer.Abort, KeyboardInterrupt):
         code = INTERRUPTED
+    except BrokenPipeError:  # nobody reads what it says any more
+        sys.stdout = None
+        code = 1
+    except OSError as error:  # a full disk, a folder of someone else: no defect of Evenlight
+        sys.stdout = None  # else Python tries again at its end, and ends with another code
+        _end(_system_error(error), 2)
+    except MemoryError:
+        _end("this needs more memory than there is; give less at a time", 2)
     if code == INTERRUPTED:  # Typer may have turned the interruption into this number
         _end("interrupted; nothing half-written is left", INTERRUPTED)
     sys.exit(code or 0)
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """Refuse an empty name: as a path it would stand for the current folder."""
+    for before, word in itertools.pairwise(["", *arguments]):
+        option, equals, value = word.partition("=")
+        if not word or (equals and not value and option.startswith("--")):
+            where = option or (before if before.startswith("--") else "an argument")
+            raise InputError(f"{where} is empty; give it a value, or leave it out")
 
 
 class _Terminated(BaseException):
@@ -231,6 +294,12 @@ def _usage(error: typer.BadParameter) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
     return f"{error.format_message().rstrip('.')}; see {where} --help"
+
+
+def _system_error(error: OSError) -> str:
+    """Return what the operating system refused, and of which file."""
+    where = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else "a file or stream"
+    return f"{where} cannot be read or written: {error.strerror or error}"
 
 
 def _end(message: str, code: int) -> NoReturn:

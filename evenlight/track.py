@@ -36,7 +36,12 @@ from evenlight.data_schema.tracks.brightness_track import (
     track_columns,
     write_track,
 )
-from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
+from evenlight.data_schema.tracks.loss_curves import (
+    LossCurves,
+    read_loss_curves,
+    require_possible_curves,
+    write_loss_curves,
+)
 from evenlight.inputs import (
     LOWEST_FACTORS,
     Frames,
@@ -301,7 +306,8 @@ def optimize(
 def _require_own(
     curves: LossCurves, display: Any, contrast_model: Any, rate: Any, field_of_view: Any, lowest_factor: Any
 ) -> None:
-    """Refuse arguments that loss curves were made with already."""
+    """Refuse arguments that loss curves were made with already, and curves that cannot be."""
+    require_possible_curves(curves)
     given = {
         "display": display not in ("varjo-xr3", curves.display),
         "frames_per_second": rate is not None,

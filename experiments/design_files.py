@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import sys
 from importlib import metadata, resources
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.session import TASKS, Design
 from evenlight.data_schema.recordings.sweep import DESIGN_OF_SWEEP, SweepDesign
@@ -18,6 +20,8 @@ GROUP = "evenlight.designs"  # of entry points, each a package with designs besi
 DESIGNS = Path(__file__).parent / "designs"
 SUFFIX = ".design.toml"
 DEFAULT = "paper"
+MOST = 10_000  # trials, repeats, rounds
+SHORTEST, LONGEST = 0.001, 86_400.0  # [s] of what takes any time at all
 
 
 def load_design(name_or_path: str) -> RampDesign:
@@ -52,14 +56,28 @@ def _load(cls: type[Any], presets: dict[str, Path], name_or_path: str) -> Any:
     """Return the design of a preset, or of a toml file."""
     known = sorted(presets)
     if name_or_path in known:
-        return read_toml_record(cls, presets[name_or_path])
+        return _within_reason(read_toml_record(cls, presets[name_or_path]), name_or_path)
     path = Path(name_or_path)
     if not path.exists():
         hint = difflib.get_close_matches(name_or_path, known, n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""
         preset = f"a preset ({', '.join(known)}) or " if known else ""
         raise InputError(f"{name_or_path}: no such design; {guess}give {preset}a toml file")
-    return read_toml_record(cls, path)
+    return _within_reason(read_toml_record(cls, path), name_or_path)
+
+
+def _within_reason(design: Any, name: str) -> Any:
+    """Return a design; refuse counts and times of which a session would never end, or not fit into memory."""
+    for field in dataclasses.fields(design):
+        value = getattr(design, field.name)
+        for number in value if isinstance(value, tuple) else (value,):
+            if type(number) is int and number > MOST:
+                raise InputError(f"{name}: {file_key(field)} must be at most {MOST}, got {number}")
+            if field.metadata.get("unit") == "s" and number and not SHORTEST <= number <= LONGEST:
+                raise InputError(
+                    f"{name}: {file_key(field)} must lie in {SHORTEST:g} to {LONGEST:g} s, got {number:g}"
+                )
+    return design
 
 
 def load_sweep_design(task: str, name_or_path: str) -> SweepDesign:

@@ -18,7 +18,12 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.viewing import Stimulus, Version
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, read_track
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    OptimizationSummary,
+    read_track,
+    require_light_of,
+)
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.experiments.playback.clip_feeds import require_fit
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
@@ -145,6 +150,7 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
             f"{folder / TRACK}: was made for the display {track.header.display_name!r}, and the rig has "
             f"{display.name!r}{same_name}; make it with --display set to the rig's"
         )
+    require_light_of(track, display, folder / TRACK)
     path = _video_file(folder, name) if with_video else None
     video = open_video(str(path)) if path is not None else None
     if video is not None:

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 
 from evenlight.data_schema.recordings.instrument_logs import BacklightSetting
-from evenlight.hardware.protocols import Backlight, ContextDevice, InstrumentError
+from evenlight.hardware.protocols import Backlight, ContextDevice, Fault, InstrumentError
 
 ROUNDING = 1e-9  # of a factor that was computed
 REMEMBERED = 10_000  # settings; at 50 a second, more than three minutes
@@ -51,7 +51,7 @@ class SteppedBacklight(ContextDevice):
     def read_factor(self) -> float:
         """Return the brightness factor that the device reports."""
         self._require_open()
-        return self._read_step() / self._steps
+        return self._possible(self._read_step()) / self._steps
 
     def smallest_factor(self) -> float:
         """Return the lowest brightness factor above 0."""
@@ -76,6 +76,14 @@ class SteppedBacklight(ContextDevice):
         if not self._closed:
             self._closed = True
             restore_and_release(lambda: self._set(self._found), self._release)
+
+    def _possible(self, step: int) -> int:
+        """Return a step that the device reports; refuse one that it does not have."""
+        if not 0 <= step <= self._steps:
+            raise InstrumentError(
+                f"{self._name}: reports step {step}; it has 0 to {self._steps}", Fault.IMPLAUSIBLE
+            )
+        return step
 
     @abstractmethod
     def _set(self, step: int) -> None:

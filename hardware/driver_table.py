@@ -1,8 +1,9 @@
 """The drivers that there are: one entry each, with its place, its emulated instrument, and what users read.
 
 A new driver is a file in `hardware.drivers`, an emulated instrument in `hardware.emulators`, and an entry
-here: `hardware.rig` opens it, `evenlight measure list` shows it, and tests/conventions/test_drivers.py tries
-it. Modules are imported when a device is opened.
+here: `hardware.rig` opens it, `evenlight measure list` shows it, and `evenlight measure conform` tries it, as
+tests/conventions/test_drivers.py does. Modules are imported when a device is opened. Drivers of packages:
+`hardware.installed_drivers`.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ from __future__ import annotations
 import difflib
 import enum
 import importlib
+import shlex
+import sys
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -33,36 +37,64 @@ class LinkKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver: its place, the emulated instrument to try it on, and what `measure list` says of it."""
+    """A driver: its class, what `measure list` says of it, and the emulated instrument to try it on.
 
-    # module and class in `evenlight.hardware`, as "drivers.power_board:BoardPowerMeter"; empty where the name
-    # opens no device
-    place: str
+    A package declares one for each instrument that it brings, in an entry point (docs/drivers.md).
+
+    Attributes
+    ----------
+    place : type
+        The class, of the arguments `address, clock, timeout=None`. Of Evenlight's own drivers its module and
+        name in `evenlight.hardware`, "drivers.power_board:BoardPowerMeter"; empty where no device is opened.
+    instrument, address, settings, note : str
+        What it drives; the form of its address, which begins with its name ("ls100:PORT"); settings of line
+        and instrument, and what else to know, in words.
+    usb_ids : tuple of (int, int)
+        Vendor and product numbers that the instrument has on USB, where they are known.
+    emulator : type, optional
+        The emulated instrument, made of a `Simulation`, with `receive(data)` and `stream()`.
+    link : LinkKind
+        How the driver reaches that: a socket (which is the default) or a serial port.
+    emulated_address : str
+        Its address there, with `{url}`, or `{host}` and `{port}`, for where the link is.
+    needs_address : bool
+        Whether the driver needs to know where the instrument is.
+    sample_rate : float
+        Of a power meter, where `measure power` is given no other [Hz].
+    """
+
+    place: str | type[Any]
     instrument: str = ""  # what it drives; a driver without it is not listed
     address: str = ""  # the form of its address, e.g. "ls100:PORT"
     settings: str = ""  # of the line and of the instrument, in words
     note: str = ""  # what else to know: an extra or a program to install, what is not confirmed
     # vendor and product numbers that the instrument has on USB, where they are known
     usb_ids: tuple[tuple[int, int], ...] = ()
-    emulator: str = ""  # module and class of the emulated instrument; empty where there is none
+    emulator: str | type[Any] = ""  # class of the emulated instrument; empty where there is none
     link: LinkKind = LinkKind.SOCKET  # how the driver reaches that
     # of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it
     emulated_address: str = "{url}"
     # module and function that open the driver on an emulated instrument, where its class does not
     on_link: str = ""
     needs_address: bool = True  # whether the driver needs to know where the instrument is
+    sample_rate: float = 100.0
+    package: str = ""  # that it comes from, which is noted when it is found; empty for our own
 
     def load(self) -> Any:
         """Return the class of the driver."""
-        return _named(self.place)
+        return self.place if isinstance(self.place, type) else _named(self.place)
 
     def load_emulator(self) -> Any:
         """Return the class of the emulated instrument."""
-        return _named(self.emulator)
+        return self.emulator if isinstance(self.emulator, type) else _named(self.emulator)
+
+    def guarded(self) -> bool:
+        """Return whether what the driver gives is another's, and checked: a package's or a program's."""
+        return bool(self.package) or self.address.startswith("exec:")
 
     def open_at(self, url: str, clock: Callable[[], float], timeout: float | None = None) -> Any:
         """Return the driver, opened at what the link to an emulated instrument made."""
-        opener, where = _named(self.on_link or self.place), urlsplit(url)
+        opener, where = _named(self.on_link) if self.on_link else self.load(), urlsplit(url)
         return opener(
             self.emulated_address.format(url=url, host=where.hostname, port=where.port), clock, timeout
         )
@@ -100,6 +132,20 @@ def _spot_meter(name: str, place: str, instrument: str, settings: str, **more: A
     """Return a luminance meter at a serial port; its emulated one is named after its class."""
     emulator = f"emulators.luminance_meters:Emulated{place.partition(':')[2]}"
     return Driver(place, instrument, f"{name}:PORT", settings, emulator=emulator, **more)
+
+
+def _program(place: str, instrument: str, says: str) -> Driver:
+    """Return a driver that asks a program of the user's."""
+    program = shlex.join([sys.executable, "-I", "-S", str(Path(__file__).parent / "emulators/program.py")])
+    return Driver(
+        f"drivers.exec_program:{place}",
+        instrument,
+        "exec:PROGRAM ARGUMENTS",
+        says,
+        "the lines are described in docs/drivers.md",
+        emulator="emulators.program:EmulatedProgram",
+        emulated_address=f"{program} {{port}}",
+    )
 
 
 LUMINANCE_METERS = {
@@ -151,6 +197,11 @@ LUMINANCE_METERS = {
         "manual",
         "readings are typed in, in cd/m^2; u for under range, o for over range, stop to end",
         needs_address=False,
+    ),
+    "exec": _program(
+        "ExecLuminanceMeter",
+        "any meter, read by a program of yours",
+        'one line of JSON for each reading: {"id": 1, "luminance_cd_m2": 12.3}',
     ),
     IMPORTED: Driver(
         "",
@@ -215,6 +266,44 @@ POWER_METERS = {
         emulator="emulators.power_meters:ScpiEmulator",
         emulated_address="TCPIP::{host}::{port}::SOCKET",
     ),
+    "battery": Driver(
+        "drivers.battery_power:BatteryPowerMeter",
+        "this computer's battery, by its own gauge: all that the computer takes (Linux)",
+        "battery: or battery:NAME, e.g. battery:BAT0",
+        "files under /sys/class/power_supply; ask for 1 Hz: gauges are slow, and smooth",
+        "only while it is discharged; `evenlight measure saving` compares two versions of a film on it",
+        emulator="emulators.device_power:BatteryEmulator",
+        link=LinkKind.OWN,
+        needs_address=False,
+        sample_rate=1.0,
+    ),
+    "rapl": Driver(
+        "drivers.rapl_power:RaplPowerMeter",
+        "the processor's energy counters, RAPL (Linux): not the panel",
+        "rapl: (package-0) or rapl:DOMAIN, e.g. rapl:psys",
+        "files under /sys/class/powercap, 20 Hz at most",
+        "since 2020 only root may read them; the error says how to allow it",
+        emulator="emulators.device_power:RaplEmulator",
+        link=LinkKind.OWN,
+        needs_address=False,
+        sample_rate=10.0,
+    ),
+    "adb": Driver(
+        "drivers.adb_power:AdbPowerMeter",
+        "the battery of an Android headset or phone: all that the device takes",
+        "adb: or adb:SERIAL, as `adb devices` lists it, e.g. adb:192.168.1.20:5555",
+        "the program `adb`, over the network, for over a cable it charges; ask for 1 Hz",
+        "install it with: apt install adb",
+        emulator="emulators.device_power:AdbEmulator",
+        link=LinkKind.OWN,
+        needs_address=False,
+        sample_rate=1.0,
+    ),
+    "exec": _program(
+        "ExecPowerMeter",
+        "any power meter, read by a program of yours",
+        'its rate, then one line of JSON for each sample: {"power_w": 1.25}',
+    ),
     SIMULATED: Driver("simulated.power_meter:SimulatedPowerMeter", needs_address=False),
 }
 BACKLIGHTS = {
@@ -242,6 +331,11 @@ BACKLIGHTS = {
         emulator="emulators.power_board:PowerBoardEmulator",
         link=LinkKind.TERMINAL,
     ),
+    "exec": _program(
+        "ExecBacklight",
+        "any backlight, set by a program of yours",
+        'one line of JSON for each setting: {"id": 2, "factor": 0.498}',
+    ),
     SIMULATED: Driver(
         "simulated.panel:SimulatedBacklight",
         "a simulated backlight, in 4095 steps",
@@ -250,6 +344,38 @@ BACKLIGHTS = {
         needs_address=False,
     ),
     NO_BACKLIGHT: Driver("", "no backlight: pixels make the brightness", "none", "none"),
+}
+RECORDED = "file"  # in place of a sampler of light: a recording made elsewhere
+LIGHT_SAMPLERS = {
+    "adc": Driver(
+        "drivers.light_board:LightBoard",
+        "a photodiode at the analog input of a microcontroller (docs/light-board.md)",
+        "adc:PORT, adc:PORT?baud=115200",
+        "1000000 8N1, or USB; samples with its own clock, at the rate of its sketch",
+        "DC-coupled: depth, levels, response time and latency",
+    ),
+    "soundcard": Driver(
+        "drivers.sound_card:SoundCard",
+        "a photodiode at the microphone or line input of a sound card",
+        "soundcard: or soundcard:DEVICE, as `arecord -L` has them",
+        "the program arecord (ALSA); 48 kHz, 16 bits, one channel",
+        "AC-coupled: no depth, levels or response time; the latency is an upper limit",
+        needs_address=False,
+    ),
+    RECORDED: Driver(
+        "",
+        "a recording made elsewhere: an oscilloscope's, a sound recorder's",
+        "file:FILE.csv with the columns time_s,value, or file:FILE.wav",
+        "a WAV file is taken for AC-coupled",
+        "`evenlight measure light` finds its PWM",
+    ),
+    SIMULATED: Driver(
+        "simulated.light_sampler:SimulatedLightSampler",
+        "a simulated photodiode, looking at the simulated panel",
+        "simulated",
+        "10 kHz; PWM of 240 Hz",
+        needs_address=False,
+    ),
 }
 TRIGGERS = {
     "serial": Driver(
@@ -350,4 +476,4 @@ def own_simulation(clock: Callable[[], float]) -> Simulation:
 def _offer(driver: str, drivers: Collection[str]) -> str:
     """Return what was meant perhaps, and what there is."""
     hint = difflib.get_close_matches(driver, drivers, n=1)
-    return (f"did you mean {hint[0]!r}? " if hint else "") + f"There is {', '.join(drivers)}"
+    return (f"did you mean {hint[0]!r}? There" if hint else "there") + f" is {', '.join(drivers)}"

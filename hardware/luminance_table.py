@@ -19,7 +19,7 @@ from pathlib import Path
 from evenlight.data_schema.display import HIGHEST_LUMINANCE
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.sweep import LuminanceReading, ReadingStatus, SweepPhase
-from evenlight.data_schema.storage.tables import csv_rows
+from evenlight.data_schema.storage.tables import csv_rows, number_in
 
 COLUMNS = ("pixel_value", "luminance_cd_m2", "factor")
 UNDER_RANGE = "u"
@@ -98,8 +98,8 @@ def read_table(path: Path) -> list[TableRow]:
 def _number(cell: str, what: str, lowest: float, highest: float) -> float:
     """Return the number in a cell."""
     try:
-        number = float(cell)
-    except ValueError:
+        number = number_in(cell, what)
+    except InputError:
         number = math.nan
     if not lowest <= number <= highest:
         raise InputError(f"{what} must be a number from {lowest:g} to {highest:g}, got {cell!r}")

@@ -14,7 +14,8 @@ from typing import Annotated, Protocol
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS, TRIGGERS, Driver
+from evenlight.hardware.driver_table import LIGHT_SAMPLERS, TRIGGERS, Driver
+from evenlight.hardware.installed_drivers import InstrumentKind, known_drivers
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 measure = typer.Typer(invoke_without_command=True)
@@ -31,12 +32,16 @@ LIBRARIES = {
     "pyvisa": ("the power meter visa", INSTALL),
     "pyvisa_py": ("the power meter visa, unless a vendor's VISA is there", INSTALL),
 }
-PROGRAMS = {"spotread": ("the luminance meter spotread", "apt install argyll")}
+PROGRAMS = {
+    "arecord": ("the light sampler soundcard", "apt install alsa-utils"),
+    "spotread": ("the luminance meter spotread", "apt install argyll"),
+    "adb": ("the power meter adb", "apt install adb"),
+}
 
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Talk to the instruments: list, luminance, power, zero. Each has --help and --quiet."""
+    """Talk to the instruments: list, luminance, power, light, zero, saving, conform; all with --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -56,9 +61,9 @@ def luminance(
         str | None, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")
     ] = None,
     rig: Annotated[str | None, RIG] = None,
-    count: Annotated[int, typer.Option(help="How many readings.", min=1)] = 3,
+    count: Annotated[int, typer.Option(help="How many readings.", min=1, max=1_000_000)] = 3,
     interval_s: Annotated[
-        float, typer.Option("--interval-s", help="From the begin of one reading to the next.", min=0.0)
+        float, typer.Option("--interval-s", help="From one reading's begin to the next.", min=0.0, max=86400)
     ] = 0.0,
     out: Annotated[Path | None, OUT] = None,
     quiet: Annotated[bool, QUIET] = False,
@@ -77,8 +82,11 @@ def power(
         str | None, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")
     ] = None,
     rig: Annotated[str | None, RIG] = None,
-    seconds: Annotated[float, typer.Option(help="How long.", min=0.0)] = 10.0,
-    rate_hz: Annotated[float, typer.Option("--rate-hz", help="Samples each second.", min=0.0)] = 100.0,
+    seconds: Annotated[float, typer.Option(help="How long.", min=0.0, max=1e6)] = 10.0,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate-hz", help="Samples a second: 100, or what the driver is for.", min=0.0, max=1e6),
+    ] = None,
     out: Annotated[Path | None, OUT] = None,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
@@ -100,6 +108,30 @@ def zero(
     from evenlight.hardware.measuring import measure_zero
 
     typer.echo(measure_zero(instrument, None if yes else input, _show(quiet)))
+
+
+@measure.command()
+def conform(
+    instrument: Annotated[str, typer.Argument(help="DRIVER:ADDRESS, or simulated:DRIVER.")],
+    kind: Annotated[
+        str | None, typer.Option(help="luminance, power or backlight, where several have the name.")
+    ] = None,
+    quiet: Annotated[bool, QUIET] = False,
+) -> None:
+    """Try what every driver promises, faults included; ends with 1 if a promise is broken.
+
+    A backlight changes the screen's brightness meanwhile, and is left as it was found. Faults are tried on
+    the emulated instrument that the driver brings: simulated:DRIVER.
+    """
+    from evenlight.hardware.conformance.conform import conform as tried
+    from evenlight.hardware.conformance.conform import subject_named
+
+    subject = subject_named(instrument, kind)
+    kept, broken, untried = tried(subject, _show(quiet))
+    others = f", {untried} not tried" if untried else ""
+    typer.echo(f"{instrument}, a {subject.kind.value}: {kept} promises kept, {broken} broken{others}")
+    if broken:
+        raise typer.Exit(1)
 
 
 def _named(rig: str | None, key: str) -> str:
@@ -167,9 +199,10 @@ def list_lines(present: ConnectedDevices) -> list[str]:
     """Return all that is to be shown, line by line."""
     system = present.system
     return [
-        *_drivers("Luminance meters", LUMINANCE_METERS),
-        *_drivers("Power meters", POWER_METERS),
-        *_drivers("Backlights", BACKLIGHTS),
+        *_drivers("Luminance meters", known_drivers(InstrumentKind.LUMINANCE)),
+        *_drivers("Power meters", known_drivers(InstrumentKind.POWER)),
+        *_drivers("Backlights", known_drivers(InstrumentKind.BACKLIGHT)),
+        *_drivers("Samplers of light over time", LIGHT_SAMPLERS),
         *_drivers("Trigger outputs", TRIGGERS),
         *_found("Serial ports here", [_port_line(port) for port in present.ports]),
         *_found("Backlights here", [_backlight_line(path) for path in _folders(system / "class/backlight")]),
@@ -181,7 +214,8 @@ def list_lines(present: ConnectedDevices) -> list[str]:
 
 def driver_names() -> list[str]:
     """Return what drivers are called, in the order of the list, each once."""
-    return list(dict.fromkeys((*LUMINANCE_METERS, *POWER_METERS, *BACKLIGHTS)))
+    kinds = [known_drivers(kind) for kind in InstrumentKind]
+    return list(dict.fromkeys(name for drivers in (*kinds, LIGHT_SAMPLERS) for name in drivers))
 
 
 def missing_lines() -> Iterable[str]:
@@ -196,8 +230,8 @@ def missing_lines() -> Iterable[str]:
 
 def known_instruments(vendor: int | None, product: int | None) -> dict[str, Driver]:
     """Return the drivers of the instruments that have a USB id, by name."""
-    drivers = (*LUMINANCE_METERS.items(), *POWER_METERS.items())
-    return {name: driver for name, driver in drivers if (vendor, product) in driver.usb_ids}
+    drivers = known_drivers(InstrumentKind.LUMINANCE) | known_drivers(InstrumentKind.POWER)
+    return {name: driver for name, driver in drivers.items() if (vendor, product) in driver.usb_ids}
 
 
 def _drivers(title: str, drivers: Mapping[str, Driver]) -> Iterable[str]:
@@ -208,7 +242,8 @@ def _drivers(title: str, drivers: Mapping[str, Driver]) -> Iterable[str]:
             continue
         yield f"  {name:<10} {driver.instrument}"
         yield f"  {'':<10}   {driver.address}"
-        for words in (driver.settings, driver.note):
+        whose = f"of the package {driver.package}" if driver.package else ""
+        for words in (driver.settings, driver.note, whose):
             if words and words != "none":
                 yield f"  {'':<10}   {words}"
     yield ""

@@ -14,7 +14,8 @@ from typing import Any, cast
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
 from evenlight.data_schema.storage.append_log import AppendedRows
-from evenlight.hardware.driver_table import LUMINANCE_METERS, POWER_METERS, SIMULATED, named_driver
+from evenlight.hardware.driver_table import SIMULATED, Driver, NamedDriver, named_driver
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 from evenlight.hardware.power_average import PowerAverage, averaged, sampled
 from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, Reading, ZeroedMeter
 from evenlight.hardware.rig import (
@@ -30,7 +31,6 @@ SEED = 1  # of simulated noise
 SHOWN_EVERY = 1.0  # [s]
 SAVED_EVERY = 0.25  # [s] samples are brought to the disk
 ShowLine = Callable[[str], None]
-METERS = {name: driver for name, driver in (LUMINANCE_METERS | POWER_METERS).items() if driver.place}
 OFF = PanelPhysics(peak_luminance=0.0, black_level=0.0, base_power=0.0, power_per_luminance=0.0)
 
 
@@ -101,7 +101,7 @@ def measure_luminance(name: str, count: int, interval: float, out: Path | None, 
     return _closing([reading.value for reading in readings], name)
 
 
-def measure_power(name: str, seconds: float, rate: float, out: Path | None, show: ShowLine) -> str:
+def measure_power(name: str, seconds: float, rate: float | None, out: Path | None, show: ShowLine) -> str:
     """Average the power of a meter over some seconds, and return the closing line.
 
     Parameters
@@ -110,13 +110,15 @@ def measure_power(name: str, seconds: float, rate: float, out: Path | None, show
         The instrument.
     seconds : float
         How long [s].
-    rate : float
-        Samples each second [Hz].
+    rate : float or None
+        Samples each second [Hz]; None for those that the driver is for.
     out : Path or None
         A new table of `PowerSample`.
     show : callable
         Shows the mean so far, once a second.
     """
+    if rate is None:
+        rate = find_driver(name, InstrumentKind.POWER).driver.sample_rate
     if rate <= 0 or seconds * rate < 2:
         raise InputError(
             f"an average needs at least 2 samples; {seconds:g} s at {rate:g} Hz have {seconds * rate:g}: "
@@ -286,16 +288,27 @@ def measure_zero(name: str, ask: Callable[[str], str] | None, show: ShowLine) ->
 
 def _preparation(name: str) -> str:
     """Return what has to be done before the zero of an instrument is set; refuse one that has none."""
-    driver = named_driver(name, METERS, "luminance or power meter").driver.load()
+    driver = _named(name).driver.load()
     if not hasattr(driver, "zero"):
-        having = ", ".join(each for each in METERS if hasattr(METERS[each].load(), "zero"))
+        having = ", ".join(each for each, meter in _meters().items() if hasattr(meter.load(), "zero"))
         raise InputError(f"{name}: has no zero that is set by command; these have: {having}")
     return str(driver.before_zero)
+
+
+def _meters() -> dict[str, Driver]:
+    """Return the drivers of all meters by name."""
+    both = known_drivers(InstrumentKind.LUMINANCE) | known_drivers(InstrumentKind.POWER)
+    return {name: driver for name, driver in both.items() if driver.place}
+
+
+def _named(name: str) -> NamedDriver:
+    """Return what the name of a meter says."""
+    return named_driver(name, _meters(), "luminance or power meter")
 
 
 def _opened(name: str) -> LuminanceMeter | PowerMeter:
     """Return a meter, open; a simulated one looks at a panel that is off."""
     bench = bench_for(name, OFF)
-    if named_driver(name, METERS, "luminance or power meter").name in POWER_METERS:
+    if _named(name).name in known_drivers(InstrumentKind.POWER):
         return open_power_meter(name, bench.clock, bench.simulation)
     return open_luminance_meter(name, bench.clock, bench.simulation)

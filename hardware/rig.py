@@ -11,21 +11,22 @@ from typing import TYPE_CHECKING, Any
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import SLOWEST_DISPLAY, Rig
 from evenlight.hardware.driver_table import (
-    BACKLIGHTS,
     BOARD,
     IMPORTED,
-    LUMINANCE_METERS,
+    LIGHT_SAMPLERS,
     NO_BACKLIGHT,
-    POWER_METERS,
     SIMULATED,
     TRIGGERS,
     NamedDriver,
     named_driver,
     own_simulation,
 )
+from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import (
     Backlight,
     HeldKeys,
+    LightSampler,
     LuminanceMeter,
     Pointer,
     PowerMeter,
@@ -137,16 +138,28 @@ def open_luminance_meter(
             f"{name}: is a table of readings made elsewhere, and no meter: name it as the rig's "
             "luminance_meter, and `evenlight run luminance-sweep` imports it"
         )
-    named = named_driver(name, LUMINANCE_METERS, "luminance meter")
+    named = find_driver(name, InstrumentKind.LUMINANCE)
+    if named.driver.guarded():
+        return GuardedLuminanceMeter(named, lambda: luminance_meter_of(named, clock, simulation, ask))
+    return luminance_meter_of(named, clock, simulation, ask)
+
+
+def luminance_meter_of(
+    named: NamedDriver,
+    clock: Callable[[], float],
+    simulation: Simulation | None,
+    ask: Callable[[str], str] | None,
+) -> LuminanceMeter:
+    """Return the luminance meter of a driver."""
     if named.emulated:
         from evenlight.hardware.emulators.link import EmulatedLuminanceMeter
 
         return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     meter: LuminanceMeter
-    if name == SIMULATED:
+    if named.name == SIMULATED:
         meter = driver(simulation or own_simulation(clock))
-    elif name == "manual":
+    elif named.name == "manual":
         meter = driver(ask or input, clock)
     else:
         meter = driver(named.address, clock)
@@ -174,14 +187,23 @@ def open_power_meter(
     InstrumentError
         If the instrument is not there, or does not answer as it should.
     """
-    named = named_driver(name, POWER_METERS, "power meter")
+    named = find_driver(name, InstrumentKind.POWER)
+    if named.driver.guarded():
+        return GuardedPowerMeter(named, lambda: power_meter_of(named, clock, simulation))
+    return power_meter_of(named, clock, simulation)
+
+
+def power_meter_of(
+    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None
+) -> PowerMeter:
+    """Return the power meter of a driver."""
     if named.emulated:
         from evenlight.hardware.emulators.link import EmulatedPowerMeter
 
         return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     meter: PowerMeter
-    if name == SIMULATED:
+    if named.name == SIMULATED:
         meter = driver(simulation or own_simulation(clock))
     elif named.name == BOARD:
         from evenlight.hardware.drivers.board_link import board_at
@@ -232,6 +254,18 @@ def open_swept_backlight(
     As `open_backlight`, but for the curve: a known one is not used, and none is needed.
     """
     return _open_device(rig, clock, simulation, curve_known=True)
+
+
+def open_light_sampler(
+    name: str, clock: Callable[[], float], simulation: Simulation | None = None
+) -> LightSampler:
+    """Return a sampler of light, open; parameters and errors as of `open_power_meter`."""
+    named = named_driver(name, LIGHT_SAMPLERS, "sampler of light")
+    driver = named.driver.load()
+    sampler: LightSampler = (
+        driver(simulation or own_simulation(clock)) if name == SIMULATED else driver(named.address, clock)
+    )
+    return sampler
 
 
 @contextmanager
@@ -304,14 +338,23 @@ def _open_device(
     """Return the rig's backlight by its own factors."""
     if rig.backlight == NO_BACKLIGHT:
         return None
-    named = named_driver(rig.backlight, BACKLIGHTS, "backlight")
+    named = find_driver(rig.backlight, InstrumentKind.BACKLIGHT)
+    if named.driver.guarded():
+        return GuardedBacklight(named, lambda: backlight_of(named, clock, simulation, curve_known=True))
+    return backlight_of(named, clock, simulation, curve_known=curve_known)
+
+
+def backlight_of(
+    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
+) -> Backlight:
+    """Return the backlight of a driver, by its own factors."""
     if named.emulated:
         from evenlight.hardware.emulators.link import EmulatedBacklight
 
         return EmulatedBacklight(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     backlight: Backlight
-    if rig.backlight == SIMULATED:
+    if named.name == SIMULATED:
         backlight = driver(clock, follow=simulation.panel.set_backlight if simulation else None)
     elif named.name == BOARD:
         from evenlight.hardware.drivers.board_link import board_at
@@ -319,8 +362,10 @@ def _open_device(
         backlight = driver(board_at(named.address, clock), clock)
     elif named.name == "sysfs":
         backlight = driver(named.address, curve_known=curve_known)
-    else:
+    elif named.name == "ddc":
         backlight = driver(int(named.address))
+    else:
+        backlight = driver(named.address, clock)
     return backlight
 
 

@@ -112,7 +112,7 @@ def require_known(limit: RateLimit, accept_wide_band: bool = False) -> None:
         Whether any width will do, and none.
 
     >>> band = {"band_luminance": (1.0, 9.0), "band_lower": (0.5, 0.1), "band_upper": (1.0, 1.0)}
-    >>> limit = RateLimit("r", "d", "", RateLimitForm.RATE, (0.4,), (1.0, 9.0), **band)
+    >>> limit = RateLimit("r", "d", "", RateLimitForm.RATE, (0.7,), (1.0, 9.0), **band)
     >>> require_known(limit)
     Traceback (most recent call last):
         ...

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -15,6 +14,7 @@ from evenlight.stimuli.video.video_source import rate_from_number
 ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
 LEVELS = 1023
+LONGEST = 86400.0  # [s] a day
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,10 @@ class SequenceFormat:
         if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
             raise ValueError(f"need a size from 8x8 to 16384x16384 pixels, got {self.width}x{self.height}")
         rate_from_number(self.frames_per_second)
-        if not (math.isfinite(self.duration) and self.duration > 0 and self.n_frames >= 2):
+        if not (0 < self.duration <= LONGEST and self.n_frames >= 2):
             raise ValueError(
-                f"need two frames or more, got {self.duration:g} s at {self.frames_per_second:g} Hz"
+                f"need two frames or more, and at most {LONGEST:g} s, got {self.duration:g} s at "
+                f"{self.frames_per_second:g} Hz"
             )
 
     @property

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_files import require_plain_file
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
@@ -100,6 +101,7 @@ def require_letters(text: str, font: Path | None, quoted: str) -> None:
 
 def require_font(path: Path) -> None:
     """Refuse a file that is no font."""
+    require_plain_file(path, "a font")
     _letters(path)
 
 

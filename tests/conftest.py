@@ -183,6 +183,14 @@ def prompt_sockets() -> None:
 
 
 @pytest.fixture(scope="session")
+def short_ramps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A design for tests that are about what else a fit does: 5 levels, 120 ramps and 30 catch trials."""
+    path = tmp_path_factory.mktemp("short_ramps") / "short.design.toml"
+    path.write_text('screens = ["white"]\nrepetitions = 3\ncatch_share = 0.2\n')
+    return path
+
+
+@pytest.fixture(scope="session")
 def make_stimulus() -> Callable[..., None]:
     return write_stimulus
 

@@ -180,27 +180,30 @@ def _joint_limit(joint: JointFit, answers: Answers, options: RateLimitOptions) -
     # Between two levels no answer tells how the curve bends: the band is that of the line, which is said.
     of_line = slice(None, None, joint.band_luminance.size - 1) if _levels(own) == 2 else slice(None)
     at, lower, upper = (tuple(values[of_line].tolist()) for values in edges)
-    limit = RateLimit(
-        name=NAME,
-        display_name=answers.display.name,
-        display_fingerprint=answers.display.fingerprint,
-        form=joint.basis.form,
-        coefficients=tuple(joint.coefficients.tolist()),
-        luminance_range=joint.basis.luminance_range,
-        band_luminance=at,
-        band_lower=lower,
-        band_upper=upper,
-        band_level=options.band_level,
-        point_luminance=tuple(t.luminance for t in points),
-        point_rate=tuple(t.threshold for t in points),
-        condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
-        procedure=counted[0].procedure,
-        direction=joint.reference.direction,
-        ramp_duration=joint.reference.ramp_duration,
-        model=RateLimitModel.JOINT,
-        band_kind=BandKind.SIMULTANEOUS,
-        monotone=options.monotone,
-    )
+    try:
+        limit = RateLimit(
+            name=NAME,
+            display_name=answers.display.name,
+            display_fingerprint=answers.display.fingerprint,
+            form=joint.basis.form,
+            coefficients=tuple(joint.coefficients.tolist()),
+            luminance_range=joint.basis.luminance_range,
+            band_luminance=at,
+            band_lower=lower,
+            band_upper=upper,
+            band_level=options.band_level,
+            point_luminance=tuple(t.luminance for t in points),
+            point_rate=tuple(t.threshold for t in points),
+            condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
+            procedure=counted[0].procedure,
+            direction=joint.reference.direction,
+            ramp_duration=joint.reference.ramp_duration,
+            model=RateLimitModel.JOINT,
+            band_kind=BandKind.SIMULTANEOUS,
+            monotone=options.monotone,
+        )
+    except ValueError as error:
+        raise InputError(f"the answers give no usable rate limit: {error}") from error
     return RateLimitFit(
         limit=limit,
         residual_df=len(luminance) - len(limit.coefficients),

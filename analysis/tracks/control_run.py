@@ -39,6 +39,7 @@ from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summari
 from evenlight.method.optimizer.optimize import Problem
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
+from evenlight.stimuli.video.square_pixels import pixel_aspect
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,4 +260,6 @@ class ControlledVideo:
         header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=ONLINE)
         track = track_of(problem, asked, np.asarray(run.factors), header)
         answer = SolverAnswer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
-        return track, summarize(problem, asked, answer, track, RunRecord(seconds, self._curves_s, 0.0))
+        shape = float(pixel_aspect(work.source))
+        effort = RunRecord(seconds, self._curves_s, 0.0, pixel_aspect=shape)
+        return track, summarize(problem, asked, answer, track, effort)

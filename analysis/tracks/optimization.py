@@ -25,6 +25,7 @@ from evenlight.method.optimizer.optimize import Problem, clip_of, joined_curves,
 from evenlight.method.optimizer.optimize import optimize as optimize_problem
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.progress import shown_progress
+from evenlight.stimuli.video.square_pixels import pixel_aspect
 
 
 class FrameWeighting(enum.Enum):
@@ -118,7 +119,8 @@ def optimize_curves(
         solution = replace(solution, factors=calmed(problem, solution.factors, job.calm))
     solved = time.perf_counter()
     answer = SolverAnswer(lower_bound(problem, solution), solution.iterations, job.model_name, len(curves))
-    effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm)
+    shape = float(pixel_aspect(job.source))
+    effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)
     track = track_of(problem, job.request, solution.factors, track_header(job, whole, curves))
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
@@ -132,7 +134,8 @@ def optimize_curves(
         part, weighing = _on_its_own(clip_of(problem, own, first), factors)
         first += own.n_frames
         track = track_of(part, job.request, factors, track_header(replace(job, source=source), own, [own]))
-        alone = summarize(part, job.request, answer, track, effort)
+        own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
+        alone = summarize(part, job.request, answer, track, own_effort)
         clips.append(OptimizedClip(part, track, alone, weighing, held))
     return Optimization(summary, tuple(clips))
 

@@ -22,10 +22,11 @@ from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_
 from evenlight.data_schema.tracks.brightness_track import TrackHeader, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
-from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.loss_curves import SMALLEST_SIDE, analyze_frames, brightness_factors
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
 from evenlight.stimuli.video.frame_conversion import coarser
+from evenlight.stimuli.video.square_pixels import in_words, pixel_aspect
 from evenlight.stimuli.video.video_source import VideoSource
 
 TRACK = "track.csv"
@@ -92,6 +93,8 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
         If the curves of an earlier run are given, and are of another video, display or model.
     """
     source = job.source
+    if pixel_aspect(source) != 1:
+        _say(job, f"{source.name}: pixels of {in_words(pixel_aspect(source))}; resampled to square ones")
     with shown_progress(job.quiet) as progress:
         frames = counted(progress, source.frames(), f"analysing {source.name}", source.n_frames)
         shown, display = _with_field_of_view(frames, job)
@@ -158,18 +161,28 @@ def _with_field_of_view(frames: Iterator[Frame], job: OptimizationJob) -> tuple[
     density = distance * math.radians(1)
     if density <= display.pixels_per_degree * (1 + 1e-9):
         return frames, replace(display, pixels_per_degree=density)
-    narrower = math.floor(width * display.pixels_per_degree / density * (1 + 1e-9))
-    share = narrower / width
-    shape = max(round(height * share), 1), max(narrower, 1)
-    if not job.quiet:
-        Console(stderr=True).print(
-            f"{job.source.name}: {width} x {height} pixels are more than {display.name!r} shows in "
-            f"{job.field_of_view:g} degrees; averaged to {shape[1]} x {shape[0]}",
-            highlight=False,
-            markup=False,
-            soft_wrap=True,
+    narrower = (
+        math.floor(width * display.pixels_per_degree / density * (1 + 1e-9)) if density < math.inf else 0
+    )
+    if narrower < SMALLEST_SIDE:
+        raise InputError(
+            f"in {job.field_of_view:g} degrees {display.name!r} shows {narrower} pixels of the width of "
+            f"{job.source.name}, and at least {SMALLEST_SIDE} are needed; give a wider --field-of-view"
         )
+    share = narrower / width
+    shape = max(round(height * share), 1), narrower
+    _say(
+        job,
+        f"{job.source.name}: {width} x {height} pixels are more than {display.name!r} shows in "
+        f"{job.field_of_view:g} degrees; averaged to {shape[1]} x {shape[0]}",
+    )
     return coarser(frames, shape, display.gamma), replace(display, pixels_per_degree=density * share)
+
+
+def _say(job: OptimizationJob, words: str) -> None:
+    """Print what is done to a video, unless the job is quiet."""
+    if not job.quiet:
+        Console(stderr=True).print(words, highlight=False, markup=False, soft_wrap=True)
 
 
 def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:

@@ -274,7 +274,7 @@ def schema_problems(content: Any, name: str) -> list[tuple[Place, str]]:
         Name of the schema.
 
     >>> schema_problems({"peak_luminance_cd_m2": -1.0}, "display")[-1]
-    (('peak_luminance_cd_m2',), 'expected above 0 cd/m^2, got -1.0')
+    (('peak_luminance_cd_m2',), 'expected at least 1e-06 cd/m^2, got -1.0')
     """
     return _broken(_validator(name), content)
 

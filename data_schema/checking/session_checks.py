@@ -280,7 +280,8 @@ def _check_readings(path: Path, manifest: SweepManifest) -> CheckedFile:
             checked.blame(f"begun_s: {reading.begun:g} s is before the reading above had ended", line)
         before = reading.ended
         _compare_with_design(checked, line, reading.factor, manifest)
-    count, planned = len({reading.index for _, reading in checked.records}), manifest.n_readings
+    count = len({reading.index for _, reading in checked.records if reading.again_of is None})
+    planned = manifest.n_readings
     if count > planned or (manifest.status is SessionStatus.COMPLETE and count < planned):
         checked.blame(f"expected {planned} readings, as in {SWEEP_MANIFEST}, got {count}")
     elif manifest.status is not SessionStatus.COMPLETE:

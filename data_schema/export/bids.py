@@ -25,7 +25,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.storage.text_files import read_json, read_text
-from evenlight.data_schema.storage.whole_files import results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import is_partial, results_folder, write_whole
 
 IGNORED = ".bidsignore"
 README = "README"
@@ -89,7 +89,7 @@ def exported_files(dataset: Path, folder: Path) -> list[Path]:
             f"{dataset}: no table to export (sub-*/ses-*/{BEHAVIOUR_FOLDER}/*_beh.tsv); "
             "an interrupted session gets its table when it is resumed or complete"
         )
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.exists() and (not folder.is_dir() or any(not is_partial(path) for path in folder.iterdir())):
         raise InputError(f"{folder}: is there already; give a new folder")
     require_apart(folder, dataset)
     for path in files:

@@ -76,7 +76,7 @@ class SourceTable:
             return row.get(name, "").strip()
         try:
             value = json.loads(row.get(column, ""))
-        except ValueError:
+        except (ValueError, RecursionError):
             return ""
         for key in name.removeprefix(f"{column}.").split("."):
             value = value.get(key) if isinstance(value, dict) else None
@@ -126,9 +126,10 @@ def _csv_table(path: Path, text: str) -> SourceTable:
     skipped = first.strip().startswith("sep=")  # a line of Excel's, which names the delimiter
     if skipped:
         first, text = rest.partition("\n")[0], rest
-    delimiter = max(DELIMITERS, key=lambda mark: len(next(csv.reader([first], delimiter=mark), [])))
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    reader = csv.reader([first])
     try:
+        delimiter = max(DELIMITERS, key=lambda mark: len(next(csv.reader([first], delimiter=mark), [])))
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
         header = [name.strip() for name in next(reader, [])]
         twice = next((name for name in header if name and header.count(name) > 1), None)
         if twice is not None or not any(header):
@@ -181,7 +182,7 @@ def _is_json(line: str) -> bool:
     """Return whether a line is JSON by itself."""
     try:
         return isinstance(json.loads(line), dict | list)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
 
 

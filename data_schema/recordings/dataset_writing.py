@@ -11,8 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
-
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
@@ -33,6 +31,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 )
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.append_log import record_line
+from evenlight.data_schema.storage.locks import held_lock
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json, write_json_record
 from evenlight.data_schema.storage.whole_files import make_folder, results_folder, write_whole
 
@@ -68,11 +67,12 @@ def new_dataset(dataset: Path) -> Iterator[Path]:
     InputError
         If there is something at that place already: data are never overwritten.
     """
-    if dataset.exists() and (not dataset.is_dir() or any(dataset.iterdir())):
-        raise InputError(
-            f"{dataset}: is there already and data are never overwritten; give a new folder with --out"
-        )
-    with results_folder(dataset) as staging:
+    there = f"{dataset}: is there already and data are never overwritten; give a new folder with --out"
+    if dataset.exists() and not dataset.is_dir():
+        raise InputError(there)
+    with results_folder(dataset) as staging:  # which clears what a killed run left
+        if any(path != staging for path in dataset.iterdir()):
+            raise InputError(there)
         yield staging
 
 
@@ -124,7 +124,9 @@ def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> N
 def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterator[None]:
     """Hold a data set, which is made if there is none, for this program alone."""
     make_folder(dataset)
-    with FileLock(dataset / DATASET_LOCK, timeout=LONGEST_WAIT):
+    busy = f"{dataset}: another program has been writing it for {LONGEST_WAIT:g} s; try again when it ends"
+    lock = held_lock(dataset / DATASET_LOCK, busy, LONGEST_WAIT)
+    try:
         if not (dataset / DESCRIPTION).exists():
             if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
                 raise InputError(
@@ -133,6 +135,8 @@ def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterato
             write_description(dataset, "Evenlight sessions", simulated, provenance)
         _refuse_other_kind(dataset, simulated)
         yield
+    finally:
+        lock.release()
 
 
 def _refuse_likely_slip(name: str, listed: list[str], dataset: Path) -> None:

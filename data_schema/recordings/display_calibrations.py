@@ -159,7 +159,7 @@ def _counts(line: str) -> bool:
     """Return whether a line holds a trial that is neither practice nor flagged."""
     try:
         trial = json.loads(line)
-    except ValueError:  # torn, or empty
+    except (ValueError, RecursionError):  # torn, or empty
         return False
     flag = TrialFlag.NONE.value
     return isinstance(trial, dict) and not trial.get("practice") and trial.get("flag", flag) == flag

@@ -6,6 +6,7 @@ import enum
 import re
 from dataclasses import dataclass, field
 
+from evenlight.data_schema.display import COARSEST, FINEST
 from evenlight.data_schema.quantities import check_limits, described, quantity
 
 # What is printed on a key, in lower case, or its name as PsychoPy has it; a name that no key has would never
@@ -14,7 +15,9 @@ KEY = (
     "^([^\\s,.=-]|f[1-9]|f1[0-2]|num_([0-9]|enter|add|subtract)|space|escape|return|tab|backspace|delete|insert|"
     "home|end|pageup|pagedown|left|right|up|down|lshift|rshift|lctrl|rctrl|lalt|ralt|comma|period|minus|equal)$"
 )
-METER = "^(none|simulated|manual|[a-z0-9]+:.*)$"  # an instrument: its driver and address
+METER = "^(none|simulated|manual|[a-z][a-z0-9_-]*:.*)$"  # an instrument: its driver and address
+# Forms of addresses are known of these two; what others are is their drivers' affair.
+BACKLIGHT = "^(none|simulated|sysfs:[^/]+|ddc:[0-9]+|(?!none:|sysfs:|ddc:)[a-z][a-z0-9_-]*:.+)$"
 # What takes triggers: its driver and address; in words, and as a pattern.
 TRIGGER_FORMS = (
     "simulated, serial:PORT, serial:PORT?baud=57600, rts:PORT, dtr:PORT, rts:PORT?pulse_ms=10 (1 or more), "
@@ -24,6 +27,7 @@ TRIGGER = (
     r"^(simulated|serial:[^?]+(\?baud=[1-9][0-9]*)?|lsl:.+|"
     r"(rts|dtr):[^?]+(\?pulse_ms=[1-9][0-9]*(\.[0-9]+)?)?)$"
 )
+LARGEST_WINDOW = 32768  # [pixels] the largest picture that graphics processors draw
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
 
@@ -134,7 +138,7 @@ class Rig:
 
     name: str = described("name of the rig")
     display: str = described("its calibrated display: a preset, or a toml file (relative to the rig's own)")
-    viewing_distance: float = quantity("m", "distance from eye to display", above=0.0, maximum=100.0)
+    viewing_distance: float = quantity("m", "distance from eye to display", minimum=0.01, maximum=100.0)
     refresh_rate: float = quantity(
         "Hz", "refresh rate of the display", minimum=SLOWEST_DISPLAY, maximum=1000.0
     )
@@ -144,6 +148,7 @@ class Rig:
         "pixels",
         "width and height of a window that does not fill the screen",
         minimum=64,
+        maximum=LARGEST_WINDOW,
         default=(1280, 720),
     )
     bits: int = quantity(
@@ -153,9 +158,9 @@ class Rig:
     actuator: Actuator = described("what makes the brightness", default=Actuator.PIXELS)
     backlight: str = described(
         "none, simulated, sysfs:NAME for /sys/class/backlight/NAME, ddc:NUMBER for a monitor "
-        "over DDC/CI, or board:PORT",
+        "over DDC/CI, board:PORT, or DRIVER:ADDRESS as for the luminance meter",
         default="none",
-        pattern="^(none|simulated|simulated:(ddc|board)|sysfs:[^/]+|ddc:[0-9]+|board:.+)$",
+        pattern=BACKLIGHT,
     )
     backlight_curve: str = described(
         "its measured luminance over the factor it is set to, a table of a luminance sweep "
@@ -181,7 +186,8 @@ class Rig:
     pixels_per_degree: float | None = quantity(
         "1/deg",
         "pixels per degree of a display that has no file yet; else its file has them",
-        above=0.0,
+        minimum=COARSEST,
+        maximum=FINEST,
         default=None,
     )
     language: str = described("language of the pages shown, e.g. en", default="en", pattern="^[A-Za-z0-9-]+$")

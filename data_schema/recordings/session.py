@@ -151,6 +151,7 @@ class EventKind(enum.Enum):
     TRIAL_INTERRUPTED = "trial_interrupted"  # shown, not answered: it is shown again
     TRIAL_FLAGGED = "trial_flagged"  # answered, left out of the analysis
     CHANGED = "changed"  # apparatus, software or pages are others than the manifest says
+    READING_DOUBTED = "reading_doubted"  # contradicted those before it, and was repeated at once
     READING_FAILED = "reading_failed"  # of an instrument; tried again, or the reason for the stop
     OLD_CALIBRATION = "old_calibration"  # used because the operator asked for it
     RECALIBRATED = "recalibrated"  # the display has another calibration than in the last sessions

@@ -174,10 +174,27 @@ class LuminanceReading:
     )
     attempts: int = quantity("1", "tries that it took", minimum=1, default=1)
     utc: str = described("when it ended, UTC (ISO 8601); empty without a clock", default="")
+    again_of: int | None = quantity(
+        "1",
+        "index of the reading that it repeats at once, because that contradicted those before it; null of a "
+        "reading that the design asks for",
+        minimum=0,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
         _check_reading(self.luminance, self.status, self.begun, self.ended)
+
+    @property
+    def level(self) -> tuple[str, float]:
+        """Which kind of level it is of, and the level."""
+        return ("pixel value", self.pixel_value) if self.factor is None else ("factor", self.factor)
+
+    @property
+    def measured(self) -> dict[str, float | None]:
+        """What was read, by its unit; None if too dark for the meter."""
+        return {"cd/m^2": self.luminance}
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,10 +228,22 @@ class PowerReading:
     ended: float = as_in(LuminanceReading, "ended")
     attempts: int = as_in(LuminanceReading, "attempts")
     utc: str = as_in(LuminanceReading, "utc")
+    again_of: int | None = as_in(LuminanceReading, "again_of")
 
     def __post_init__(self) -> None:
         check_limits(self)
         _check_reading(self.luminance, self.luminance_status, self.begun, self.ended)
+
+    @property
+    def level(self) -> tuple[str, float]:
+        """Which kind of level it is of, and the level."""
+        return "factor", self.factor
+
+    @property
+    def measured(self) -> dict[str, float | None]:
+        """What was read, by its unit; a luminance of None if too dark for the meter."""
+        light = {} if self.luminance_status is None else {"cd/m^2": self.luminance}
+        return {"W": self.power, **light}
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
+from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE, LOWEST_GAMMA
 from evenlight.data_schema.power_model import LARGEST
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
@@ -20,6 +20,7 @@ class SweepFlag(enum.Enum):
     DRIFTED = "drifted"  # the readings at the end differ from those of the sweep
     UNSTEADY = "unsteady"  # the warm-up ended before the display was steady
     WARM_UP_UNKNOWN = "warm_up_unknown"  # too few readings of the warm-up to tell
+    SUSPECT_READINGS = "suspect_readings"  # readings contradict others of their level, or its neighbours
     REPEATS_APART = "repeats_apart"  # readings of one level lie far from each other
     BLACK_UNDER_RANGE = "black_under_range"  # black was too dark for the meter
     BLACK_NEGATIVE = "black_negative"  # black reads darker than the reflected light alone
@@ -101,6 +102,27 @@ class PowerLevel:
 
 
 @dataclass(frozen=True, slots=True)
+class SuspectReading:
+    """A reading of a sweep that cannot be right together with the others."""
+
+    index: int = quantity("1", "its index among the readings", minimum=0)
+    row: str = described("where it stands: the line of the readings, or of the table they were imported from")
+    level: str = described("what was shown, in words")
+    value: float | None = quantity("1", "what was read [cd/m^2, or W]; null if too dark for the meter")
+    unit: str = described("cd/m^2, or W")
+    others: float | None = quantity(
+        "1", "median of the readings of its level that count, in the same unit; null if none does"
+    )
+    left_out: bool = described(
+        "whether it was left out of the fit; false of readings that agree with each other, of a level that "
+        "is out of order with its neighbours"
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
 class DisplayFit:
     """The display model fitted to a luminance sweep (Eq. 1), and how far it can be trusted.
 
@@ -111,7 +133,7 @@ class DisplayFit:
     session_id: str = described("session of the sweep", pattern="^[0-9A-Za-z]+$")
     simulated: bool = described("true if any instrument, or the display, was simulated")
     gamma: float = quantity(
-        "1", "fitted γ, exponent from pixel value to luminance", above=0.0, maximum=HIGHEST_GAMMA
+        "1", "fitted γ, exponent from pixel value to luminance", minimum=LOWEST_GAMMA, maximum=HIGHEST_GAMMA
     )
     gamma_interval: tuple[float, float] = quantity("1", "95 % confidence interval of gamma")
     peak_luminance: float = quantity(
@@ -152,7 +174,7 @@ class DisplayFit:
     largest_deviation_pixel_value: float = quantity(
         "1", "pixel value of that level", minimum=0.0, maximum=1.0
     )
-    is_gamma: bool = described("whether the gamma curve describes the display")
+    is_gamma: bool = described("whether the gamma curve describes the readings that count")
     drift: float | None = quantity(
         "1", "luminance at the end over that in the sweep, less 1; null if nothing was repeated"
     )
@@ -173,6 +195,7 @@ class DisplayFit:
     )
     flags: tuple[SweepFlag, ...] = described("what to look at")
     provenance: Provenance = described("how the file was made")
+    suspects: tuple[SuspectReading, ...] = described("readings that contradict the others", default=())
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -248,6 +271,7 @@ class PowerFit:
     warm_up_interval: tuple[float, float] | None = as_in(DisplayFit, "warm_up_interval")
     flags: tuple[SweepFlag, ...] = as_in(DisplayFit, "flags")
     provenance: Provenance = described("how the file was made")
+    suspects: tuple[SuspectReading, ...] = as_in(DisplayFit, "suspects")
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -11,6 +11,7 @@ from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.tables import columns_of, csv_text
 
 
@@ -67,7 +68,8 @@ def mend_last_line(path: Path) -> str | None:
     if not path.exists():
         return None
     try:
-        content = path.read_bytes()
+        with open_input(path, "a log") as log:
+            content = log.read()
         if not content or content.endswith(b"\n"):
             return None
         start = content.rfind(b"\n") + 1
@@ -90,7 +92,7 @@ def _is_json(text: bytes) -> bool:
     """Return whether some bytes are one whole JSON object."""
     try:
         return isinstance(json.loads(text), dict)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
 
 

@@ -26,6 +26,8 @@ from evenlight.data_schema.storage.text_files import read_text
 from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_WHOLE_NUMBER = re.compile("[+-]?[0-9]{1,19}")
 MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS
 
 
@@ -149,12 +151,9 @@ def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, A
 
 
 def number_in(text: str, where: str) -> float:
-    """Return the number in a cell of a table."""
-    try:
-        if re.search("[0-9]", text) and "_" not in text:  # "nan", "inf" and "1_0" are numbers to Python only
-            return float(text)
-    except ValueError:
-        pass
+    """Return the number in a cell of a table: in digits, without "nan", "1_0" or others that Python takes."""
+    if _NUMBER.fullmatch(text.strip(" ")):
+        return float(text)
     raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 
@@ -166,10 +165,12 @@ def plain_cell(kind: Any, text: str, where: str) -> Any:
         kind = next(k for k in typing.get_args(kind) if k is not type(None))
     if kind is float:
         return number_in(text, where)
-    try:
-        if kind is bool:
-            return {"True": True, "False": False, "true": True, "false": False}[text]
-        return int(text) if kind is int else text
-    except (ValueError, KeyError):
-        names = {int: "a whole number", bool: "true or false"}
-        raise InputError(f"{where}: expected {names[kind]}, got {shown(text)}") from None
+    truths = {"True": True, "False": False, "true": True, "false": False}
+    if kind is bool and text in truths:
+        return truths[text]
+    if kind is int and _WHOLE_NUMBER.fullmatch(text.strip(" ")):
+        return int(text)
+    if kind in (bool, int):
+        expected = "a whole number" if kind is int else "true or false"
+        raise InputError(f"{where}: expected {expected}, got {shown(text)}")
+    return text

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
+DEEPEST = 50  # levels of lists and tables in each other; records have five
 Place = tuple[str | int, ...]  # keys and list indices, from the outermost in
 _JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 _TOML_TABLE = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
@@ -25,15 +28,14 @@ def read_text(path: Path, what: str) -> str:
     A byte order mark, as editors of other systems leave it, is taken off.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; expected {what}") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a folder; expected {what}") from None
+        with io.TextIOWrapper(open_input(path, what), encoding="utf-8-sig") as stream:
+            return stream.read()
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not text; expected {what}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {what}") from error
+    except MemoryError:
+        raise InputError(f"{path}: does not fit into the memory; expected {what}") from None
 
 
 def read_json(path: Path, what: str) -> Any:
@@ -53,7 +55,7 @@ def parse_json(text: str, where: str, what: str) -> Any:
         If the text is not JSON; it says in which line.
     """
     try:
-        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
+        return _not_too_deep(json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique))
     except json.JSONDecodeError as error:
         raise InputError(
             f"{where}: not valid JSON{_at(error.lineno, text)} ({error.msg}); expected {what}"
@@ -67,6 +69,17 @@ def parse_json(text: str, where: str, what: str) -> Any:
         raise InputError(f"{where}: not usable JSON (nested too deep); expected {what}") from None
     except ValueError as error:
         raise InputError(f"{where}: not valid JSON ({error}); expected {what}") from None
+
+
+def _not_too_deep(content: Any) -> Any:
+    """Return a content, or raise `RecursionError` before whatever walks through it would."""
+    level = [content] if isinstance(content, dict | list) else []
+    for _ in range(DEEPEST):
+        if not level:
+            return content
+        inner = (each for one in level for each in (one.values() if isinstance(one, dict) else one))
+        level = [each for each in inner if isinstance(each, dict | list)]
+    raise RecursionError
 
 
 class _NotANumberError(ValueError):
@@ -92,6 +105,40 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
+def read_json_lines(path: Path, what: str) -> tuple[list[tuple[int, Any]], int | None]:
+    """Return the number and the content of each line that holds anything; last, the line that is torn.
+
+    An interruption tears the last line only; None if it is whole.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or another line is not JSON.
+    """
+    contents: list[tuple[int, Any]] = []
+    numbered = enumerate(read_text(path, what).split("\n"), start=1)
+    lines = [(number, line) for number, line in numbered if line.strip()]
+    for number, line in lines:
+        try:
+            contents.append((number, parse_json(line, f"{path}, line {number}", what)))
+        except InputError:
+            if number == lines[-1][0] and _is_torn(line):
+                return contents, number
+            raise
+    return contents, None
+
+
+def _is_torn(line: str) -> bool:
+    """Return whether a line is no JSON at all: one that is, and cannot be used, was not torn."""
+    try:
+        json.loads(line)
+    except json.JSONDecodeError:
+        return True
+    except (ValueError, RecursionError):
+        return False
+    return False
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file, whole, with numbers in full precision; NaN is refused, as JSON has none."""
     write_whole(path, json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
@@ -111,11 +158,14 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the content of a TOML file."""
     text = read_text(path, what)
     try:
-        return tomllib.loads(text)
+        content = _not_too_deep(tomllib.loads(text))
     except RecursionError:
         raise InputError(f"{path}: not usable TOML (nested too deep); expected {what}") from None
     except ValueError as error:  # a number of thousands of digits is one, and no TOMLDecodeError
         raise InputError(f"{path}: not valid TOML: {error}; expected {what}") from None
+    if not text.strip():
+        raise InputError(f"{path}: is empty; expected {what}")
+    return cast("dict[str, Any]", content)
 
 
 def read_toml_record(cls: type[Record], path: Path) -> Record:

@@ -6,7 +6,9 @@ A folder that a later run may replace as a whole is known by a seal: its SHA-256
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +19,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 
 SEAL = ".sha256"
+_PARTIAL = re.compile(r"\.partial-[a-z0-9_]{8}")  # as `tempfile` makes them
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
@@ -64,10 +67,34 @@ def make_folder(folder: Path) -> None:
 
 
 @contextmanager
+def recording_folder(folder: Path, begun: str) -> Iterator[None]:
+    """Make a new or empty folder for what is recorded, and take it away if the block fails before it begins.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    begun : str
+        Name of the file in it that is there as soon as something was recorded.
+    """
+    created = _topmost_missing(folder)
+    make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        if not (folder / begun).exists():
+            for path in folder.iterdir():
+                _remove_file(path)
+            _remove_empty(folder, created)
+        raise
+
+
+@contextmanager
 def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Path]:
     """Yield an empty folder for results; when the block ends well, its files are moved into `folder`.
 
-    If the block fails or is interrupted, nothing of it remains and `folder` is as it was.
+    If the block fails or is interrupted, nothing of it remains and `folder` is as it was. What a run that
+    was killed left there goes when the next one begins.
 
     Parameters
     ----------
@@ -85,7 +112,7 @@ def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Pa
     try:
         created = _topmost_missing(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=folder, prefix=".partial-"))
+        staging, held = _staging_in(folder)
     except OSError as error:
         _remove_empty(folder, created)
         raise InputError(
@@ -94,11 +121,60 @@ def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Pa
     try:
         yield staging
         _move_into(staging, folder, replacing)
-    except BaseException:
+        created = None
+    finally:
         shutil.rmtree(staging, ignore_errors=True)
+        if held is not None:
+            os.close(held)
         _remove_empty(folder, created)
+
+
+def _staging_in(folder: Path) -> tuple[Path, int | None]:
+    """Make a folder for results to come, and clear those that killed runs left beside it.
+
+    Returns it with the handle that holds its lock, which the system lets go however the run ends. It gets
+    its name when it is held: whatever has such a name and is not held is dead.
+    """
+    for left in folder.glob(".partial-*"):
+        # Earlier results lie in it if the run was killed while it put its own in their place: they stay.
+        if is_partial(left) and not any(left.glob(".replaced-*/*")):
+            with suppress(OSError):
+                dead = _held(left)
+                if dead is not None:
+                    shutil.rmtree(left, ignore_errors=True)
+                    os.close(dead)
+    fresh = Path(tempfile.mkdtemp(dir=folder, prefix=".begun-"))
+    held = None
+    with suppress(OSError):  # a file system without locks: what is left there stays
+        held = _held(fresh)
+    staging = fresh.with_name(fresh.name.replace(".begun-", ".partial-"))
+    return fresh.rename(staging), held
+
+
+def is_partial(path: Path) -> bool:
+    """Return whether something is a folder for results that were still to come when their run was killed."""
+    return bool(_PARTIAL.fullmatch(path.name)) and path.is_dir() and not path.is_symlink()
+
+
+def _held(folder: Path) -> int | None:
+    """Return a handle of a folder that no other program holds; None where the system has no such locks.
+
+    Raises
+    ------
+    OSError
+        If another program holds it.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
         raise
-    shutil.rmtree(staging, ignore_errors=True)
+    return handle
 
 
 def _move_into(staging: Path, folder: Path, replacing: Collection[str]) -> None:

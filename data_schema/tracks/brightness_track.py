@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from evenlight.data_schema.display import COARSEST, FINEST, HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
@@ -33,6 +34,7 @@ from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in
 from evenlight.data_schema.storage.text_files import read_json_record, write_json
 from evenlight.data_schema.storage.whole_files import write_whole
 
+LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit numbers
 PROCEDURE = "what the participants of the rate limit were asked"
 WIDE_BAND = "true if the rate limit's band is too wide for use or missing, and was accepted all the same"
 LARGEST_WEIGHT = (
@@ -66,7 +68,8 @@ class TrackHeader:
         "1/deg",
         "pixels of the analysed video per degree of visual angle, in its middle: how large it is to be seen; "
         "null if not known",
-        above=0.0,
+        minimum=COARSEST,
+        maximum=FINEST,
         default=None,
     )
     wide_band_accepted: bool = described(WIDE_BAND, default=False)
@@ -85,7 +88,11 @@ class BrightnessTrack:
         "1", "contrast loss 𝓛_c of the dimmed frame", minimum=0.0, maximum=1.0, shape=("N",)
     )
     mean_luminance: Array = quantity(
-        "cd/m^2", "mean luminance of the dimmed frame, reflected light included", minimum=0.0, shape=("N",)
+        "cd/m^2",
+        "mean luminance of the dimmed frame, reflected light included",
+        minimum=0.0,
+        maximum=2 * HIGHEST_LUMINANCE,
+        shape=("N",),
     )
     rate: Array = quantity(
         "cd/m^2/s",
@@ -150,9 +157,38 @@ def read_track(path: Path) -> BrightnessTrack:
         raise InputError(f"{path}: expected a row for each frame, got none; the table is empty or torn")
     columns = read_only(table).T[1:]  # the number of the frame is its place
     try:
-        return BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
+        track = BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
+    against = (track.factors[1:] - track.factors[:-1]) * track.rate[:-1] < 0
+    if against.any():
+        k = int(against.argmax())
+        raise InputError(
+            f"{path}: rate_cd_m2_s of frame {k} contradicts the factors: from {track.factors[k]:g} to "
+            f"{track.factors[k + 1]:g} luminance cannot change by {track.rate[k]:g} cd/m^2/s"
+        )
+    return track
+
+
+def require_light_of(track: BrightnessTrack, display: Display, path: Path) -> None:
+    """Raise `InputError` if a frame of a track is brighter than white is at its factor.
+
+    Parameters
+    ----------
+    track, path : BrightnessTrack, Path
+        The track, and its file for the message.
+    display : Display
+        The one that it was made for.
+    """
+    white = track.factors * display.peak_luminance + display.reflected_luminance
+    wrong = track.mean_luminance > white * (1 + LUMINANCE_SLACK)
+    if wrong.any():
+        k = int(wrong.argmax())
+        raise InputError(
+            f"{path}: frame {k}: mean_luminance_cd_m2 of {track.mean_luminance[k]:g} contradicts the factor "
+            f"{track.factors[k]:g}, at which white on {display.name!r} has {white[k]:.4g} cd/m^2; make the "
+            "track again"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +279,13 @@ class OptimizationSummary:
         default=None,
     )
     wide_band_accepted: bool = described(WIDE_BAND, default=False)
+    pixel_aspect: float = quantity(
+        "1",
+        "width of a pixel of the video's file over its height; if not 1, the frames were resampled to square "
+        "pixels. One for several clips is that of the first",
+        above=0.0,
+        default=1.0,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import tokenize
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from evenlight.data_schema.display import Display
+from evenlight.data_schema.display import HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
 from evenlight.data_schema.provenance import Provenance
@@ -25,9 +26,19 @@ from evenlight.data_schema.quantities import (
     read_only,
     rises,
 )
+from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.data_schema.tracks.brightness_track import LUMINANCE_SLACK
 
 OPTIONAL_ARRAYS = {"counted"}  # missing in files of earlier versions: every frame was counted whole
+LONGEST = 1e7  # [s] of a video: four months; sums of what is longer lose single frames
+FAINTEST = 1e-9  # share of white: of a frame as dark as that nothing is visible
+LARGEST_RISE = 0.01  # of loss with the factor; computed curves never rise, those by definition by rounding
+# What numpy raises for files that are no arrays, or damaged ones; a header may promise more than the memory.
+UNREADABLE = (
+    OSError, EOFError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError,
+    tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 COMPUTED_ON = "what computed them: cpu, or gpu and its name"
 TOLERANCE = "largest error of contrast loss that was accepted for not counting all of every frame"
 
@@ -52,8 +63,8 @@ class LossCurves:
 
     video: str = as_in(CurvesHeader, "video")
     display: Display = described("display that it is shown on; pixels_per_degree as used in the analysis")
-    times: Array = quantity("s", "when each frame appears", shape=("N",))
-    durations: Array = quantity("s", "how long each frame is shown", above=0.0, shape=("N",))
+    times: Array = quantity("s", "when each frame appears", minimum=-LONGEST, maximum=LONGEST, shape=("N",))
+    durations: Array = quantity("s", "how long each frame is shown", above=0.0, maximum=LONGEST, shape=("N",))
     factors: Array = quantity(
         "1", "brightness factors b of the knots, rising to 1", above=0.0, maximum=1.0, shape=("K",)
     )
@@ -75,6 +86,7 @@ class LossCurves:
         "cd/m^2",
         "Ī, mean luminance that the display emits at factor 1, reflected light excluded",
         minimum=0.0,
+        maximum=HIGHEST_LUMINANCE,
         shape=("N",),
     )
     channel_means: Array = quantity(
@@ -123,6 +135,30 @@ class LossCurves:
 ARRAY_SHAPES = array_shapes(LossCurves)  # N frames, K brightness factors
 
 
+def require_possible_curves(curves: LossCurves) -> None:
+    """Raise `InputError` if losses are none, or luminances are such as the curves' display cannot make.
+
+    Loss falls with the factor, to 0 at full brightness; a frame in which nothing is visible loses nothing.
+    """
+    import numpy as np
+
+    loss, seen = curves.loss, curves.visible_contrast > 0
+    rise = (loss - np.minimum.accumulate(loss, axis=1)).max(axis=1)
+    display, mean = curves.display, curves.mean_luminance
+    light = f"what {display.name!r} emits, {display.black_level:g} to {display.peak_luminance:g} cd/m^2"
+    low = np.maximum(display.black_level, np.where(seen, FAINTEST * display.peak_luminance, 0.0))
+    for name, wrong, got, right in (
+        ("loss", loss[:, -1] > LARGEST_RISE, loss[:, -1], "0 at factor 1, where nothing is lost"),
+        ("loss", rise > LARGEST_RISE, rise, "no rise with the factor, and this is one"),
+        ("loss", ~seen & loss.any(axis=1), loss.max(axis=1), "0 where nothing is visible"),
+        ("mean_luminance", mean < low * (1 - LUMINANCE_SLACK), mean, light),
+        ("mean_luminance", mean > display.peak_luminance * (1 + LUMINANCE_SLACK), mean, light),
+    ):
+        if wrong.any():
+            k = int(wrong.argmax())
+            raise InputError(f"{name} of frame {k}: expected {right}, got {got[k]:.4g}; compute them again")
+
+
 def write_loss_curves(path: Path, curves: LossCurves) -> None:
     """Write loss curves as a compressed npz file, whole."""
     import numpy as np
@@ -141,31 +177,30 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
 def read_loss_curves(path: Path) -> LossCurves:
     """Return the loss curves of an npz file; raise `InputError` if it holds none."""
     what = "loss curves (npz)"
+    stream = open_input(path, what)
     try:
-        header, arrays = _npz_content(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; expected {what}") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a folder; expected {what}") from None
+        header, arrays = _npz_content(stream)
     except KeyError as error:
         raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
-    except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+    except UNREADABLE as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
     made_for = record_from_mapping(CurvesHeader, header, f"{path}: header")
     try:
-        return LossCurves(
+        curves = LossCurves(
             made_for.video, made_for.display, **arrays,
             provenance=made_for.provenance, tolerance=made_for.tolerance, computed_on=made_for.computed_on,
         )  # fmt: skip
+        require_possible_curves(curves)
     except (ValueError, TypeError) as error:
         raise InputError(f"{path}: {error}") from error
+    return curves
 
 
-def _npz_content(path: Path) -> tuple[Any, dict[str, Any]]:
+def _npz_content(file: BinaryIO) -> tuple[Any, dict[str, Any]]:
     """Return the header and the arrays of an npz file of loss curves."""
     import numpy as np
 
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+    with file, np.load(file, allow_pickle=False) as content:
         held = {name for name in ARRAY_SHAPES if name in content or name not in OPTIONAL_ARRAYS}
         return json.loads(str(content["header"])), {name: content[name] for name in held}

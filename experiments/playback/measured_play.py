@@ -39,7 +39,7 @@ from evenlight.data_schema.recordings.instrument_logs import (
 from evenlight.data_schema.recordings.rig import Corner, PhotodiodePatch, Rig
 from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.storage.whole_files import make_folder
+from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
 from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions, interrupted
 from evenlight.experiments.playback.play_video import video_request
@@ -118,7 +118,7 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
             typer.echo(f"measuring {words}, {turn} of {len(order)}")
 
     try:
-        with ExitStack() as stack:
+        with recording_folder(folder, POWER_LOG), ExitStack() as stack:
             settings = None
             if rig.backlight != "none":
                 settings = stack.enter_context(AppendedRows(folder / BACKLIGHT_SETTINGS, BacklightSetting))
@@ -160,7 +160,7 @@ def _has_sync(power_meter: str) -> bool:
 
 
 def require_output(folder: Path | None) -> Path:
-    """Return the folder of a measurement, made; refuse one with other things in it."""
+    """Return the folder of a measurement; refuse one with other things in it."""
     if folder is None:
         raise InputError("--measure-power needs --out: a new folder for samples, table, figure and report")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -168,7 +168,6 @@ def require_output(folder: Path | None) -> Path:
             f"{folder}: holds something already, and measurements are never overwritten; give a new folder "
             "with --out"
         )
-    make_folder(folder)
     return folder
 
 

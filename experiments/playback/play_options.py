@@ -107,7 +107,7 @@ class PowerOptions:
         int | None, _power(help="How often each version is played for its power; else 3.", min=1)
     ] = None
     sample_rate_hz: Annotated[
-        float | None, _power(help="Samples of the power meter per second; else up to 1000.", min=0.1)
+        float | None, _power(help="Samples of the power meter per second; else up to 1000.", min=0.1, max=1e6)
     ] = None
     sync_patch: Annotated[
         bool,

@@ -12,7 +12,7 @@ import typer
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_light_of
 from evenlight.experiments.calibration_age import require_young
 from evenlight.experiments.playback.clip_feeds import (
     LoadedTrack,
@@ -20,6 +20,7 @@ from evenlight.experiments.playback.clip_feeds import (
     load_track,
     require_display,
     require_fit,
+    track_file,
 )
 from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
 from evenlight.experiments.playback.player import (
@@ -121,6 +122,7 @@ def video_request(screen: ScreenOptions) -> VideoRequest:
     rig, display = rig_of(screen.rig, screen.display, loaded.track.header.display_name, pixels)
     if not screen.other_display_ok:
         require_display(loaded.track, display)
+        require_light_of(loaded.track, display, track_file(screen.track))
     if screen.rig is not None and not screen.simulate:
         require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
     return VideoRequest(video, loaded, rig, display, screen.screenshots)

@@ -220,9 +220,11 @@ def caption(text: str, size: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def require_log_file(path: Path) -> None:
-    """Refuse a log that is neither csv nor jsonl."""
+    """Refuse a log that is neither csv nor jsonl, or is there already."""
     if path.suffix not in LOG_SUFFIXES:
         raise InputError(f"--log {path}: give a file that ends in .csv or .jsonl")
+    if path.is_file():
+        raise InputError(f"--log {path}: is there already; give another name")
 
 
 def write_log(path: Path, passes: Sequence[Pass], refresh_rate: float) -> None:

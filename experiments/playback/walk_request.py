@@ -162,6 +162,8 @@ class WalkRequest:
             raise InputError("--walk ends with escape, which no one presses with --simulate: give --seconds")
         if self.record is not None and self.record.suffix != ".json":
             raise InputError(f"--record {self.record}: give a file that ends in .json")
+        if self.record is not None and self.record.is_file():
+            raise InputError(f"--record {self.record}: is there already; give another name")
         if self.record is not None and not self.record.absolute().parent.is_dir():
             raise InputError(
                 f"--record {self.record}: there is no folder {self.record.parent}; make it first"

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
@@ -34,6 +34,7 @@ from evenlight.data_schema.recordings.session import (
     SessionStatus,
 )
 from evenlight.data_schema.storage.append_log import AppendLog, mend_last_line, sync_folder
+from evenlight.data_schema.storage.locks import held_lock
 from evenlight.data_schema.storage.text_files import (
     parse_json,
     read_json_record,
@@ -154,14 +155,12 @@ def held_folder(folder: Path) -> Iterator[FileLock]:
         folder.mkdir(parents=True, exist_ok=True)
         for parent in (folder.parent, folder.parent.parent):
             sync_folder(parent)
-        lock = FileLock(folder / LOCK)
-        lock.acquire(timeout=0)
-    except Timeout:
-        raise InputError(f"{folder}: another program is writing this session; wait until it ends") from None
     except OSError as error:
         raise InputError(
             f"cannot write to the folder {folder}: {error.strerror or error}; choose another with --out"
         ) from error
+    busy = f"{folder}: another program is writing this session; wait until it ends"
+    lock = held_lock(folder / LOCK, busy)
     try:
         yield lock
     except BaseException:

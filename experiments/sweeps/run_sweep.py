@@ -28,6 +28,8 @@ from evenlight.data_schema.recordings.sweep import (
 )
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.sweeps.doubtful_reading import doubt_of_last
+from evenlight.experiments.sweeps.same_instruments import KINDS, known_again, without_addresses
 from evenlight.experiments.sweeps.sweep_devices import (
     SweepDevices,
     SweepLevel,
@@ -129,16 +131,15 @@ def run_sweep(
                 f"{_folder(request)}: began with {manifest.n_readings} readings, and would now have "
                 f"{len(plan)}; give another --session"
             )
+        changes = known_again(manifest, request.rig, devices.apparatus)
+        if isinstance(manifest.design, LuminanceSweepDesign) and manifest.design.factors and not with_factors:
+            changes.append("brightness factors left out: no backlight, no display file")
         with _opened(request, dataclasses.replace(manifest, n_readings=len(plan))) as store:
             store.use_clock(devices.screen.now)
             if not store.happened(EventKind.STARTED):
                 store.note(EventKind.STARTED)
-            if (
-                isinstance(manifest.design, LuminanceSweepDesign)
-                and manifest.design.factors
-                and not with_factors
-            ):
-                store.note(EventKind.CHANGED, "brightness factors left out: no backlight, no display file")
+            for change in changes:
+                store.note(EventKind.CHANGED, change)
             store.change(apparatus=devices.apparatus)
 
             def tell(done: int, planned: int, level: str) -> None:
@@ -146,7 +147,7 @@ def run_sweep(
                 report(done, planned, level)
 
             status = _conduct(store, devices, plan, tell)
-            return SweepRun(status, len(store.readings), len(plan), store.folder)
+            return SweepRun(status, len(store.done), len(plan), store.folder)
 
 
 def _conduct(
@@ -156,17 +157,18 @@ def _conduct(
     report: Callable[[int, int, str], None],
 ) -> SessionStatus:
     """Make the readings that are not there yet; whatever ends it, the files say so."""
-    reader, done = SweepReader(store, devices), {reading.index for reading in store.readings}
+    reader, done = SweepReader(store, devices), store.done
     try:
         _warm_up_again(store, devices)
         begun = _beginning_of_warm_up(store, plan)
         for planned in plan:
             if planned.index in done:
                 continue
-            report(len(store.readings), len(plan), _in_words(planned))
+            report(len(store.done), len(plan), _in_words(planned))
             _wait_until_due(store, devices, planned, begun)
             store.write(reader.read(planned))
-            report(len(store.readings), len(plan), _in_words(planned))
+            _read_again(store, reader, planned, report)
+            report(len(store.done), len(plan), _in_words(planned))
     except PausePressed:
         store.note(EventKind.STOPPED, f"with the key {store.manifest.rig.keys.pause}")
         store.change(status=SessionStatus.ABORTED)
@@ -176,12 +178,30 @@ def _conduct(
             store.note_failure(error)
             store.change(status=SessionStatus.ABORTED)
         if isinstance(error, InstrumentError):
-            words = f"{error}; {len(store.readings)} of {len(plan)} readings are safe, go on with --resume"
+            words = f"{error}; {len(store.done)} of {len(plan)} readings are safe, go on with --resume"
             raise InstrumentError(words, error.fault, error.code) from None
         raise
     store.note(EventKind.COMPLETED)
     store.change(status=SessionStatus.COMPLETE)
     return SessionStatus.COMPLETE
+
+
+def _read_again(
+    store: SweepStore,
+    reader: SweepReader,
+    planned: PlannedReading,
+    report: Callable[[int, int, str], None],
+) -> None:
+    """Repeat a reading at once that contradicts those before it, as often as the design allows; keep all."""
+    n_readings = store.manifest.n_readings
+    for attempt in range(1, store.manifest.design.retries + 1):
+        doubt = doubt_of_last(store.readings)
+        if not doubt:
+            return
+        store.note(EventKind.READING_DOUBTED, f"{doubt}; read again", store.readings[-1].index, attempt)
+        report(len(store.done), n_readings, f"{_in_words(planned)}, again")
+        index = max(n_readings, *(reading.index + 1 for reading in store.readings))
+        store.write(dataclasses.replace(reader.read(planned), index=index, again_of=planned.index))
 
 
 def _beginning_of_warm_up(store: SweepStore, plan: list[PlannedReading]) -> float:
@@ -294,9 +314,14 @@ def _began(request: SweepRequest) -> SweepManifest:
     manifest = read_sweep_manifest(folder)
     simulated = _simulated(request)
     seed = manifest.provenance.seed
+    rigs = _essence(manifest.rig), _essence(request.rig)
     differing = (
+        *(
+            (f"--rig: {meter} = {getattr(request.rig, meter)!r}", *(getattr(rig, meter) for rig in rigs))
+            for meter in KINDS.values()
+        ),
         ("--simulate", manifest.simulated, simulated),
-        ("--rig", _essence(manifest.rig), _essence(request.rig)),
+        ("--rig", *rigs),
         ("--design", manifest.design, request.design or manifest.design),
         ("--seed", seed, seed if request.seed is None else request.seed),
         (
@@ -314,12 +339,12 @@ def _began(request: SweepRequest) -> SweepManifest:
 
 
 def _essence(rig: Rig) -> Rig:
-    """Return a rig without what may be another when a sweep is resumed: paths to its files, keys."""
+    """Return a rig without what may be another when a sweep is resumed: paths to its files, ports, keys."""
     meter = rig.luminance_meter
     if meter.startswith(TABLE):
         meter = TABLE + Path(meter.removeprefix(TABLE)).name
-    plain = dataclasses.replace(rig, backlight_curve="", keys=Keys(), language="en")
-    return dataclasses.replace(plain, luminance_meter=meter)
+    plain = dataclasses.replace(rig, backlight_curve="", keys=Keys(), language="en", luminance_meter=meter)
+    return without_addresses(plain)
 
 
 def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:

@@ -92,6 +92,11 @@ class SweepStore(TimedLogs):
         """Time of the last event or reading [s]."""
         return max(super().last_time, max((reading.ended for reading in self.readings), default=0.0))
 
+    @property
+    def done(self) -> set[int]:
+        """Indices of the readings that the design asks for and that are recorded."""
+        return {reading.index for reading in self.readings if reading.again_of is None}
+
     def write(self, reading: SweepReading) -> None:
         """Record a reading; when this returns it cannot be lost any more."""
         self._logs[READINGS].append(reading)

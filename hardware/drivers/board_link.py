@@ -207,7 +207,7 @@ class PowerBoard(ContextDevice):
             return None  # too late: the caller already got NO_REPLY
         if kind == "ERR":
             raise self._error(words[1:], f"refuses {command!r}")
-        return words[2:]
+        return words[2:] if words[1:2] == command.split(" ")[:1] else None
 
     def _error(self, words: list[str], what: str) -> InstrumentError:
         """Return an error of the board's, by its number and words."""
@@ -239,7 +239,12 @@ class PowerBoard(ContextDevice):
     def _no_board(self, error: InstrumentError) -> InstrumentError:
         """Return what a failed first question means: another instrument, another program, or as it was."""
         strange = self._strange
-        if error.fault in TRANSIENT and strange.isprintable() and strange and "*" not in strange:
+        if (
+            error.fault in TRANSIENT
+            and strange.isprintable()
+            and strange
+            and not protocol.has_checksum(strange)
+        ):
             return InstrumentError(
                 f"{self.name()}: answers {strange!r}, and is no power board; which instrument is there?",
                 Fault.WRONG_INSTRUMENT,

@@ -6,6 +6,7 @@ import binascii
 import contextlib
 import enum
 import math
+import re
 from dataclasses import dataclass
 
 from evenlight.hardware.protocols import Fault, InstrumentError
@@ -70,6 +71,15 @@ def checked_body(line: str) -> str | None:
     if not star or not body.isascii() or checksum != _checksum(body):
         return None
     return body
+
+
+def has_checksum(line: str) -> bool:
+    """Return whether a line ends as those of a board do, right or wrong.
+
+    >>> has_checksum("P 7 1000000 672301 1*0000"), has_checksum("$GPGLL,4916.45,N,12311.12,W,225444,A*31")
+    (True, False)
+    """
+    return re.search(r"\*[0-9A-F]{4}$", line) is not None
 
 
 def parse_sample(body: str) -> SampleLine:

@@ -2,9 +2,13 @@
 
 Written from the commands as public drivers have them, and tested against an emulator, not against an
 instrument. Which code it sends when the light is too bright is not known: any error is shown as it came.
+Its fields have a fixed width, by which one that lost a digit is told; that no digit changes on its way is
+left to USB, which checks each packet.
 """
 
 from __future__ import annotations
+
+import re
 
 from evenlight.hardware.drivers.serial_link import LineSettings
 from evenlight.hardware.drivers.serial_meter import MeterAnswer, SerialMeter
@@ -16,6 +20,9 @@ LINE = LineSettings(  # USB that looks serial takes any rate; the end of a line,
 IDENTITY_FIELDS = 6  # OK00,1,<rom>,100.10,<serial number>,<build>
 MATRIX_ROWS = (b"r01\n", b"r02\n", b"r03\n")
 FINE = "OK00"
+# CRS's own example: OK00,242.85,248.11, 89.05 of a measurement, OK00, 8053,52040,50642 of a row of the matrix
+VALUES = re.compile(r"OK00" + r",(?=[ \d.-]{6}(?:,|$)) *(-?\d+\.\d\d)" * 3)
+ENTRIES = re.compile(r"OK00" + r",(?=[ \d]{5}(?:,|$)) *(\d+)" * 3)
 NEGATIVE = 50000  # added to the size of a negative entry of the matrix
 SCALE = 10000  # of the entries
 
@@ -25,6 +32,7 @@ Row = tuple[float, float, float]
 class ColorCal(SerialMeter):
     """The ColorCAL II, corrected with the matrix it was calibrated with; parameters as of `SerialMeter`."""
 
+    driver = "colorcal"
     maker, model, line = "CRS", "ColorCAL II", LINE
     wake = "Unplug it, and plug it in again"
     zero_is_a_reading = False
@@ -59,16 +67,23 @@ class ColorCal(SerialMeter):
         if not _is_identity(line):
             raise self._error(f"answers {line!r}, which is no ColorCAL II's", Fault.WRONG_INSTRUMENT)
         self._identity = line
-        self._matrix = tuple(self._row(command) for command in MATRIX_ROWS)
+        self._require_landmark()  # the same again: it is a landmark from here on
+        self._matrix, again = (tuple(self._row(command) for command in MATRIX_ROWS) for _ in range(2))
+        if self._matrix != again:  # all readings go through it
+            raise self._error(f"sent its matrix as {self._matrix}, then as {again}", Fault.GARBLED)
 
-    def _resynchronise(self) -> None:
-        """Ask who it is, which nothing else looks like."""
+    def _send_landmark(self) -> None:
+        """Ask who it is, which nothing else looks like, and no other instrument answers."""
         self._link.write(b"IDR\n")
-        self._wait_for_line(_is_identity)
+
+    def _is_landmark(self, line: str) -> bool:
+        """Return whether a line is its identity."""
+        return line == self._identity
 
     def _measure(self) -> MeterAnswer:
         """Ask for X, Y and Z as measured, and correct them."""
-        raw = self._numbers(b"MES\n")
+        raw = self._numbers(b"MES\n", VALUES)
+        self._require_no_more()
         X, Y, Z = (sum(entry * value for entry, value in zip(row, raw, strict=True)) for row in self._matrix)
         total = X + Y + Z
         return MeterAnswer(Y, FINE, (X / total, Y / total) if total > 0 else None)
@@ -80,26 +95,23 @@ class ColorCal(SerialMeter):
 
     def _row(self, command: bytes) -> Row:
         """Return one row of its matrix."""
-        row = self._numbers(command)
+        row = self._numbers(command, ENTRIES)
         if not all(0 <= entry < 2 * NEGATIVE for entry in row):
             raise self._error(f"sent {row} as a row of its matrix", Fault.GARBLED)
         first, second, third = ((entry if entry <= NEGATIVE else NEGATIVE - entry) / SCALE for entry in row)
         return first, second, third
 
-    def _numbers(self, command: bytes) -> Row:
+    def _numbers(self, command: bytes, form: re.Pattern[str]) -> Row:
         """Return the three numbers of a reply."""
         line = self._reply(command)
-        try:
-            first, second, third = (float(field) for field in line.split(",")[1:])
-        except ValueError:
-            raise self._error(f"sent {line!r} instead of three numbers", Fault.GARBLED) from None
-        return first, second, third
+        if (found := form.fullmatch(line)) is None:
+            raise self._error(f"sent {line!r} instead of three numbers", Fault.GARBLED)
+        return float(found[1]), float(found[2]), float(found[3])
 
     def _reply(self, command: bytes) -> str:
         """Send a command, and return its reply, if that is no error."""
-        self._link.forget()
         self._link.write(command)
-        line = self._next_line(skip=_is_identity)  # late, of an earlier question
+        line = self._next_line()
         code = line.partition(",")[0]
         if code == FINE:
             return line

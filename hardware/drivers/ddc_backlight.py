@@ -16,9 +16,11 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from evenlight.hardware.backlights import SteppedBacklight
+from evenlight.hardware.drivers.device_lock import DeviceLock
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 BRIGHTNESS = 0x10  # VCP code "luminance"
@@ -52,6 +54,8 @@ class DdcBacklight(SteppedBacklight):
         Waits for some time [s].
     panel : optional
         The library's control of a monitor (`LinuxVCP` or one like it), in place of the number's.
+    bus : Path, optional
+        The file of its I2C bus, which is locked; on Linux the number's.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class DdcBacklight(SteppedBacklight):
         clock: Callable[[], float] = time.monotonic,
         wait: Callable[[float], None] = time.sleep,
         panel: Any = None,
+        bus: Path | None = None,
     ) -> None:
         # Each setting is read back.
         super().__init__(f"monitor ddc:{number}", min_interval=2 * COMMAND_INTERVAL + REPLY_DELAY)
@@ -73,7 +78,10 @@ class DdcBacklight(SteppedBacklight):
         control.CHECKSUM_ERRORS, control.get_checksum = "strict", checksum
         self._attempt(control.__enter__)
         self._control: Any = control
+        self._lock: DeviceLock | None = None
         try:
+            if bus is not None or (panel is None and sys.platform.startswith("linux")):
+                self._lock = DeviceLock(bus or Path(f"/dev/i2c-{number}"), self._name)
             self._found, self._steps = self._ask(BRIGHTNESS)
             if self._steps < 1:
                 raise InstrumentError(f"{self._name}: says that its brightness has no steps")
@@ -94,7 +102,12 @@ class DdcBacklight(SteppedBacklight):
 
     def _read_step(self) -> int:
         """Return the step that the monitor reports; it takes about 0.1 s."""
-        return self._ask(BRIGHTNESS)[0]
+        step, steps = self._ask(BRIGHTNESS)
+        if steps != self._steps:
+            raise InstrumentError(
+                f"{self._name}: says that it has {steps} steps, and said {self._steps} before", Fault.GARBLED
+            )
+        return step
 
     def _ask(self, code: int) -> tuple[int, int]:
         """Return the value of a VCP code, and the highest that it may have."""
@@ -194,6 +207,8 @@ class DdcBacklight(SteppedBacklight):
                 control.__exit__(None, None, None)
             except Exception:  # the library's own; a bus that is gone may not even close
                 control.fd = None
+        if (lock := getattr(self, "_lock", None)) is not None:
+            lock.release()
 
 
 def checksum(data: bytes) -> int:

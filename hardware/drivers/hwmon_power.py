@@ -7,20 +7,15 @@ comes in whole millivolts, under iio in steps of the sensor's register.
 from __future__ import annotations
 
 import errno
-import math
+import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.drivers.power_sampling import (
-    PolledSampling,
-    SamplingMeter,
-    require_sample_rate,
-    split_address,
-)
+from evenlight.hardware.drivers.power_sampling import PolledMeter, split_address
+from evenlight.hardware.plausibility import require_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 SLOWEST, FASTEST = 0.1, 1000.0  # [Hz]
@@ -46,11 +41,12 @@ FULL_SCALES = {
     "ina228": (40.96, 163.84),
     "ina238": (40.96, 163.84),
 }
+NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")  # as the kernel prints it
 GAIN_ONE = 40.0  # [mV] full scale of an INA219 or INA220 whose amplifier's gain is 1
 ROUNDING = 1.0  # [mV] hwmon has whole ones
 
 
-class HwmonPowerMeter(SamplingMeter):
+class HwmonPowerMeter(PolledMeter):
     """A power sensor under Linux's hwmon or iio; its samples carry the computer's time.
 
     A value is read when `samples` is called and one is due, which takes less than a millisecond.
@@ -83,44 +79,12 @@ class HwmonPowerMeter(SamplingMeter):
         channel = options.get("channel", 1.0)
         if channel != round(channel):
             raise InputError(f"hwmon:{url}: channel must be a whole number from 1, got {channel:g}")
-        self._files, self._clock = find_sensor(place, round(channel), root), clock
-        self._name, self._sampling = str(self._files.folder), PolledSampling()
-        self._read_power()  # fails at once where it may not be read
-
-    def start(self, rate: float) -> float:
-        """Begin to sample at a rate [Hz], and return it.
-
-        Raises
-        ------
-        InstrumentError
-            If the sensor has no new value that often.
-        """
-        self._require_open()
+        self._files = find_sensor(place, round(channel), root)
         update = self._files.slowest_update
-        highest = min(FASTEST, 1 / update) if update else FASTEST
-        require_sample_rate(rate, SLOWEST, highest, f"{self._name} (see its update_interval)")
-        self._sampling.begin(rate, self._clock())
-        return rate
-
-    def samples(self) -> Sequence[PowerSample]:
-        """Return a sample if one is due.
-
-        Raises
-        ------
-        InstrumentError
-            If the sensor cannot be read, or its power is no measurement.
-        """
-        self._require_sampling(is_sampling=self._sampling.is_running)
-        sent = self._clock()
-        if not self._sampling.is_due(sent):
-            return []
-        power = self._read_power()
-        return [self._sampling.sample(power, sent, self._clock())]
-
-    def stop(self) -> Sequence[PowerSample]:
-        """End the sampling; no sample waits to be taken."""
-        self._sampling.end()
-        return []
+        super().__init__(
+            str(self._files.folder), clock, (SLOWEST, min(FASTEST, 1 / update) if update else FASTEST)
+        )
+        self._read_power()  # fails at once where it may not be read
 
     def apparatus(self) -> dict[str, str]:
         """Return what Linux says of the sensor."""
@@ -129,10 +93,9 @@ class HwmonPowerMeter(SamplingMeter):
             "power_meter_files": ", ".join(str(path) for path, _ in self._files.factors),
         }
 
-    def close(self) -> None:
-        """Let go of the sensor; more than once does nothing."""
-        self._sampling.end()
-        self._closed = True
+    def _why_no_faster(self) -> str:
+        """Return what explains the highest rate."""
+        return " (see its update_interval)"
 
     def _read_power(self) -> float:
         """Return the power now [W]."""
@@ -140,6 +103,7 @@ class HwmonPowerMeter(SamplingMeter):
         power = 1.0
         for path, unit in self._files.factors:
             power *= read_number(path) * unit
+        require_power("hwmon", self._name, power)
         self._require_forwards(power, "swap the two ends of the shunt")
         return power
 
@@ -222,13 +186,9 @@ def read_number(path: Path) -> float:
         If it cannot be read, or holds none; in words.
     """
     text = read_text(path)
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
+    if not NUMBER.fullmatch(text):
         raise InstrumentError(f"{path}: expected a number, got {text[:60]!r}", Fault.GARBLED)
-    return number
+    return float(text)
 
 
 def read_text(path: Path) -> str:

@@ -1,7 +1,8 @@
 """Konica Minolta luminance meters LS-100 and LS-110, and the chroma meter CS-100A, over RS-232.
 
 Written from the protocol as the CS-100A's manual and public drivers have it, and tested against emulators,
-not against instruments. The exact length of an LS-100's reply is not confirmed: it is read by its commas.
+not against instruments. Replies have a fixed length, by which one that lost characters is told: 12.3 is no
+12.34. That of an LS-100 is not confirmed: its first reply may have another, if the next two have the same.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ REMOTE_LINE = LineSettings(  # CS-100A manual p. 6; LS-100 and LS-110 as psychop
 SETTLED = "OK00"
 ABSOLUTE = b"MDS,04\r\n"  # luminance itself, not its difference from a stored one
 MEASURE = b"MES\r\n"
-REPLY = re.compile(r"(OK|ER)(\d\d)(?:,(.*))?")
-NUMBER = re.compile(r"[+-]?\s*(?:\d+\.?\d*|\.\d+)")
+REPLY = re.compile(r"((?:OK|ER)\d\d)(?:,.*)?")
+# CS-100A manual, as a MATLAB class quotes it: check code, sign and six characters, twice a sign and .dddd.
+LUMINANCE = r"([ +-]?)( *(?:\d+\.?\d*|\.\d+))"
+LUMINANCE_ALONE = re.compile(rf"(OK00),{LUMINANCE}")
+WITH_CHROMATICITY = re.compile(rf"(OK00|OK11),{LUMINANCE},([ +-]\.\d{{4}}),([ +-]\.\d{{4}})")
+LUMINANCE_LENGTH, CHROMATICITY_LENGTH = 12, 26  # characters, without CR LF
 
 # CS-100A manual, table of check codes; the LS-100 and LS-110 have those that are not about chromaticity.
 CHECK_CODES: dict[str, tuple[str, Fault]] = {
@@ -47,6 +52,9 @@ class MinoltaMeter(SerialMeter):
     """What the three have in common; parameters as of `SerialMeter`."""
 
     maker = "Konica Minolta"
+    form: re.Pattern[str]  # of its readings: check code, sign, luminance, and chromaticity if it has that
+    form_of_another: re.Pattern[str]
+    another = ""  # what an instrument that answers so is
     line = REMOTE_LINE
     wake = "Switch it off, and on again with F held, until C shows; begin with a bright screen"
 
@@ -66,40 +74,51 @@ class MinoltaMeter(SerialMeter):
             )
         raise self._refusal(line[:4])
 
-    def _resynchronise(self) -> None:
+    def _send_landmark(self) -> None:
         """Set the mode again: its answer holds no data, which that of a measurement does."""
         self._link.write(ABSOLUTE)
-        self._wait_for_line(lambda line: line == SETTLED)
+
+    def _is_landmark(self, line: str) -> bool:
+        """Return whether a line is the answer to the mode."""
+        return line == SETTLED
 
     def _measure(self) -> MeterAnswer:
         """Ask for one reading."""
-        self._link.forget()
-        self._link.write(MEASURE)
-        line = self._next_line(skip=lambda line: line == SETTLED)  # a late answer to the mode
-        match = REPLY.fullmatch(line)
-        if match is None:
-            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
-        code, fields = match[1] + match[2], (match[3] or "").split(",")
-        if code not in (SETTLED, NO_CHROMATICITY):
-            raise self._refusal(code)
-        numbers = [self._number(field, line) for field in fields]
-        if numbers[0] < 0:
+        line, found = self._reply()
+        self._require_length(line)
+        self._require_no_more()
+        code, sign, luminance, *coordinates = found.groups()
+        if sign == "-":
             raise self._error(
-                f"a luminance of {numbers[0]:g}: does it show differences (DIFF.)? Set it to ABS.",
+                f"a luminance of -{luminance.strip()}: does it show differences (DIFF.)? Set it to ABS.",
                 Fault.REFUSED,
                 code,
             )
-        return self._parse_numbers(code, numbers)
+        if code == NO_CHROMATICITY:
+            return MeterAnswer(float(luminance), f"{code}: chromaticity out of range")
+        x_y = [float(coordinate.replace(" ", "")) for coordinate in coordinates]
+        return MeterAnswer(float(luminance), code, (x_y[0], x_y[1]) if x_y else None)
+
+    def _reply(self) -> tuple[str, re.Match[str]]:
+        """Return the reply to the question for a reading, and what is in it, if it has the model's form."""
+        self._link.write(MEASURE)
+        line = self._next_line()
+        if found := self.form.fullmatch(line):
+            return line, found
+        if self.form_of_another.fullmatch(line):
+            raise self._error(self.another, Fault.WRONG_INSTRUMENT)
+        refused = REPLY.fullmatch(line)
+        if refused is None or refused[1] == SETTLED:
+            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
+        raise self._refusal(refused[1])
 
     @abstractmethod
-    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
-        """Return a reading from a reply's numbers, if there are as many as the model sends."""
+    def _require_length(self, line: str) -> None:
+        """Refuse a reply of another length than the instrument's: it has lost characters, or gained some."""
 
-    def _number(self, field: str, line: str) -> float:
-        """Return the number in a field, whose sign may stand apart."""
-        if not NUMBER.fullmatch(field.strip()):
-            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
-        return float(field.replace(" ", ""))
+    def _wrong_length(self, line: str, length: int) -> Exception:
+        """Return the error of a reply of another length."""
+        return self._error(f"sent {line!r}, {len(line)} characters instead of {length}", Fault.GARBLED)
 
     def _refusal(self, code: str) -> Exception:
         """Return the error of a check code."""
@@ -110,42 +129,38 @@ class MinoltaMeter(SerialMeter):
 class Ls100(MinoltaMeter):
     """The LS-100, of a spot of 1 degree; parameters as of `SerialMeter`."""
 
-    model = "LS-100"
+    driver, model = "ls100", "LS-100"
+    form, form_of_another = LUMINANCE_ALONE, WITH_CHROMATICITY
+    another = "answers with chromaticity, as a CS-100A does: name it cs100a"
+    _length = 0  # of its replies, as the first one has it
 
-    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
-        """Return a luminance alone."""
-        if len(numbers) == 3:
-            raise self._error(
-                "answers with chromaticity, as a CS-100A does: name it cs100a", Fault.WRONG_INSTRUMENT
-            )
-        if len(numbers) != 1:
-            raise self._error(f"sent {len(numbers)} values instead of one", Fault.GARBLED)
-        return MeterAnswer(numbers[0], code)
+    def _require_length(self, line: str) -> None:
+        """Refuse a reply of another length than the first, which is a CS-100A's, or came three times."""
+        if not self._length:
+            if len(line) != LUMINANCE_LENGTH and any(len(self._reply()[0]) != len(line) for _ in range(2)):
+                raise self._wrong_length(line, LUMINANCE_LENGTH)
+            self._length = len(line)
+        if len(line) != self._length:
+            raise self._wrong_length(line, self._length)
 
 
 class Ls110(Ls100):
     """The LS-110, of a spot of 1/3 degree; parameters as of `SerialMeter`."""
 
-    model = "LS-110"
+    driver, model = "ls110", "LS-110"
 
 
 class Cs100a(MinoltaMeter):
     """The CS-100A, which measures chromaticity, too; parameters as of `SerialMeter`."""
 
-    model = "CS-100A"
+    driver, model = "cs100a", "CS-100A"
+    form, form_of_another = WITH_CHROMATICITY, LUMINANCE_ALONE
+    another = "answers without chromaticity, as an LS-100 or LS-110 does: name it ls100 or ls110"
 
-    def _parse_numbers(self, code: str, numbers: list[float]) -> MeterAnswer:
-        """Return a luminance, and its chromaticity unless that is out of range."""
-        if code == NO_CHROMATICITY:
-            return MeterAnswer(numbers[0], f"{code}: chromaticity out of range")
-        if len(numbers) == 1:
-            raise self._error(
-                "answers without chromaticity, as an LS-100 or LS-110 does: name it ls100 or ls110",
-                Fault.WRONG_INSTRUMENT,
-            )
-        if len(numbers) != 3:
-            raise self._error(f"sent {len(numbers)} values instead of three", Fault.GARBLED)
-        return MeterAnswer(numbers[0], code, (numbers[1], numbers[2]))
+    def _require_length(self, line: str) -> None:
+        """Refuse a reply of another length than the manual's."""
+        if len(line) != CHROMATICITY_LENGTH:
+            raise self._wrong_length(line, CHROMATICITY_LENGTH)
 
 
 def _holds_data(line: str) -> bool:

@@ -6,7 +6,7 @@ import re
 import time
 from collections.abc import Callable
 
-from evenlight.data_schema.display import HIGHEST_LUMINANCE
+from evenlight.hardware.plausibility import ANY_LUMINANCE
 from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
 
 QUESTION = "Luminance [cd/m^2] (u: under range, o: over range, stop: end): "
@@ -104,7 +104,9 @@ def luminance_in(typed: str) -> float:
         factor = FACTORS.get(unit.lower())
         advice = f"{value:g} {unit} are {value * factor:g} cd/m^2" if factor else "type it in cd/m^2"
         raise ValueError(f"{unit!r} is not cd/m^2: {advice}.")
-    if not 0 <= value <= HIGHEST_LUMINANCE:
-        highest = f"{HIGHEST_LUMINANCE:g} cd/m^2"
-        raise ValueError(f"{typed!r} is no luminance of a display, which is from 0 to {highest}.")
-    return value
+    least, most = ANY_LUMINANCE.least, ANY_LUMINANCE.most
+    if not least <= value <= most:
+        raise ValueError(
+            f"{typed!r} is no luminance of a display, which is from {least:g} to {most:g} cd/m^2."
+        )
+    return abs(value)  # -0 is 0

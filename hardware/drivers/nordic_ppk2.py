@@ -25,6 +25,7 @@ from evenlight.hardware.drivers.ppk2_port import (
     Ppk2Port,
     WordStream,
 )
+from evenlight.hardware.plausibility import require_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 TIMEOUT = 1.0  # [s]
@@ -196,6 +197,7 @@ class Ppk2PowerMeter(SamplingMeter):
             raise self._over_range(f"{average.current:.3f} A")
         power = average.current * self._voltage
         self._require_forwards(power, "swap VIN and VOUT")
+        require_power("ppk2", self._name, power)
         time_at_end = self._began + (average.index + 1) * self._period
         return PowerSample(average.index, time_at_end, received, power, average.sync)
 

@@ -1,7 +1,8 @@
 """Photo Research spectroradiometers: PR-655 and PR-670 over USB or RS-232, and the older PR-650 over RS-232.
 
 Written from the commands and codes as public drivers and quotations of the manual have them, and tested
-against emulators, not against instruments. PR-655 and PR-670 take one character at a time.
+against emulators, not against instruments. PR-655 and PR-670 take one character at a time. The lines have no
+parity, so each reading is asked for a second time, without measuring again: the two copies have to be equal.
 """
 
 from __future__ import annotations
@@ -22,19 +23,29 @@ LINE = LineSettings(  # no handshake: as psychopy-photoresearch and Psychtoolbox
     terminator=b"\r\n",
     timeout=60.0,  # a PR-670 exposes for up to 30 s, as long again for its dark signal; a PR-650 is slow
 )
-ENTERING_TIME = 2.0  # [s] in which it reports remote mode
+ENTERING_TIME = 1.5  # [s] in which it reports remote mode
 BETWEEN_CHARACTERS = 0.05  # [s] as Psychtoolbox leaves
 REMOTE_MODE = b"REMOTE MODE"
 CODE = re.compile(r"-?\d{4,5}|-\d{1,3}")
 FINE = "0000"
-OTHER_UNITS = {  # of what is no luminance, by the second field of a reading
-    "11": "radiance",
-    "12": "irradiance",
-    "112": "illuminance",
-    "13": "radiant intensity",
-    "113": "luminous intensity",
-    "14": "radiant flux",
-    "114": "luminous flux",
+# PR-655/670 manual p. 126, after its code: UUUU,Y.YYYe+ee,x.xxxx,y.yyyy, as in 0,1.865e+01,0.4035,0.4202
+# The exponent has three digits in the example of data code 5; the second copy tells one that lost a digit.
+SCIENTIFIC = r"([ +-]?\d\.\d{3}[eE][+-]\d{2,3})"
+READING = re.compile(rf"(\d{{1,4}}),{SCIENTIFIC},([ +-]?0\.\d{{4}}),([ +-]?0\.\d{{4}})")
+# The units of a reading. PR-7 manual, table 7, and Psychtoolbox, which requires 0 of a PR-670; those of three
+# digits and of two are in a MATLAB class that quotes the PR-655's manual.
+LUMINANCE_UNITS = (0, 111)
+OTHER_UNITS = {
+    1: "illuminance",
+    2: "luminous intensity",
+    3: "luminous flux",
+    11: "radiance",
+    12: "irradiance",
+    112: "illuminance",
+    13: "radiant intensity",
+    113: "luminous intensity",
+    14: "radiant flux",
+    114: "luminous flux",
 }
 ERROR_CODES: dict[int, tuple[str, Fault]] = {
     -1: ("the light is not constant; set the synchronisation, or a longer exposure", Fault.REFUSED),
@@ -75,8 +86,9 @@ PR650_SET_UP = b"s01,,,,,,01,1\n"  # the lens MS-75, one exposure for a reading,
 PR650_MEASURE = b"m0\n"
 PR650_TRISTIMULUS = b"d2\n"  # quality, units, X, Y, Z of the last measurement
 PR650_CODE = re.compile(r"-?\d{1,3}")
-PR650_N_FIELDS = 5
-PR650_SI_UNITS = 0
+# Quality, units, and three numbers of fixed form, as a MATLAB class quotes the manual: qq,U,Y.YYYEsee,...
+PR650_VALUES = re.compile(rf"(-?\d\d?),(\d),{SCIENTIFIC},{SCIENTIFIC},{SCIENTIFIC}")
+PR650_LUMINANCE_UNITS = 0  # 1 is illuminance, 2 uncalibrated
 PR650_QUALITY: dict[int, tuple[str, Fault]] = {
     -1: ("it could not measure; is the light too weak?", Fault.REFUSED),
     1: ("its sensor gave no signal to begin with", Fault.REFUSED),
@@ -112,6 +124,7 @@ class Pr655(SerialMeter):
         Between two characters that are sent [s].
     """
 
+    driver = "pr655"
     maker, model, line = "Photo Research", "PR-655", LINE
     wake = "Switch it on, wait for its menu, and let no other program use it"
     zero_is_a_reading = False
@@ -148,6 +161,7 @@ class Pr655(SerialMeter):
                 Fault.WRONG_INSTRUMENT,
             )
         self._serial_number = self._answer("D110").strip()
+        self._require_copy(self._serial_number, self._answer("D110").strip())  # a landmark from here on
         self._firmware = self._answer("D114").strip()
         self._answer("SU1")
 
@@ -164,21 +178,29 @@ class Pr655(SerialMeter):
         line = self._next_line(skip=lambda line: REMOTE_MODE.decode() in line)  # late
         if not CODE.fullmatch(line):
             raise self._error(f"answers {line!r}, which is no {self.model}'s reply", Fault.WRONG_INSTRUMENT)
+        self._link.forget()
 
-    def _resynchronise(self) -> None:
+    def _send_landmark(self) -> None:
         """Ask for the serial number, which no measurement looks like."""
         self._send("D110")
-        self._wait_for_line(self._is_serial_number)
+
+    def _is_landmark(self, line: str) -> bool:
+        """Return whether a line is the serial number."""
+        code, _, rest = line.partition(",")
+        return bool(CODE.fullmatch(code)) and rest.strip() == self._serial_number
 
     def _measure(self) -> MeterAnswer:
-        """Ask for luminance and chromaticity: code, units, Y, x, y."""
-        fields = self._answer("M1").split(",")
-        if len(fields) < 4:
-            raise self._error(f"sent {','.join(fields)!r}, which is no reading", Fault.GARBLED)
-        units = fields[0].strip()
-        if units in OTHER_UNITS:
-            raise self._error(f"measures {OTHER_UNITS[units]}: take the accessory off", Fault.REFUSED, units)
-        luminance, x, y = (self._number(field) for field in fields[1:4])
+        """Ask for luminance and chromaticity, and for the same again: code, units, Y, x, y."""
+        found = READING.fullmatch(line := self._answer("M1"))
+        if found is None:
+            raise self._error(f"sent {line!r}, which is no reading", Fault.GARBLED)
+        for _ in range(self._n_checks()):
+            self._require_copy(line, self._answer("D1"))
+        units = int(found[1])
+        if units not in LUMINANCE_UNITS:
+            what = OTHER_UNITS.get(units, "in units that its manual does not have")
+            raise self._error(f"measures {what}: take the accessory off", Fault.REFUSED, found[1])
+        luminance, x, y = (float(found[place]) for place in (2, 3, 4))
         return MeterAnswer(luminance, FINE, (x, y))
 
     def _leave(self) -> None:
@@ -187,11 +209,10 @@ class Pr655(SerialMeter):
 
     def _answer(self, command: str) -> str:
         """Send a command, and return what comes after the code of its reply, if that is no error."""
-        self._link.forget()
         self._send(command)
-        line = self._next_line(skip=self._is_late(command))
+        line = self._next_line()
         code, _, rest = line.partition(",")
-        if not CODE.fullmatch(code.strip()):
+        if not CODE.fullmatch(code):
             raise self._error(f"sent {line!r}, which has no code", Fault.GARBLED)
         if int(code) != 0:
             words, fault = ERROR_CODES.get(
@@ -200,36 +221,21 @@ class Pr655(SerialMeter):
             raise self._error(f"{words} (error {int(code)})", fault, str(int(code)))
         return rest
 
-    def _is_late(self, command: str) -> Callable[[str], bool]:
-        """Return what recognises a late answer to `_resynchronise`."""
-        return lambda line: command.startswith("M") and self._is_serial_number(line)
-
-    def _is_serial_number(self, line: str) -> bool:
-        """Return whether a line is the answer to `_resynchronise`."""
-        code, _, rest = line.partition(",")
-        return bool(CODE.fullmatch(code)) and rest.strip() == self._serial_number
-
     def _send(self, command: str) -> None:
         """Send a command, one character at a time."""
         self._link.write(command.encode() + b"\r", self._interval)
-
-    def _number(self, field: str) -> float:
-        """Return the number in a field."""
-        try:
-            return float(field)
-        except ValueError:
-            raise self._error(f"sent {field!r} instead of a number", Fault.GARBLED) from None
 
 
 class Pr670(Pr655):
     """The PR-670; parameters as of `Pr655`."""
 
-    model = "PR-670"
+    driver, model = "pr670", "PR-670"
 
 
 class Pr650(SerialMeter):
     """The older PR-650, over RS-232 only; parameters as of `SerialMeter`."""
 
+    driver = "pr650"
     maker, model, line = "Photo Research", "PR-650", LINE
     wake = "Switch it off and on, and connect within 5 s"
     zero_is_a_reading = False
@@ -242,7 +248,7 @@ class Pr650(SerialMeter):
         """Light its display, and set lens, exposures and units."""
         for command in (PR650_BACKLIGHT_ON, PR650_SET_UP):
             self._link.write(command)
-            line = self._next_line(skip=_is_tristimulus)
+            line = self._next_line(skip=self._is_landmark)
             if not PR650_CODE.fullmatch(line):
                 raise self._error(
                     "answers as a PR-655 or PR-670 does: name it pr655 or pr670"
@@ -252,39 +258,42 @@ class Pr650(SerialMeter):
                 )
             self._refuse(int(line))
 
-    def _resynchronise(self) -> None:
+    def _send_landmark(self) -> None:
         """Ask for the last measurement: its answer has five fields, that to every other command one."""
         self._link.write(PR650_TRISTIMULUS)
-        self._wait_for_line(_is_tristimulus)
+
+    def _is_landmark(self, line: str) -> bool:
+        """Return whether a line has the last measurement."""
+        return line.count(",") == 4
 
     def _measure(self) -> MeterAnswer:
-        """Measure, then ask for X, Y and Z."""
-        self._link.forget()
+        """Measure, then ask for X, Y and Z, and for the same again."""
         self._link.write(PR650_MEASURE)
-        line = self._next_line(skip=_is_tristimulus)  # late, of an earlier measurement
+        line = self._next_line()
         if not PR650_CODE.fullmatch(line):
             raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
         self._refuse(int(line))
-        self._link.write(PR650_TRISTIMULUS)
-        line = self._next_line()
-        try:
-            quality, units = (int(field) for field in line.split(",")[:2])
-            X, Y, Z = (float(field) for field in line.split(",")[2:])
-        except ValueError:
-            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED) from None
-        self._refuse(quality)
-        if units != PR650_SI_UNITS:
-            raise self._error(f"its units are not cd/m^2 (code {units})", Fault.REFUSED, str(units))
+        found = PR650_VALUES.fullmatch(line := self._values())
+        if found is None:
+            raise self._error(f"sent {line!r}, which cannot be read", Fault.GARBLED)
+        for _ in range(self._n_checks()):
+            self._require_copy(line, self._values())
+        self._refuse(int(found[1]))
+        if int(found[2]) != PR650_LUMINANCE_UNITS:
+            raise self._error(f"its units are not cd/m^2 (code {found[2]})", Fault.REFUSED, found[2])
+        X, Y, Z = (float(found[place]) for place in (3, 4, 5))
         total = X + Y + Z
         return MeterAnswer(Y, "00", (X / total, Y / total) if total > 0 else None)
+
+    def _values(self) -> str:
+        """Return the line with the values of the last measurement."""
+        self._ask_landmark()
+        line = self._next_line()
+        self._n_due -= self._is_landmark(line)
+        return line
 
     def _refuse(self, code: int) -> None:
         """Refuse a quality code that is not that of a good measurement."""
         if code != 0:
             words, fault = PR650_QUALITY.get(code, ("a code that its manual does not have", Fault.REFUSED))
             raise self._error(f"{words} (quality code {code})", fault, str(code))
-
-
-def _is_tristimulus(line: str) -> bool:
-    """Return whether a line is the answer to `PR650_TRISTIMULUS`."""
-    return line.count(",") == PR650_N_FIELDS - 1

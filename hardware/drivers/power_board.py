@@ -20,6 +20,7 @@ from evenlight.hardware.drivers import board_protocol as protocol
 from evenlight.hardware.drivers.board_link import PowerBoard, shared_board
 from evenlight.hardware.drivers.board_protocol import number_in, whole_in
 from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
+from evenlight.hardware.plausibility import require_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 SILENCE = 1.0  # [s] without a sample, or 20 of them, after which a board has stopped sending
@@ -53,7 +54,7 @@ class BoardPowerMeter(SamplingMeter):
         self._name = self._board.name()
         self._pending: list[PowerSample] = []
         self._sequence, self._ticks = _counters(0)
-        self._rate, self._last_sample = 0.0, 0.0
+        self._rate, self._last_sample, self._started = 0.0, 0.0, 0
         self._sampling = False
 
     def start(self, rate: float) -> float:
@@ -70,7 +71,8 @@ class BoardPowerMeter(SamplingMeter):
         self._board.ask("STOP")  # a program that crashed may have left it sampling
         self._board.sample_lines()
         self._pending.clear()
-        self._sequence, self._ticks = _counters(self._board_clock())
+        self._started = self._board_clock()
+        self._sequence, self._ticks = _counters(self._started)
         period = whole_in(self._board.ask(f"START {rate:.6f}"), self._name, lowest=1)
         self._rate = 1e6 / period
         self._last_sample, self._sampling = time.monotonic(), True
@@ -148,12 +150,15 @@ class BoardPowerMeter(SamplingMeter):
                 line = protocol.parse_sample(body)
             except ValueError as error:
                 raise InstrumentError(f"{self._name}: sent {error}", Fault.GARBLED) from None
+            ticks = self._ticks.next(line.ticks)
+            if ticks <= self._started:  # of the sampling before, and late
+                continue
             self._last_sample = time.monotonic()
             self._require_measurement(line)
             self._pending.append(
                 PowerSample(
                     self._sequence.next(line.sequence),
-                    self._ticks.next(line.ticks) * 1e-6,
+                    ticks * 1e-6,
                     received,
                     line.power,
                     protocol.Flag.SYNC in line.flags,
@@ -162,6 +167,7 @@ class BoardPowerMeter(SamplingMeter):
 
     def _require_measurement(self, line: protocol.SampleLine) -> None:
         """Refuse a sample whose power the sensor could not measure."""
+        require_power("board", self._name, line.power)
         identity, flag = self._board.identity(), protocol.Flag
         if line.flags & (flag.SHUNT_OVERLOAD | flag.BUS_OVERLOAD):
             what = "current" if flag.SHUNT_OVERLOAD in line.flags else "voltage"

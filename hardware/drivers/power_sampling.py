@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
@@ -72,6 +72,70 @@ class PolledSampling:
         """
         self._count += 1
         return PowerSample(self._count - 1, (sent + received) / 2, received, power)
+
+
+class PolledMeter(SamplingMeter):
+    """A power meter that the computer reads whenever a value is due; its samples carry the computer's time.
+
+    Parameters
+    ----------
+    name : str
+        The device, as messages have it.
+    clock : callable
+        The computer's clock [s].
+    rates : tuple of float
+        Lowest and highest rate at which it may be read [Hz].
+    """
+
+    def __init__(self, name: str, clock: Callable[[], float], rates: tuple[float, float]) -> None:
+        self._name, self._clock, self._rates = name, clock, rates
+        self._sampling = PolledSampling()
+
+    def start(self, rate: float) -> float:
+        """Begin to sample at a rate [Hz], and return it.
+
+        Raises
+        ------
+        InstrumentError
+            If the device has no new value that often.
+        """
+        self._require_open()
+        require_sample_rate(rate, *self._rates, self._name + self._why_no_faster())
+        self._sampling.begin(rate, self._clock())
+        return rate
+
+    def samples(self) -> Sequence[PowerSample]:
+        """Return a sample if one is due.
+
+        Raises
+        ------
+        InstrumentError
+            If the device cannot be read, or its power is no measurement.
+        """
+        self._require_sampling(is_sampling=self._sampling.is_running)
+        sent = self._clock()
+        if not self._sampling.is_due(sent):
+            return []
+        power = self._read_power()
+        return [self._sampling.sample(power, sent, self._clock())]
+
+    def stop(self) -> Sequence[PowerSample]:
+        """End the sampling; no sample waits to be taken."""
+        self._sampling.end()
+        return []
+
+    def close(self) -> None:
+        """Let go of the device; more than once does nothing."""
+        self._sampling.end()
+        super().close()
+
+    def _read_power(self) -> float:
+        """Return the power now, or since it was last read [W]."""
+        raise NotImplementedError
+
+    def _why_no_faster(self) -> str:
+        """Return what explains the highest rate."""
+        return ""
 
 
 def require_sample_rate(rate: float, lowest: float, highest: float, device: str) -> None:

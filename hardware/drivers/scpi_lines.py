@@ -1,14 +1,13 @@
-"""Lines to a SCPI instrument (a socket, a serial port, and all that PyVISA reaches), and what it answers."""
+"""Lines to a SCPI instrument: a socket, a serial port, and all that PyVISA reaches."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-import re
 import time
 from typing import TYPE_CHECKING, Protocol
 
 from evenlight.data_schema.errors import InputError
+from evenlight.hardware.drivers.scpi_answers import SHOWN
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
 from evenlight.hardware.protocols import Fault, InstrumentError
 
@@ -23,13 +22,7 @@ DEVICE = "the SCPI instrument"
 QUIET = 0.03  # [s] without a byte: what is late has come; what comes later yet shows at the next answer
 VISA_TIMEOUTS = ("VI_ERROR_TMO",)
 VISA_BUSY = ("VI_ERROR_RSRC_BUSY", "VI_ERROR_RSRC_LOCKED")
-OVERFLOW = 9.9e37  # SCPI-99, 7.2.1: infinity, which stands for an overload; 9.91e37 is not a number
-ROUNDING = 1e-4  # of it
-IDENTITY = re.compile(r"[^,]+,[^,]*,[^,]*,.*")  # IEEE 488.2: maker, model, serial number, firmware
-ERROR = re.compile(r'([+-]?\d+)\s*,\s*"?(.*?)"?')
-SHOWN = 60  # characters of an answer that a message quotes
-# What the hundreds of SCPI's error numbers mean (SCPI-99, volume 2, 21.8).
-ERROR_CLASSES = {1: "command", 2: "execution", 3: "instrument", 4: "query"}
+NOISY = 2.0  # [s] after which a port that is never quiet is no SCPI instrument's
 
 
 class ScpiLine(Protocol):
@@ -43,8 +36,11 @@ class ScpiLine(Protocol):
     def answer(self, timeout: float) -> str:
         """Return the next line; NO_REPLY if none comes in time [s]."""
 
-    def answer_waiting(self) -> str | None:
-        """Return the next line if it is there, None if not; return at once where the line can."""
+    def answer_waiting(self, longest: float) -> str | None:
+        """Return the next line if it is there, None if not; wait so long [s] where it cannot be looked at."""
+
+    def is_quiet(self) -> bool:
+        """Return whether nothing is there that was not asked for, where the line can be looked at."""
 
     def forget(self) -> None:
         """Throw away what comes, until nothing more does."""
@@ -78,15 +74,25 @@ class SocketLine:
         """Return the next line; NO_REPLY if none comes in time [s]."""
         return (self._lines.pop(0) if self._lines else self._link.read_line(timeout)).strip()
 
-    def answer_waiting(self) -> str | None:
+    def answer_waiting(self, longest: float) -> str | None:
         """Return the next line if it is there, None if not."""
         self._lines += self._link.lines_waiting()
         return self._lines.pop(0).strip() if self._lines else None
 
+    def is_quiet(self) -> bool:
+        """Return whether nothing is there that was not asked for."""
+        return not self._lines and not self._link.forget()
+
     def forget(self) -> None:
-        """Throw away what comes, until nothing more does."""
+        """Throw away what comes, until nothing more does; WRONG_INSTRUMENT if it never ends."""
         self._lines.clear()
-        self._link.forget(QUIET)
+        begun = last = time.monotonic()
+        while time.monotonic() < last + QUIET:
+            if came := self._link.forget():
+                last = time.monotonic()
+            if last > begun + NOISY:
+                raise _never_quiet(self.name, came.decode("ascii", errors="replace"))
+            time.sleep(QUIET / 20)
 
     def close(self) -> None:
         """Let go of the line; more than once does nothing."""
@@ -143,22 +149,27 @@ class VisaLine:
         except Exception as error:
             raise self._failed(error, Fault.DISCONNECTED) from None
 
-    def answer_waiting(self) -> str | None:
-        """Return the next line, which is waited for: a VISA resource cannot be looked at."""
-        return self.answer(self._timeout)
+    def answer_waiting(self, longest: float) -> str | None:
+        """Return the next line, which is waited for [s]: a VISA resource cannot be looked at."""
+        return self.answer(max(longest, 0.0))
+
+    def is_quiet(self) -> bool:
+        """Return True: it cannot be looked at."""
+        return True
 
     def forget(self) -> None:
-        """Throw away what comes, until nothing more does."""
-        end = time.monotonic() + self._timeout
+        """Throw away what comes, until nothing more does; WRONG_INSTRUMENT if it never ends."""
+        end, came = time.monotonic() + NOISY, ""
         while time.monotonic() < end:
             try:
-                self.answer(QUIET)
+                came = self.answer(QUIET)
             except InstrumentError as error:
                 if error.fault is Fault.GARBLED:
                     continue
                 if error.fault is Fault.NO_REPLY:
                     return
                 raise
+        raise _never_quiet(self.name, came)
 
     def close(self) -> None:
         """Let go of the line; more than once does nothing."""
@@ -212,6 +223,14 @@ def port_url(place: str) -> str:
     return f"socket://{place}" if ":" in place else f"socket://{place}:{SCPI_PORT}"
 
 
+def _never_quiet(name: str, came: str) -> InstrumentError:
+    """Return the error of what sends on and on, unasked."""
+    return InstrumentError(
+        f"{name}: sends {came.strip()[:SHOWN]!r} and more without being asked; which instrument is there?",
+        Fault.WRONG_INSTRUMENT,
+    )
+
+
 def _visa_manager(backend: str) -> Any:
     """Return PyVISA's manager of resources."""
     try:
@@ -226,64 +245,3 @@ def _visa_manager(backend: str) -> Any:
         return pyvisa.ResourceManager()
     except (OSError, ValueError):  # no VISA library of a vendor
         return pyvisa.ResourceManager("@py")
-
-
-def is_identity(answer: str) -> bool:
-    """Return whether an answer is one to *IDN?.
-
-    >>> is_identity("RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16"), is_identity("0000,PR-655")
-    (True, False)
-    """
-    return IDENTITY.fullmatch(answer) is not None
-
-
-def is_error(answer: str) -> bool:
-    """Return whether an answer is an entry in a list of errors, "no error" among them."""
-    return ERROR.fullmatch(answer) is not None
-
-
-def number_in(answer: str, name: str) -> float:
-    """Return the number of an answer.
-
-    Raises
-    ------
-    InstrumentError
-        If there is none, or it stands for an overload.
-    """
-    try:
-        number = float(answer)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InstrumentError(f"{name}: answered {answer[:SHOWN]!r} where a number belongs", Fault.GARBLED)
-    if abs(number) > OVERFLOW * (1 + ROUNDING):
-        raise InstrumentError(f"{name}: has no value ({answer})", Fault.REFUSED, answer)
-    if abs(number) >= OVERFLOW * (1 - ROUNDING):
-        raise InstrumentError(
-            f"{name}: overload ({answer}): the panel takes more than the range that is set",
-            Fault.OVER_RANGE,
-            answer,
-        )
-    return number
-
-
-def error_in(answer: str) -> tuple[int, str]:
-    """Return number and words of an entry in an instrument's list of errors.
-
-    >>> error_in('-113,"Undefined header"'), error_in('+0,"No error"')
-    ((-113, 'Undefined header'), (0, 'No error'))
-    """
-    match = ERROR.fullmatch(answer)
-    if match is None:
-        raise ValueError(f"{answer[:SHOWN]!r} is no error of SCPI")
-    return int(match[1]), match[2]
-
-
-def error_in_words(code: int, words: str) -> str:
-    """Return what an error says.
-
-    >>> error_in_words(-222, "Data out of range")
-    'execution error -222: Data out of range'
-    """
-    kind = ERROR_CLASSES.get(-code // 100, "instrument")
-    return f"{kind} error {code}: {words or 'without words'}"

@@ -6,6 +6,7 @@ Tested against an emulated instrument over sockets and PyVISA-py, not on one.
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,25 +18,31 @@ from evenlight.hardware.drivers.power_sampling import (
     require_sample_rate,
     split_address,
 )
-from evenlight.hardware.drivers.scpi_lines import (
-    ScpiLine,
-    SocketLine,
-    VisaLine,
+from evenlight.hardware.drivers.scpi_answers import (
+    SHOWN,
+    NumberForm,
     error_in,
     error_in_words,
     is_error,
-    is_identity,
     number_in,
 )
+from evenlight.hardware.drivers.scpi_dialogue import ScpiDialogue
+from evenlight.hardware.drivers.scpi_lines import ScpiLine, SocketLine, VisaLine
+from evenlight.hardware.plausibility import require_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 TIMEOUT = 5.0  # [s] a multimeter may average over a second or more
 SLOWEST, FASTEST = 0.01, 1000.0  # [Hz]
-PROBE = 2.0  # [s] in which an instrument answers a question that it knows
-MOMENT = 0.0005  # [s] between two looks at the line
+PROBE = 1.8  # [s] in which an instrument answers a question that it knows
 PATIENCE = 0.005  # [s] that a call of `samples` waits for an answer; a slow one is there at the next call
 OPTIONS = {"voltage": "of the supply [V], for an instrument that measures current only"}
 MOST_ERRORS = 20  # that an instrument's list is read of
+MOST_ASKED = 24  # times for one value, before its changing forms are an error
+YOKOGAWA = "YOKOGAWA"  # maker of the power analysers WT300 to WT5000, which know no MEAS
+# Makes power the only one of the numbers that NUM:VAL? sends; the display keeps its own (IM WT310-17EN, the
+# group NUMeric).
+FIRST_ITEM = ("NUM:FORM ASC", "NUM:NUM 1", "NUM:ITEM1 P,1")
+IS_POWER = re.compile(r"(.*\s)?P(,1)?", re.IGNORECASE)  # NUM:ITEM1? with and without its header
 
 
 class ScpiPowerMeter(SamplingMeter):
@@ -69,13 +76,15 @@ class ScpiPowerMeter(SamplingMeter):
         self._line = self._open_line(place, self._timeout)
         self._name = self._line.name
         self._sampling, self._pending = PolledSampling(), _Pending()
-        self._in_step = True  # whether the next line that comes is the answer to the next question
         try:
-            self._identity = self._identify()
+            self._dialogue = ScpiDialogue(self._line, self._timeout)
+            self._is_yokogawa = self._dialogue.identity.upper().startswith(YOKOGAWA)
             self._questions = self._find_questions()
+            self._list_of_errors = self._find_errors()
         except BaseException:
             self._line.close()
             raise
+        self._forms = [NumberForm() for _ in self._questions]
 
     def start(self, rate: float) -> float:
         """Begin to sample at a rate [Hz], and return the one achieved: no higher than it answers.
@@ -87,8 +96,9 @@ class ScpiPowerMeter(SamplingMeter):
         """
         self._require_open()
         require_sample_rate(rate, SLOWEST, FASTEST, self._name)
-        self._pending = _Pending()
-        self._get_in_step()
+        if not all(form.is_known() for form in self._forms):
+            self._measure()
+        self._dialogue.get_in_step()
         begun = time.monotonic()
         self._measure()
         achieved = min(rate, 1 / (time.monotonic() - begun))
@@ -104,11 +114,11 @@ class ScpiPowerMeter(SamplingMeter):
             OVER_RANGE where the instrument reports an overload; NO_REPLY, GARBLED or DISCONNECTED.
         """
         self._require_sampling(is_sampling=self._sampling.is_running)
-        if not self._pending.is_asked:
-            self._get_in_step()
+        if not self._dialogue.is_asked:
+            self._dialogue.get_in_step()
             if not self._sampling.is_due(self._clock()):
                 return []
-            self._ask_next()
+            self._begin()
         return self._come_in(time.monotonic() + PATIENCE)
 
     def stop(self) -> Sequence[PowerSample]:
@@ -122,7 +132,7 @@ class ScpiPowerMeter(SamplingMeter):
         if not self._sampling.is_running:
             return []
         self._sampling.end()
-        left = self._come_in(math.inf) if self._pending.is_asked else []
+        left = self._come_in(math.inf) if self._dialogue.is_asked else []
         code, words = self._read_error()
         if code:
             raise InstrumentError(f"{self._name}: {error_in_words(code, words)}", Fault.REFUSED, str(code))
@@ -132,7 +142,7 @@ class ScpiPowerMeter(SamplingMeter):
         """Return what the instrument says of itself."""
         supply = "" if self._voltage is None else f" times {self._voltage:g} V"
         return {
-            "power_meter": self._identity,
+            "power_meter": self._dialogue.identity,
             "power_meter_asked": " and ".join(self._questions) + supply,
         }
 
@@ -150,141 +160,95 @@ class ScpiPowerMeter(SamplingMeter):
         """Return an open line to a place."""
         return SocketLine(place, timeout)
 
-    def _identify(self) -> str:
-        """Return what the instrument calls itself; refuse what speaks no SCPI."""
-        try:
-            self._line.forget()
-            self._line.write("*IDN?")
-            identity = self._line.answer(self._timeout)
-        except InstrumentError as error:
-            if error.fault is Fault.DISCONNECTED:
-                raise InstrumentError(
-                    f"{self._name}: closed the connection at once; is another program connected to it?",
-                    Fault.BUSY,
-                ) from None
-            raise
-        if not is_identity(identity):
-            raise InstrumentError(
-                f"{self._name}: answers {identity[:60]!r} to *IDN?, and that is no SCPI instrument's; "
-                "which instrument is there?",
-                Fault.WRONG_INSTRUMENT,
-            )
-        return identity
-
-    def _find_questions(self) -> tuple[str, ...]:
-        """Return the questions whose answers make power."""
-        self._line.write("*CLS")
-        choices = (("MEAS:CURR?",),) if self._voltage else (("MEAS:POW?",), ("MEAS:VOLT?", "MEAS:CURR?"))
+    def _find_questions(self) -> dict[str, str]:
+        """Return the questions whose answers make power, with the unit of each."""
+        if self._is_yokogawa:
+            for command in FIRST_ITEM:
+                self._dialogue.send(command)
+            if IS_POWER.fullmatch(self._dialogue.answer_if_known("NUM:ITEM1?", PROBE)):
+                return {"NUM:VAL?": "W"}
+        choices = (
+            ({"MEAS:CURR?": "A"},)
+            if self._voltage
+            else ({"MEAS:POW?": "W"}, {"MEAS:VOLT?": "V", "MEAS:CURR?": "A"})
+        )
         for questions in choices:
-            if all(self._understands(question) for question in questions):
+            if all(self._understands(question, unit) for question, unit in questions.items()):
                 return questions
         wanted = (
             "current" if self._voltage else "power, nor voltage and current; give ?voltage= for an ammeter"
         )
         raise InstrumentError(
-            f"{self._name}: {self._identity} does not measure {wanted}", Fault.WRONG_INSTRUMENT
+            f"{self._name}: {self._dialogue.identity} does not measure {wanted}", Fault.WRONG_INSTRUMENT
         )
 
-    def _understands(self, question: str) -> bool:
+    def _understands(self, question: str, unit: str) -> bool:
         """Return whether the instrument answers a question with a number."""
-        self._line.write(question)
-        answers = []
+        if not (answer := self._dialogue.answer_if_known(question, PROBE)):
+            return False
         try:
-            answers.append(self._line.answer(min(PROBE, self._timeout)))
+            number_in(answer, unit, self._name)
         except InstrumentError as error:
-            if error.fault is not Fault.NO_REPLY:
-                raise
-        self._line.write("SYST:ERR?")
-        while not answers or not is_error(answers[-1]):
-            answers.append(self._line.answer(self._timeout))
-        return len(answers) > 1 and error_in(answers[-1])[0] == 0
+            return error.fault is not Fault.GARBLED
+        return True
 
-    def _measure(self) -> float:
-        """Return the power now [W], waiting for it."""
-        self._pending = _Pending()
-        self._ask_next()
-        (sample,) = self._come_in(math.inf)
-        return sample.power
+    def _find_errors(self) -> str:
+        """Clear the list of errors of those of the search; return the question for it, if there is one."""
+        self._dialogue.send("*CLS")
+        question = "STAT:ERR?" if self._is_yokogawa else "SYST:ERR?"
+        return question if is_error(self._dialogue.answer_if_known(question, PROBE)) else ""
 
-    def _ask_next(self) -> None:
-        """Send the next question of a sample."""
-        if not self._pending.is_asked:
-            self._pending = _Pending(is_asked=True, sent=self._clock())
-        self._pending.asked = time.monotonic()
-        self._line.write(self._questions[len(self._pending.values)])
+    def _measure(self) -> None:
+        """Wait for the power now."""
+        self._begin()
+        self._come_in(math.inf)
+
+    def _begin(self, n_asked: int = 0) -> None:
+        """Send the first question of a sample."""
+        self._pending = _Pending(self._clock(), n_asked)
+        self._dialogue.begin(next(iter(self._questions)))
 
     def _come_in(self, end: float) -> list[PowerSample]:
         """Return the sample that was asked for, nothing if its answers are not there by a time [s]."""
-        pending = self._pending
-        while len(pending.values) < len(self._questions):
-            answer = self._answer_before(end)
-            if answer is None:
-                return []
-            pending.values.append(self._number(answer))
-            if len(pending.values) < len(self._questions):
-                self._ask_next()
-        self._pending = _Pending()
+        pending, questions = self._pending, list(self._questions.items())
+        while (answer := self._dialogue.answer_before(end)) is not None:
+            place = len(pending.values)
+            value = number_in(answer, questions[place][1], self._name)
+            if not self._forms[place].is_whole(answer, value):
+                self._ask_once_more(answer)
+                pending = self._pending
+                continue
+            pending.values.append(value)
+            if len(pending.values) == len(questions):
+                return [self._sample(pending)]
+            self._dialogue.begin(questions[place + 1][0])
+        return []
+
+    def _ask_once_more(self, answer: str) -> None:
+        """Ask anew for all of a sample, one of whose answers may have lost a digit."""
+        if self._pending.n_asked == MOST_ASKED:
+            raise InstrumentError(
+                f"{self._name}: answers {answer[:SHOWN]!r}, and each time in another form; is the line bad?",
+                Fault.GARBLED,
+            )
+        self._begin(self._pending.n_asked + 1)
+
+    def _sample(self, pending: _Pending) -> PowerSample:
+        """Return the sample that some answers make."""
         power = math.prod(pending.values) * (self._voltage or 1.0)
+        require_power(self._driver(), self._name, power)
         self._require_forwards(power, "swap the leads")
-        return [self._sampling.sample(power, pending.sent, self._clock())]
-
-    def _answer_before(self, end: float) -> str | None:
-        """Return an answer that is there by a time [s]; raise if it took longer than an answer may."""
-        try:
-            while (answer := self._line.answer_waiting()) is None:
-                if time.monotonic() > self._pending.asked + self._timeout:
-                    raise InstrumentError(
-                        f"{self._name}: no reply to {self._questions[len(self._pending.values)]} within "
-                        f"{self._timeout:g} s; is it switched on, and remote?",
-                        Fault.NO_REPLY,
-                    )
-                if time.monotonic() >= end:
-                    return None
-                time.sleep(MOMENT)
-        except InstrumentError:
-            self._lose_step()
-            raise
-        return answer
-
-    def _number(self, answer: str) -> float:
-        """Return the number of an answer."""
-        try:
-            return number_in(answer, self._name)
-        except InstrumentError:
-            self._lose_step()
-            raise
-
-    def _lose_step(self) -> None:
-        """Take no line for an answer until the instrument has identified itself again."""
-        self._in_step, self._pending = False, _Pending()
-
-    def _get_in_step(self) -> None:
-        """Make sure that the next line is the answer to the next question.
-
-        After a question without an answer, its answer may come yet: it is waited for until the line is quiet,
-        and whatever comes before the instrument's name is thrown away.
-        """
-        if self._in_step:
-            return
-        self._line.forget()
-        self._line.write("*IDN?")
-        end = time.monotonic() + self._timeout
-        while self._line.answer(max(end - time.monotonic(), 0.0)) != self._identity:
-            pass
-        self._in_step = True
+        since = time.monotonic() - self._dialogue.came
+        return self._sampling.sample(power, pending.sent, max(self._clock() - since, pending.sent))
 
     def _read_error(self) -> tuple[int, str]:
         """Return the last of the instrument's errors, 0 where it had none, and clear them."""
-        self._get_in_step()
         last = (0, "")
-        for _ in range(MOST_ERRORS):
-            self._line.write("SYST:ERR?")
+        for _ in range(MOST_ERRORS if self._list_of_errors else 0):
+            answer = self._dialogue.ask(self._list_of_errors)
             try:
-                code, words = error_in(self._line.answer(self._timeout))
-            except (InstrumentError, ValueError) as error:
-                self._lose_step()
-                if isinstance(error, InstrumentError):
-                    raise
+                code, words = error_in(answer)
+            except ValueError as error:
                 raise InstrumentError(
                     f"{self._name}: its errors cannot be read ({error})", Fault.GARBLED
                 ) from None
@@ -314,9 +278,8 @@ class VisaPowerMeter(ScpiPowerMeter):
 
 @dataclass(slots=True)
 class _Pending:
-    """A sample that was begun: what was asked when, and what has come of it."""
+    """A sample that was begun: when, and what has come of it."""
 
-    is_asked: bool = False
     sent: float = 0.0  # on the clock of the samples [s]
-    asked: float = 0.0  # on the computer's own [s]
+    n_asked: int = 0  # how often it was begun before
     values: list[float] = field(default_factory=list)

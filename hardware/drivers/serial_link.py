@@ -3,6 +3,11 @@
 Every driver opens its port here, through `serial.serial_for_url`: "/dev/ttyUSB0", "COM3", or
 "socket://127.0.0.1:5025". Whatever goes wrong ends in an `InstrumentError` that says which port, what was
 asked and what came.
+
+Parity is checked, which pyserial switches off in the computer's driver of the port: it is switched on again
+after opening, and a byte that fails comes as NUL. Where a port hands over eight bits of a line of seven, as
+those in a network and pseudo-terminals may, the eighth is the parity, and is checked here. Windows hands
+over a byte that fails as if nothing were wrong: there it is not noticed.
 """
 
 from __future__ import annotations
@@ -19,8 +24,10 @@ try:
     import termios
 
     BROKEN: tuple[type[Exception], ...] = (OSError, termios.error)  # of a port that is gone
+    HAS_TERMINALS = True
 except ImportError:  # on Windows
     BROKEN = (OSError,)
+    HAS_TERMINALS = False
 GONE: tuple[type[Exception], ...] = (*BROKEN, TypeError)  # pyserial's, where the file is gone in between
 NOT_OPENED: tuple[type[Exception], ...] = (*BROKEN, ValueError)
 
@@ -30,6 +37,8 @@ if TYPE_CHECKING:
 POLL = 0.002  # [s] between two looks at the port: a time-out is met to within it
 AT_ONCE = 4096  # bytes
 SHOWN = 60  # characters of what came that a message quotes
+LONGEST_BURST = 1.0  # [s] in which a line falls silent, unless what is there never stops sending
+SEVEN_BITS = bytes(value & 0x7F for value in range(256))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +74,10 @@ class SerialLink(ContextDevice):
     """
 
     def __init__(
-        self, url: str, settings: LineSettings, device: str, clock: Callable[[], float] = time.monotonic
+        self, url: str, settings: LineSettings, device: str, clock: Callable[[], float] | None = None
     ) -> None:
-        self.name, self._settings, self._clock = f"{device} at {url}", settings, clock
+        self.name, self._settings = f"{device} at {url}", settings
+        self._clock = time.monotonic if clock is None else clock
         self._came = b""  # read from the port, not yet taken
         self._port: serial.SerialBase | None = _open(url, settings, self.name)
 
@@ -116,12 +126,14 @@ class SerialLink(ContextDevice):
         It takes as long, and raises the same errors, as `read_line`.
         """
         end = self._clock() + (self._settings.timeout if timeout is None else timeout)
-        while end_of_it not in self._came:
+        while (place := self._text(self._came).find(end_of_it)) < 0:
             if self._clock() >= end:
                 raise self._missing()
             self._came += self._take()
-        came, _, self._came = self._came.partition(end_of_it)
-        return came
+        whole = place + len(end_of_it)
+        came, self._came = self._came[:whole], self._came[whole:]
+        self._require_parity(came)
+        return self._text(came)[:place]
 
     def lines_waiting(self) -> list[str]:
         """Return the whole lines that are there; return at once. What is no text keeps its place as "?"."""
@@ -133,16 +145,25 @@ class SerialLink(ContextDevice):
         """Throw away what has come, until nothing more came for some time [s]; return what it was.
 
         Before a question it clears what was not asked for; after a time-out it waits for a late reply.
+
+        Raises
+        ------
+        InstrumentError
+            GARBLED if what is there never stops sending.
         """
         thrown, self._came = self._came, b""
         end = self._clock() + quiet
-        while True:
+        last = end + LONGEST_BURST
+        while self._clock() < last:
             part = self._take(at_once=quiet == 0)
             thrown += part
             if part:
                 end = self._clock() + quiet
             elif self._clock() >= end:
-                return thrown
+                return self._text(thrown)
+        raise InstrumentError(
+            f"{self.name}: never stops sending, beginning with {_quoted(thrown)}", Fault.GARBLED
+        )
 
     def close(self) -> None:
         """Close the port; more than once does nothing."""
@@ -163,6 +184,26 @@ class SerialLink(ContextDevice):
             return bytes(came)
         except GONE as error:
             raise self._broken(error) from None
+
+    def _text(self, came: bytes) -> bytes:
+        """Return bytes without the parity that a port may hand over on top of seven bits."""
+        return came.translate(SEVEN_BITS) if self._settings.data_bits == 7 else came
+
+    def _require_parity(self, came: bytes) -> None:
+        """Refuse a line with a byte of the wrong parity: NUL, or, where the parity is handed over, that byte.
+
+        Every line ends with CR LF, of which one has its eighth bit set then, whether parity is even or odd: a
+        line without any eighth bit is one without its parity.
+        """
+        settings = self._settings
+        if settings.parity == "N":
+            return
+        odd = settings.parity == "O"
+        on_top = settings.data_bits == 7 and max(came, default=0) > 0x7F
+        if 0 in came or (on_top and any(byte.bit_count() % 2 != odd for byte in came)):
+            raise InstrumentError(
+                f"{self.name}: sent a byte of the wrong parity in {_quoted(self._text(came))}", Fault.GARBLED
+            )
 
     def _open_port(self) -> serial.SerialBase:
         """Return the port, if it is open."""
@@ -202,7 +243,7 @@ def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
 
     own = {} if "://" in url else {"exclusive": True}  # a socket serves one client by itself
     try:
-        return serial.serial_for_url(
+        port = serial.serial_for_url(
             url,
             baudrate=settings.baud_rate,
             bytesize=settings.data_bits,
@@ -215,8 +256,18 @@ def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
             write_timeout=settings.timeout,
             **own,
         )
+        if settings.parity != "N" and HAS_TERMINALS and "://" not in url:
+            _check_parity(port.fileno())
+        return port
     except NOT_OPENED as error:
         raise port_error(name, error) from None
+
+
+def _check_parity(terminal: int) -> None:
+    """Have the computer's driver of a port check parity, and hand over NUL for a byte that fails."""
+    settings = termios.tcgetattr(terminal)
+    settings[0] = settings[0] & ~(termios.IGNPAR | termios.PARMRK) | termios.INPCK
+    termios.tcsetattr(terminal, termios.TCSANOW, settings)
 
 
 def port_error(name: str, error: Exception) -> InstrumentError:

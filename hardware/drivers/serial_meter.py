@@ -1,8 +1,10 @@
-"""What luminance meters on a serial line share: opening, asking, and taking no late reply for a new one.
+"""What luminance meters on a serial line share: opening, asking, and taking nothing else for an answer.
 
 After a question that got no answer, or half of one, the answer may still come, and would look like that to
 the next question, of another luminance. So the next question is preceded by one whose answer looks like
-nothing else: whatever comes before that answer is thrown away.
+nothing else, the landmark: whatever comes before that answer is thrown away. A reading is followed by the
+landmark, too: if anything else comes before its answer, or before the next question, something spoke that
+was not asked, and the reading may be its.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import re
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
@@ -17,10 +20,16 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
-from evenlight.hardware.protocols import TRANSIENT, ContextDevice, Fault, InstrumentError, Reading
+from evenlight.hardware.plausibility import require_luminance
+from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
 
 QUIET = 0.05  # [s] that the line has been quiet before it is asked again
+OPENING_TIME = 4.0  # [s] in which what is there has to be known for the instrument, or for none
+LANDMARK_TIME = 10.0  # [s] in which its answer comes, after what the instrument is about to do
+BLANK = "\r\n >"  # what ends lines and prompts
 MOST_SKIPPED = 50  # lines: one that never stops sending has no answer in it
+
+SECOND = "does a second instrument answer, or does something else use the port?"
 
 Answer = TypeVar("Answer")
 
@@ -52,6 +61,7 @@ class SerialMeter(ContextDevice):
         If the port cannot be opened, or what answers is not the instrument; the port is closed then.
     """
 
+    driver = ""  # its name in `hardware.driver_table`
     maker = model = ""  # as messages name the instrument
     line: LineSettings  # as its manual has them, with the longest time that a reply takes
     wake = "is it switched on?"  # what makes the instrument listen, for the person at the bench
@@ -64,7 +74,10 @@ class SerialMeter(ContextDevice):
         device = f"{self.maker} {self.model}"
         self._clock, self._timeout = clock, settings.timeout
         self._in_doubt = False  # whether an answer may still be on its way
+        self._n_checked = 2  # of `_n_checks`, the last time
+        self._n_due = 0  # landmarks that were asked for, and have not come
         self._link = SerialLink(url, settings, device)
+        self._all_over = time.monotonic() + OPENING_TIME  # when the last answer has to be there
         try:
             with self._advice():
                 self._link.forget(QUIET)
@@ -74,6 +87,7 @@ class SerialMeter(ContextDevice):
             if isinstance(error, InstrumentError) and error.fault is Fault.GARBLED:
                 raise InstrumentError(f"{error}; is it a {device}?", error.fault, error.code) from None
             raise
+        self._all_over = math.inf
 
     def read_luminance(self) -> Reading:
         """Return one reading [cd/m^2].
@@ -102,8 +116,61 @@ class SerialMeter(ContextDevice):
         """Ask for one reading."""
 
     @abstractmethod
+    def _send_landmark(self) -> None:
+        """Ask something whose answer looks like nothing else."""
+
+    @abstractmethod
+    def _is_landmark(self, line: str) -> bool:
+        """Return whether a line is the answer to `_send_landmark`."""
+
+    def _ask_landmark(self) -> None:
+        """Ask for the landmark, which is then due."""
+        self._n_due += 1
+        self._send_landmark()
+
+    def _require_no_more(self) -> None:
+        """Refuse a reading after which more comes than it: what is asked after it is answered next."""
+        for _ in range(self._n_checks()):
+            self._require_landmark()
+
+    def _n_checks(self) -> int:
+        """Return how often something is asked after a reading: once and twice in turn.
+
+        Thus answers that are all late by one reading do not stay in step with the questions.
+        """
+        self._n_checked = 3 - self._n_checked
+        return self._n_checked
+
+    def _require_landmark(self) -> None:
+        """Ask for the landmark, and refuse anything else."""
+        self._ask_landmark()
+        if not self._is_landmark(line := self._next_line()):
+            raise self._error(f"sent {line!r} besides its answer; {SECOND}", Fault.GARBLED)
+        self._n_due -= 1
+
     def _resynchronise(self) -> None:
-        """Exchange something whose answer looks like nothing else, and throw away what comes before it."""
+        """Throw away all that comes until each landmark that was asked for has come, then one more."""
+        thrown = self._link.forget(QUIET).decode("ascii", errors="replace")
+        for line in re.split("[\r\n]+", thrown):
+            self._n_due -= self._n_due > 0 and self._is_landmark(line.strip(BLANK))
+        with contextlib.suppress(InstrumentError):  # what has not come in all that time is lost
+            self._wait_for_landmarks()
+        self._n_due = 0
+        self._ask_landmark()
+        self._wait_for_landmarks()
+        self._require_landmark()
+        self._link.forget()
+
+    def _wait_for_landmarks(self) -> None:
+        """Throw away lines, up to the last landmark that is due."""
+        while self._n_due:
+            self._wait_for_line(self._is_landmark)
+            self._n_due -= 1
+
+    def _require_copy(self, line: str, copy: str) -> None:
+        """Refuse what is another when it is asked for again."""
+        if copy != line:
+            raise self._error(f"sent {line!r}, then {copy!r} for it; {SECOND}", Fault.GARBLED)
 
     def _leave(self) -> None:
         """Hand the instrument back to its keys, where it has a command for that."""
@@ -113,22 +180,17 @@ class SerialMeter(ContextDevice):
         """Return the answer to a question, and of no earlier one."""
         with self._advice():
             if self._in_doubt:
-                self._link.forget(QUIET)
                 self._resynchronise()
-            self._in_doubt = True  # until the answer is there, even after an interruption
-            try:
-                answer = question()
-            except InstrumentError as error:
-                self._in_doubt = error.fault in TRANSIENT
-                raise
+            self._in_doubt = True  # until the answer is there, even after an error or an interruption
+            if unasked := self._link.forget().decode("ascii", errors="replace").strip(BLANK):
+                raise self._error(f"sent {unasked[:60]!r}, which was not asked for; {SECOND}", Fault.GARBLED)
+            answer = question()
             self._in_doubt = False
             return answer
 
     def _found_luminance(self) -> MeterAnswer:
-        """Return one reading, if its luminance is one: a number, and not below zero."""
+        """Return one reading, if its luminance is one: not below zero, and one that it can measure."""
         found = self._measure()
-        if not math.isfinite(found.luminance):
-            raise self._error(f"sent {found.luminance} as a luminance", Fault.GARBLED)
         if found.luminance < 0 or (found.luminance == 0 and not self.zero_is_a_reading):
             raise self._error(
                 f"too dark for it: it makes {found.luminance:.4g} cd/m^2 of the screen, which is not above "
@@ -136,23 +198,24 @@ class SerialMeter(ContextDevice):
                 Fault.UNDER_RANGE,
                 found.status,
             )
+        require_luminance(self.driver, self._link.name, found.luminance, found.chromaticity)
         return found
 
     def _next_line(self, skip: Callable[[str], bool] = lambda line: False) -> str:
         """Return the next line that is not blank, and not one to be skipped."""
-        end = time.monotonic() + self._timeout
+        end = self._end()
         for _ in range(MOST_SKIPPED):
-            line = self._link.read_line(max(end - time.monotonic(), 0.0)).strip("\r\n >")
+            line = self._link.read_line(max(end - time.monotonic(), 0.0)).strip(BLANK)
             if line and not skip(line):
                 return line
         raise self._error("sends line after line that was not asked for", Fault.GARBLED)
 
     def _wait_for_line(self, wanted: Callable[[str], bool]) -> None:
         """Throw away lines, garbled ones too, up to one that is wanted."""
-        end = time.monotonic() + self._timeout
+        end = min(self._end(), time.monotonic() + LANDMARK_TIME)
         for _ in range(MOST_SKIPPED):
             try:
-                line = self._link.read_line(max(end - time.monotonic(), 0.0)).strip("\r\n >")
+                line = self._link.read_line(max(end - time.monotonic(), 0.0)).strip(BLANK)
             except InstrumentError as error:
                 if error.fault is not Fault.GARBLED or time.monotonic() >= end:
                     raise
@@ -160,6 +223,10 @@ class SerialMeter(ContextDevice):
             if wanted(line):
                 return
         raise self._error("does not answer what it is asked", Fault.GARBLED)
+
+    def _end(self) -> float:
+        """Return when an answer that is asked for now has to be there [s]."""
+        return min(time.monotonic() + self._timeout, self._all_over)
 
     def _error(self, words: str, fault: Fault, code: str = "") -> InstrumentError:
         """Return an error that names the device and its port."""

@@ -7,6 +7,7 @@ instrument.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -15,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from evenlight.data_schema.errors import InputError
+from evenlight.hardware.plausibility import require_luminance
 from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
 
 READING_TIME = 60.0  # [s] a colorimeter takes some 10 s in the dark, and some seconds to be found
@@ -23,8 +25,8 @@ ADDRESS = re.compile(r"(\d*)(?:@(.+))?")
 # Emissive, with Yxy, without a calibration at the start, once. Its answer to a question is to give up.
 OPTIONS = ("-e", "-x", "-N", "-O")
 GIVE_UP = "q\nq\n"
-NUMBER = r"(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
-RESULT = re.compile(rf"Result is XYZ: {NUMBER} {NUMBER} {NUMBER}, Yxy: {NUMBER} {NUMBER} {NUMBER}\s*$", re.M)
+NUMBER = r"(-?\d+\.\d{6})"  # printf's %f
+RESULT = re.compile(rf"Result is XYZ: {NUMBER} {NUMBER} {NUMBER}, Yxy: {NUMBER} {NUMBER} {NUMBER}\r?\n")
 LISTED = re.compile(r"^\s+(\d+) = '(.*)'", re.M)
 VERSION = re.compile(r"Version (\S+)")
 
@@ -105,12 +107,19 @@ class Spotread(ContextDevice):
         begun = self._clock()
         printed = self._run([*OPTIONS, "-c", self._number], self._timeout)
         ended = self._clock()
-        match = RESULT.search(printed)
-        if match is None:
+        results = list(RESULT.finditer(printed))
+        if not results:
             raise self._failure(printed)
-        _, luminance, _, _, x, y = (float(number) for number in match.groups())
+        X, Y, Z, luminance, x, y = (float(number) for number in results[0].groups())
+        total = X + Y + Z
+        agree = luminance == Y and math.isclose(x * total, X, abs_tol=2e-6 * (1 + total))
+        if len(results) > 1 or not agree:  # it was to measure once, and prints Y twice
+            raise InstrumentError(
+                f"{self._name}: printed no single result{_last_line(printed)}", Fault.GARBLED
+            )
         if luminance <= 0:  # it shows what is below zero as 0
             raise InstrumentError(f"{self._name}: too dark for it: it shows 0", Fault.UNDER_RANGE)
+        require_luminance("spotread", self._name, luminance, (x, y))
         return Reading(luminance, "cd/m^2", begun, ended, "Result is XYZ", (x, y))
 
     def apparatus(self) -> dict[str, str]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.backlights import SteppedBacklight
+from evenlight.hardware.drivers.device_lock import DeviceLock
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 SYSFS = Path("/sys/class/backlight")
+NUMBER = re.compile(r"-?\d{1,9}")
 GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
 UDEV_RULE = (
     'may not be written; as root, add the udev rule SUBSYSTEM=="backlight", ACTION=="add", '
@@ -38,7 +41,7 @@ class SysfsBacklight(SteppedBacklight):
     InputError
         If there is no such backlight, it may not be set, or its steps are not linear in light.
     InstrumentError
-        If it fails, or has no steps.
+        If it fails, has no steps, or another program uses it.
     """
 
     def __init__(
@@ -57,14 +60,16 @@ class SysfsBacklight(SteppedBacklight):
                 f"{self._folder}: its steps are not linear in light, so they are no brightness factors; name "
                 "their measured curve as `backlight_curve`, or let pixels make the brightness"
             )
-        self._steps = self._read("max_brightness")
-        if self._steps < 1:
-            raise InstrumentError(f"{self._folder}: says that its brightness has no steps")
-        self._found = self._read("brightness")
+        self._lock = DeviceLock(self._folder / "max_brightness", self._name)
         try:
+            self._steps = self._read("max_brightness")
+            if self._steps < 1:
+                raise InstrumentError(f"{self._folder}: says that its brightness has no steps")
+            self._found = self._possible(self._read("brightness"))
             self._write(self._found)  # fails at once where it may not be set
-        except InstrumentError as error:
-            if error.fault is Fault.NOT_FOUND:
+        except BaseException as error:
+            self._release()
+            if isinstance(error, InstrumentError) and error.fault is Fault.NOT_FOUND:
                 raise InputError(str(error)) from None
             raise
 
@@ -79,15 +84,20 @@ class SysfsBacklight(SteppedBacklight):
         actual = (self._folder / "actual_brightness").is_file()
         return self._read("actual_brightness" if actual else "brightness")
 
+    def _release(self) -> None:
+        """Let another program have it."""
+        self._lock.release()
+
     def _read(self, name: str) -> int:
         """Return the number that a file of the device holds."""
         path = self._folder / name
         try:
-            return int(path.read_text())
+            text = path.read_bytes().decode("ascii", errors="replace").strip()
         except OSError as error:
             raise _failed(path, "cannot be read", error) from None
-        except ValueError as error:
-            raise InstrumentError(f"{path}: expected a whole number, got {error}", Fault.GARBLED) from None
+        if not NUMBER.fullmatch(text):
+            raise InstrumentError(f"{path}: expected a whole number, got {text[:60]!r}", Fault.GARBLED)
+        return int(text)
 
     def _write(self, step: int) -> None:
         """Write a step to the device."""

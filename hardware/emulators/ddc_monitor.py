@@ -117,7 +117,10 @@ def emulated_control(url: str) -> Any:
         """A control whose bus is a socket."""
 
         def __enter__(self) -> Any:
-            link = socket.create_connection((urlsplit(url).hostname, urlsplit(url).port), timeout=5)
+            try:
+                link = socket.create_connection((urlsplit(url).hostname, urlsplit(url).port), timeout=5)
+            except ConnectionRefusedError as error:
+                raise FileNotFoundError(error) from None  # as of a bus that is not there
             link.setblocking(False)
             self.fd = link.detach()
             return self

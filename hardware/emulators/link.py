@@ -62,11 +62,19 @@ class LinkFault(enum.Enum):
     DISCONNECT = "disconnect"  # half of the reply, then the link is gone
 
 
+class ExtraReply(enum.Enum):
+    """What can come besides a reply, which a driver may but need not notice."""
+
+    DOUBLED = "doubled"  # the reply, and at once the same again
+    MERGED = "merged"  # the reply without its end, and at once the same again
+    STRAY_LINE = "stray_line"  # the reply, and after it the one before it, which nobody asked for
+
+
 @dataclass(frozen=True, slots=True)
 class FaultPlan:
     """Which replies go wrong, and how."""
 
-    fault: LinkFault  # how
+    fault: LinkFault | ExtraReply  # how
     first: int = 1  # the first reply that does, from 1; what is streamed counts as replies, too
     count: int = 1  # how many do, from there on
     delay: float = 0.5  # of a late reply [s]
@@ -98,12 +106,17 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
         self, emulator: Emulator, plan: FaultPlan | None = None, *, pseudo_terminal: bool = False
     ) -> None:
         self._emulator, self._plan, self._replies = emulator, plan, 0
+        self._reply_before = b""
         self._ended = threading.Event()
         self._server: _Server = _TerminalServer() if pseudo_terminal else _SocketServer()
         self.url = self._server.url
         self.errors: list[Exception] = []  # of the emulator: a driver sees only silence then
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
+
+    def replies(self) -> int:
+        """Return how many replies there were so far, those that went wrong too."""
+        return self._replies
 
     def unplug(self) -> None:
         """Break the connection, as when the cable is pulled; the thread ends."""
@@ -133,7 +146,7 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
     def _reply(self, data: bytes) -> None:
         """Send some bytes, or what a fault makes of them."""
         self._replies += 1
-        plan = self._plan
+        plan, (before, self._reply_before) = self._plan, (self._reply_before, data)
         if plan is None or not plan.strikes(self._replies):
             self._send(data)
             return
@@ -149,6 +162,12 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
             case LinkFault.GARBAGE:
                 ending = data[len(data.rstrip(b"\r\n")) :]
                 self._send(GARBAGE + ending)
+            case ExtraReply.DOUBLED:
+                self._send(data + data)
+            case ExtraReply.MERGED:
+                self._send(data.rstrip(b"\r\n") + data)
+            case ExtraReply.STRAY_LINE:
+                self._send(data + before)
             case LinkFault.DISCONNECT:
                 self._send(half)
                 self._ended.set()

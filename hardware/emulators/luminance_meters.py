@@ -33,6 +33,7 @@ COLORCAL_IDENTITY = "OK00,1,8096,100.10,3100042,1.24"
 Row = tuple[float, float, float]
 COLORCAL_MATRIX: tuple[Row, Row, Row] = ((0.8, -0.1, 0.0), (0.0, 1.25, -0.2), (0.0, 0.0, 0.5))
 COLORCAL_TOO_BRIGHT = "ER10"  # assumed: which code it sends is not known
+COLORCAL_TOO_LONG = 999.995  # for a field of six characters
 COLORCAL_NOT_DARK = "ER11"
 COLORCAL_DARK = 0.5  # [cd/m^2] up to which the sensor counts as covered
 
@@ -106,17 +107,17 @@ class EmulatedLs100(EmulatedMeter):
         The panel that it looks at, and its noise.
     physics : MeterPhysics, optional
         What is true of it.
-    padded : bool, optional
-        Whether luminances are padded to a sign and six characters; what an LS-100 does is not confirmed.
+    width : int, optional
+        To how many characters luminances are padded after their sign; what an LS-100 does is not confirmed.
     """
 
     own_physics = LS100_PHYSICS
 
     def __init__(
-        self, simulation: Simulation, physics: MeterPhysics | None = None, *, padded: bool = True
+        self, simulation: Simulation, physics: MeterPhysics | None = None, *, width: int = MINOLTA_FIELD
     ) -> None:
         super().__init__(simulation, physics)
-        self._padded = padded
+        self._width = width
 
     def _answer(self, command: str) -> bytes:
         """Return the answer to a command."""
@@ -137,8 +138,7 @@ class EmulatedLs100(EmulatedMeter):
 
     def _luminance(self, luminance: float) -> str:
         """Return a luminance as it is sent."""
-        text = _minolta_field(luminance)
-        return f" {text:>{MINOLTA_FIELD}}" if self._padded else f" {text}"
+        return f" {_minolta_field(luminance):>{self._width}}"
 
 
 class EmulatedLs110(EmulatedLs100):
@@ -170,7 +170,7 @@ class EmulatedCs100a(EmulatedLs100):
         if seen.fault is not None:
             return MINOLTA_CODES[seen.fault]
         if self.chromaticity_fails:
-            return f"OK11,{self._luminance(seen.luminance)},-9.9999,-9.9999"
+            return f"OK11,{self._luminance(seen.luminance)}, .0000, .0000"
         return f"OK00,{self._luminance(seen.luminance)},{x},{y}"
 
 
@@ -194,6 +194,7 @@ class EmulatedPr655(EmulatedMeter):
 
     model, serial_number, own_physics = "PR-655", "60102905", PR655_PHYSICS
     remote = False
+    _last = "-2000"  # what it answers before it has measured
 
     def _end_of_command(self, came: bytes) -> int:
         """Return how many bytes the first command has: those that enter and leave end with themselves."""
@@ -217,11 +218,14 @@ class EmulatedPr655(EmulatedMeter):
     def _words(self, command: str) -> str:
         """Return the answer to a command in remote mode, without its end."""
         if command == "M1":
-            seen = self._look()
-            if seen.fault is not None:
-                return PR655_CODES[seen.fault]
-            x, y = WHITE
-            return f"0000,111,{seen.luminance:.3e},{x:.4f},{y:.4f}"
+            seen, (x, y) = self._look(), WHITE
+            self._last = (
+                f"0000,111,{seen.luminance:.3e},{x:.4f},{y:.4f}"
+                if seen.fault is None
+                else PR655_CODES[seen.fault]
+            )
+        if command in ("M1", "D1"):
+            return self._last
         facts = {"D110": self.serial_number, "D111": self.model, "D114": "2.02"}
         if command in facts:
             return f"0000,{facts[command]}"
@@ -280,9 +284,10 @@ class EmulatedColorCal(EmulatedMeter):
         seen = self._look()
         if seen.fault is Fault.UNDER_RANGE:
             return "OK00,  0.00,  0.00,  0.00"
-        if seen.fault is not None:
+        values = _uncorrected(seen.luminance)
+        if seen.fault is not None or max(values) >= COLORCAL_TOO_LONG:
             return COLORCAL_TOO_BRIGHT
-        return "OK00," + ",".join(f"{value:6.2f}" for value in _uncorrected(seen.luminance))
+        return "OK00," + ",".join(f"{value:6.2f}" for value in values)
 
 
 def _uncorrected(luminance: float) -> Row:

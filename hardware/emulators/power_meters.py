@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -151,6 +151,8 @@ class ScpiEmulator:
         The questions of measurement that it knows.
     identity : str, optional
         What it answers to *IDN?.
+    joins : bool, optional
+        Whether it takes several questions in one line, as IEEE 488.2 has it.
 
     Attributes
     ----------
@@ -164,27 +166,38 @@ class ScpiEmulator:
         physics: PowerMeterPhysics | None = None,
         known: tuple[str, ...] = SCPI_QUESTIONS,
         identity: str = SCPI_IDENTITY,
+        *,
+        joins: bool = True,
     ) -> None:
         self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
-        self._known, self._identity = known, identity
-        self._came = b""
+        self._known, self._identity, self._joins = known, identity, joins
+        self._came, self._enabled = b"", "0"
         self.errors: list[str] = []
 
     def receive(self, data: bytes) -> bytes:
         """Take some bytes that were sent, any part of a command, and return what is answered at once."""
         *lines, self._came = (self._came + data).split(b"\n")
-        answers = (self._answer(line.decode("ascii", errors="replace").strip().upper()) for line in lines)
+        answers = (self._answers(line.decode("ascii", errors="replace").strip().upper()) for line in lines)
         return b"".join(f"{answer}\n".encode("ascii") for answer in answers if answer)
 
     def stream(self) -> bytes:
         """Return nothing: it speaks only when asked."""
         return b""
 
+    def _answers(self, line: str) -> str:
+        """Return the answers to the questions of one line."""
+        units = line.split(";") if self._joins else [line]
+        return ";".join(filter(None, map(self._answer, units)))
+
     def _answer(self, line: str) -> str:
-        """Return the answer to one line."""
+        """Return the answer to one question; nothing to a command."""
         if line in self._known:
             return self._measured(line)
         match line:
+            case _ if self._joins and line.startswith("*ESE "):
+                self._enabled = line.removeprefix("*ESE ")
+            case "*ESE?" if self._joins:
+                return self._enabled
             case "*IDN?":
                 return self._identity
             case "*CLS":
@@ -206,38 +219,32 @@ class ScpiEmulator:
         return f"{value:+.6E}"
 
 
-class HwmonEmulator(AbstractContextManager["HwmonEmulator"]):
-    """A folder as Linux has one for a power sensor; power, current and voltage are named pipes.
+class PipedFiles(AbstractContextManager["PipedFiles"]):
+    """A folder as Linux has one for a device; files whose numbers change are named pipes.
 
     A named pipe reads like a file, and its number is made while it is read: none is older than that.
 
     Parameters
     ----------
-    simulation : Simulation
-        The panel, randomness and time.
-    physics : PowerMeterPhysics, optional
-        What is true of the sensor.
+    texts : mapping of str to str
+        What the other files say, by their path in the folder.
+    numbers : mapping of str to callable
+        What makes the numbers.
 
     Attributes
     ----------
-    url : str
-        The folder, which a driver opens.
+    folder : Path
+        The folder.
     """
 
-    def __init__(self, simulation: Simulation, physics: PowerMeterPhysics | None = None) -> None:
-        self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
-        self._temporary = tempfile.TemporaryDirectory(prefix="evenlight-hwmon-")
+    def __init__(self, texts: Mapping[str, str], numbers: Mapping[str, Callable[[], float]]) -> None:
+        self._temporary = tempfile.TemporaryDirectory(prefix="evenlight-emulated-")
         self.folder = Path(self._temporary.name)
-        self.url = str(self.folder)
-        (self.folder / "name").write_text(f"{CHIP}\n")
-        (self.folder / "update_interval").write_text("2\n")  # [ms]
-        highest = self._physics.highest_power
-        self._files: dict[Path, Callable[[], float]] = {
-            self.folder / "power1_input": lambda: self._power() * 1e6,
-            self.folder / "curr1_input": lambda: self._power() / SUPPLY * 1e3,
-            self.folder / "in1_input": lambda: SUPPLY * 1e3,
-            self.folder / "in0_input": lambda: self._power() / highest * SHUNT_FULL_SCALE,
-        }
+        for name in (*texts, *numbers):
+            (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (self.folder / name).write_text(f"{text}\n")
+        self._files = {self.folder / name: number for name, number in numbers.items()}
         for path in self._files:
             os.mkfifo(path)
         self._ended = threading.Event()
@@ -248,11 +255,6 @@ class HwmonEmulator(AbstractContextManager["HwmonEmulator"]):
         self._ended.set()
         self._thread.join(timeout=5)
         self._temporary.cleanup()
-
-    def _power(self) -> float:
-        """Return the power that the sensor has now [W]."""
-        physics, simulation = self._physics, self._simulation
-        return min(physics.shown(simulation.panel.power(), simulation.rng), physics.highest_power)
 
     def _serve(self) -> None:
         """Give numbers to all readers, until the end."""
@@ -274,3 +276,39 @@ class HwmonEmulator(AbstractContextManager["HwmonEmulator"]):
             os.write(descriptor, f"{round(number())}\n".encode())
         finally:
             os.close(descriptor)
+
+
+class HwmonEmulator(PipedFiles):
+    """A power sensor under hwmon: power, current and voltage.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The panel, randomness and time.
+    physics : PowerMeterPhysics, optional
+        What is true of the sensor.
+
+    Attributes
+    ----------
+    url : str
+        The folder, which a driver opens.
+    """
+
+    def __init__(self, simulation: Simulation, physics: PowerMeterPhysics | None = None) -> None:
+        self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
+        highest = self._physics.highest_power
+        super().__init__(
+            {"name": CHIP, "update_interval": "2"},  # [ms]
+            {
+                "power1_input": lambda: self._power() * 1e6,
+                "curr1_input": lambda: self._power() / SUPPLY * 1e3,
+                "in1_input": lambda: SUPPLY * 1e3,
+                "in0_input": lambda: self._power() / highest * SHUNT_FULL_SCALE,
+            },
+        )
+        self.url = str(self.folder)
+
+    def _power(self) -> float:
+        """Return the power that the sensor has now [W]."""
+        physics, simulation = self._physics, self._simulation
+        return min(physics.shown(simulation.panel.power(), simulation.rng), physics.highest_power)

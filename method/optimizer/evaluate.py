@@ -39,6 +39,7 @@ class RunRecord:
     curves_s: float  # time that the loss curves took [s]
     bound_s: float  # time that the lower bound took [s]
     calm: float = 0.0  # share of the gain that could be given up for a calmer track
+    pixel_aspect: float = 1.0  # width of the pixels of the video's file over their height
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +163,7 @@ def summarize(
             track.rate, limit_without_allowances(problem, track.factors)
         ),
         wide_band_accepted=header.wide_band_accepted,
+        pixel_aspect=effort.pixel_aspect,
     )
 
 

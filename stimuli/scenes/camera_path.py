@@ -5,7 +5,6 @@ And where a walker may go: over the walkable rectangles of a scene, along their 
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.text_files import parse_json, read_text
 from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
 from evenlight.stimuli.scenes.scene import SCENES, Floats, Ground, Scene, Vector
 
@@ -193,20 +193,16 @@ def path_named(name: str) -> CameraPath:
         If there is none, or it cannot be used.
     """
     file = Path(name) if name.endswith(".json") else PATHS / f"{name}.json"
-    try:
-        text = file.read_text(encoding="utf-8")
-    except OSError as error:
+    if not file.exists():
         known = ", ".join(sorted(p.stem for p in PATHS.glob("*.json") if "." not in p.stem))
-        raise InputError(f"no camera path {name!r}: there are {known} ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"camera path {name}: is no text in UTF-8") from None
-    return path_from_text(file.stem, text)
+        raise InputError(f"no camera path {name!r}: there are {known}")
+    return path_from_text(file.stem, read_text(file, "a camera path"))
 
 
 def path_from_text(name: str, text: str) -> CameraPath:
     """Return the path that a JSON text describes."""
     try:
-        content = json.loads(text)
+        content = parse_json(text, f"camera path {name}", "a camera path")
         if not isinstance(content, dict):
             raise ValueError("need scene, duration_s and keypoints, got no table")
         points = tuple(_keypoint(point) for point in content["keypoints"])
@@ -218,9 +214,11 @@ def path_from_text(name: str, text: str) -> CameraPath:
             tuple(content.get("places", ())),
             text,
         )
+    except InputError:
+        raise
     except KeyError as error:
         raise InputError(f"camera path {name}: there is no {error.args[0]!r}") from None
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise InputError(f"camera path {name}: {error}") from None
 
 

@@ -8,6 +8,7 @@ white, not 22 %.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from evenlight.data_schema.frame import Frame
+from evenlight.stimuli.video.square_pixels import SQUARE, with_square_pixels
 
 if TYPE_CHECKING:
     from av.video.format import VideoFormat
@@ -43,10 +45,17 @@ class UnsupportedColourError(ValueError):
 
 
 class ColourConverter:
-    """Turns decoded frames into R, G, B; keeps FFmpeg's conversion tables from frame to frame."""
+    """Turns decoded frames into R, G, B; keeps FFmpeg's conversion tables from frame to frame.
 
-    def __init__(self) -> None:
-        self._reformatter = VideoReformatter()
+    Parameters
+    ----------
+    pixel_aspect : Fraction
+        Width of the frames' pixels over their height; what comes out has square ones.
+    """
+
+    def __init__(self, pixel_aspect: Fraction = SQUARE) -> None:
+        self._aspect = pixel_aspect
+        self._reformatter, self._resampler = VideoReformatter(), VideoReformatter()
 
     def rgb(self, frame: VideoFrame) -> NDArray[Any]:
         """Return gamma-encoded R, G, B over the full range of the integer type, upright, without alpha.
@@ -76,6 +85,8 @@ class ColourConverter:
             pixels = self._shallow(frame)
         else:
             pixels = self._deep(frame, depth)
+        if self._aspect != SQUARE:
+            pixels = with_square_pixels(pixels, self._aspect, self._resampler)
         quarter_turns, rest = divmod(frame.rotation, 90)
         return pixels if rest else np.ascontiguousarray(np.rot90(pixels, quarter_turns))
 

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
+from evenlight.data_schema.storage.input_files import open_input, require_plain_file
+from evenlight.data_schema.tracks.loss_curves import UNREADABLE
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.video_file import decode_strictly
 from evenlight.stimuli.video.video_source import rate_from_number
@@ -125,6 +127,7 @@ def natural_order(name: str) -> list[tuple[int, str]]:
 
 def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
     """Read an image with FFmpeg, the first one if the file holds several."""
+    require_plain_file(file, "an image")
     try:
         with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
             stream = container.streams.video[0]
@@ -143,8 +146,11 @@ def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
 def _read_array(file: Path) -> NDArray[Any]:
     """Read a NumPy array of pixel values: floats in [0, 1], or integers of 8 or 16 bits over their range."""
     try:
-        pixels: NDArray[Any] = np.load(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        with open_input(file, "an array of pixel values") as stream:
+            pixels: NDArray[Any] = np.load(stream, allow_pickle=False)
+    except InputError:
+        raise
+    except UNREADABLE as error:
         raise InputError(f"cannot read the array {file}: {error}") from error
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[..., np.newaxis], 3, axis=-1)

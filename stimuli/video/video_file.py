@@ -7,14 +7,13 @@ here are lossless, FFV1 in Matroska, whole or not at all.
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,9 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
 from evenlight.stimuli.video.video_source import (
     ASSUMED_RATE,
     FrameTimes,
@@ -64,10 +65,13 @@ class VideoFile:
         The file.
     timeline : FrameTimes
         When its frames appear.
+    pixel_aspect : Fraction
+        Width of the file's pixels over their height; its frames come in square ones.
     """
 
     path: Path
     timeline: FrameTimes
+    pixel_aspect: Fraction = SQUARE
 
     @property
     def name(self) -> str:
@@ -92,7 +96,7 @@ class VideoFile:
             If a frame is damaged or missing, or differs in size from the first one.
         """
         times, durations = self.timeline.times, self.timeline.durations
-        convert = ColourConverter()
+        convert = ColourConverter(self.pixel_aspect)
         shape, k = None, 0
         with _opened(self.path) as container:
             for picture in self._decoded(container):
@@ -139,7 +143,7 @@ def open_video_file(path: Path) -> VideoFile:
     Raises
     ------
     InputError
-        If it is no video, or ends before its time.
+        If it is no video, ends before its time, or its pixels have a shape that none have.
     """
     try:
         if path.stat().st_size == 0:
@@ -147,7 +151,8 @@ def open_video_file(path: Path) -> VideoFile:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
     with _opened(path) as container:
-        return VideoFile(path, _timeline(path, container))
+        aspect = pixel_aspect_of(path, _video_stream(path, container))
+        return VideoFile(path, _timeline(path, container), aspect)
 
 
 def _opened(path: Path) -> InputContainer:
@@ -329,7 +334,11 @@ def write_video(
     rate = rate_from_number(frames_per_second)
     arrays = (frame.pixel_values if isinstance(frame, Frame) else frame for frame in frames)
     written = 0
-    with _whole_file(path) as partial, _matroska(partial) as container:
+    with (
+        _told_by_name(path),
+        results_folder(path.parent) as folder,
+        _matroska(folder / path.name) as container,
+    ):
         stream = None
         for array in arrays:
             if stream is None:
@@ -351,20 +360,10 @@ def _matroska(path: Path) -> OutputContainer:
 
 
 @contextmanager
-def _whole_file(path: Path) -> Iterator[Path]:
-    """Yield a name beside `path` to write to, which becomes `path` if the block ends well."""
+def _told_by_name(path: Path) -> Iterator[None]:
+    """Name the file that cannot be written."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-        partial = Path(name)
-        try:
-            yield partial
-            partial.chmod(0o644)
-            partial.replace(path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+        yield
     except (OSError, FFmpegError) as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
 

@@ -173,9 +173,11 @@ def test_curves_that_the_levels_do_not_allow_are_named_with_the_reason() -> None
 
 
 def scaled(limit: RateLimit, factor: float) -> RateLimit:
-    """A limit times a factor: ln(rate) shifts by its logarithm."""
+    """A limit times a factor, without what it was fitted to: ln(rate) shifts by the logarithm."""
     first, *others = limit.coefficients
-    return dataclasses.replace(limit, coefficients=(first + float(np.log(factor)), *others))
+    coefficients = (first + float(np.log(factor)), *others)
+    bare = dict.fromkeys(("band_luminance", "band_lower", "band_upper", "point_luminance", "point_rate"), ())
+    return dataclasses.replace(limit, coefficients=coefficients, **bare)
 
 
 def test_a_more_permissive_choice_never_gives_a_worse_track(clip: LossCurves) -> None:

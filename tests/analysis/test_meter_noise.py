@@ -5,11 +5,11 @@ import pytest
 
 from evenlight.analysis.measurement.sweeps.repeated_readings import (
     Repeats,
-    last_digits,
     noise_of,
     scattered_rounding,
     shared_rounding,
 )
+from evenlight.method.suspect_readings import last_digits
 
 LEVELS = 200 * (np.arange(17) / 16) ** 2.2 + 0.2
 

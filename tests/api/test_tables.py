@@ -52,14 +52,13 @@ def test_the_rate_limit_is_for_the_display_and_says_that_it_is_simulated(fit: ev
 
 @pytest.mark.slow
 def test_a_table_gives_the_thresholds_that_its_data_set_gives(
-    command: Callable[..., Any], tmp_path: Path
+    command: Callable[..., Any], short_ramps: Path, tmp_path: Path
 ) -> None:
     """The trials of simulated sessions, once as sessions and once as the table they are exported to."""
     dataset = tmp_path / "dataset"
-    assert (
-        command("simulate", "ramp", "--participants", 2, "--seed", 5, "--out", dataset, "--quiet").code == 0
-    )
-    assert command("fit", dataset, "--out", tmp_path / "fit", "--quiet").code == 0
+    people = ("--participants", 2, "--seed", 5, "--design", short_ramps)
+    assert command("simulate", "ramp", *people, "--out", dataset, "--quiet").code == 0
+    assert command("fit", dataset, "--out", tmp_path / "fit", "--quiet", "--no-clip").code == 0
     rows = [pd.read_json(file, lines=True, dtype={"participant_id": str, "session_id": str})
             for file in sorted(dataset.glob("sub-*/ses-*/trials.jsonl"))]  # fmt: skip
     table = pd.concat(rows).rename(columns={"initial_luminance_cd_m2": "luminance_cd_m2"})

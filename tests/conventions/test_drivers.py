@@ -1,336 +1,182 @@
-"""What every driver promises, over all that the rig can open: a new one is tested without a word here."""
+"""What every driver promises (`measure conform`), of all of ours: a new one is tested without a word here."""
 
-import inspect
-import math
 import os
 import shutil
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-import evenlight
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware import rig as rigs
 from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
 from evenlight.hardware.backlights import LoggedBacklight
-from evenlight.hardware.driver_table import (
-    BACKLIGHTS,
-    LUMINANCE_METERS,
-    POWER_METERS,
-    SIMULATED,
-    Driver,
-    LinkKind,
+from evenlight.hardware.conformance.conform import (
+    INTERFACE,
+    NOTHING_MADE_UP,
+    TOLD,
+    WORKING,
+    Promise,
+    nothing_left_open,
 )
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.protocols import (
-    TRANSIENT,
-    Backlight,
-    Fault,
-    InstrumentError,
-    LuminanceMeter,
-    PowerMeter,
-    Reading,
-)
+from evenlight.hardware.conformance.faults import Breakable, require_told_not_restored
+from evenlight.hardware.conformance.interface import import_failure
+from evenlight.hardware.conformance.subject import Subject, warm_white_panel
+from evenlight.hardware.driver_table import SIMULATED, NamedDriver
+from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
+from evenlight.hardware.installed_drivers import InstrumentKind
+from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig_files import load_rig
-from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(evenlight.__file__).parents[1]
-LIBRARIES = ("serial", "ppk2_api", "monitorcontrol", "pyvisa", "pyvisa_py", "psychopy", "numpy", "scipy")
-PROTOCOLS: dict[str, tuple[type, dict[str, Driver]]] = {
-    "luminance": (LuminanceMeter, LUMINANCE_METERS),
-    "power": (PowerMeter, POWER_METERS),
-    "backlight": (Backlight, BACKLIGHTS),
-}
-DRIVERS = [
-    (kind, name) for kind, (_, table) in PROTOCOLS.items() for name, driver in table.items() if driver.place
+SUBJECTS = [
+    Subject(kind, NamedDriver(name, driver, "", bool(driver.emulator)))
+    for kind in InstrumentKind
+    for name, driver in kind.ours.items()
+    if driver.place
 ]
 # A person and a folder of Linux: tests hand them in, and the simulated device is their simulation.
-WITHOUT_EMULATOR = {("luminance", "manual"), ("backlight", "sysfs")}
-OPENED = [
-    (kind, name if name == SIMULATED else f"{SIMULATED}:{name}")
-    for kind, name in DRIVERS
-    if (kind, name) not in WITHOUT_EMULATOR
-]
+WITHOUT_EMULATOR = ("manual", "sysfs", SIMULATED)
+AT_ONCE = 24  # devices
+# One after the other: PyVISA has one manager for a process, and closes it under another's feet; a PPK2 sends
+# 100 000 samples a second, which the other devices' threads would make late; so would they RAPL's counters.
+ALONE = (("visa",), ("ppk2", "rapl"))
+IMPORTS = "is imported where no device library is installed"
 
 
-def driver_of(kind: str, name: str) -> Driver:
-    return PROTOCOLS[kind][1][name]
+def called(subject: Subject) -> str:
+    return f"{subject.kind.name.lower()} {subject.named.name}"
 
 
-def simulation() -> Simulation:
-    """A warm white panel in real time; its luminance is 200 cd/m^2, and its power 0.2945 + 0.3716 W."""
-    panel = SimulatedPanel(PanelPhysics(warm_up_share=0.0), time.monotonic)
-    panel.show(1.0)
-    return Simulation(panel, np.random.default_rng(5), time.monotonic, time.sleep)
+def tried(promise: Promise) -> list[Subject]:
+    """The drivers that a promise can be tried on here."""
+    return [
+        one
+        for one in SUBJECTS
+        if one.kind in promise.kinds
+        and not promise.untried(one)
+        and not (promise.opens and one.named.name in ("manual", "sysfs"))
+    ]
 
 
-def opened(kind: str, name: str, seen: Simulation) -> AbstractContextManager[Any]:
-    """Open a device as the rig does."""
-    if kind == "luminance":
-        return rigs.open_luminance_meter(name, time.monotonic, seen)
-    if kind == "power":
-        return rigs.open_power_meter(name, time.monotonic, seen)
-    device = rigs.open_backlight(replace(load_rig("simulated")[0], backlight=name), time.monotonic, seen)
-    assert device is not None
-    return device
+def keep(pairs: list[tuple[Promise, Subject]], at_once: int = AT_ONCE) -> None:
+    """Try promises at once, for devices wait more than they work; what is left open is counted at the end."""
+    assert pairs
+
+    def tried_once(pair: tuple[Promise, Subject]) -> str:
+        promise, subject = pair
+        try:
+            promise.check(subject)
+        except Exception as error:
+            return f"{called(subject)}: {promise.words}: {error!r}"
+        return ""
+
+    queues = [[pair for pair in pairs if pair[1].named.name in names] for names in ALONE]
+    with nothing_left_open(), ThreadPoolExecutor(at_once) as pool:
+        said = [*pool.map(tried_once, [pair for pair in pairs if not any(pair in queue for queue in queues)])]
+        for queue in pool.map(lambda queue: [tried_once(pair) for pair in queue], queues):
+            said += queue
+    assert list(filter(None, said)) == []
 
 
-def held() -> tuple[int, int]:
-    """How many files and threads there are."""
-    return len(list(Path("/proc/self/fd").iterdir())), threading.active_count()
+@pytest.mark.parametrize(
+    "promise", [one for one in (*INTERFACE, *WORKING, *TOLD) if one.words != IMPORTS], ids=lambda p: p.words
+)
+def test_every_driver_keeps_its_promises(promise: Promise) -> None:
+    # A port that is gone must not come back as that of another device.
+    keep([(promise, one) for one in tried(promise)], 1 if promise is TOLD[0] else AT_ONCE)
 
 
-@pytest.fixture
-def nothing_left() -> Iterator[None]:
-    before = held()
-    yield
-    end = time.monotonic() + 2
-    while held() != before and time.monotonic() < end:  # a thread may be on its last way
-        time.sleep(0.01)
-    assert held() == before
-
-
-@pytest.mark.parametrize(("kind", "name"), DRIVERS)
-def test_a_driver_has_each_method_of_its_protocol_with_the_same_arguments(kind: str, name: str) -> None:
-    protocol, cls = PROTOCOLS[kind][0], driver_of(kind, name).load()
-    parts = [part for part in protocol.__mro__ if getattr(part, "_is_protocol", False)]
-    methods = {n: f for part in parts for n, f in vars(part).items() if inspect.isfunction(f)}
-    methods.pop("__init__", None)
-    methods.pop("__subclasshook__", None)
-    assert {"__enter__", "__exit__", "close"} < set(methods)
-    for method, promised in methods.items():
-        if method.startswith("_") and method not in ("__enter__", "__exit__"):
-            continue
-        own = inspect.signature(getattr(cls, method)).parameters
-        if method.startswith("__"):
-            assert callable(getattr(cls, method))
-            continue
-        wanted = inspect.signature(promised).parameters
-        assert list(own)[: len(wanted)] == list(wanted), method
-        extra = list(own.values())[len(wanted) :]
-        assert all(one.default is not inspect.Parameter.empty for one in extra), method
-
-
-@pytest.mark.parametrize(("kind", "name"), DRIVERS)
-def test_a_driver_that_sets_a_zero_says_what_comes_before(kind: str, name: str) -> None:
-    cls = driver_of(kind, name).load()
-    assert hasattr(cls, "zero") == hasattr(cls, "before_zero")
-
-
-@pytest.mark.parametrize(("kind", "name"), DRIVERS)
-def test_nothing_is_read_by_looking_at_an_attribute(kind: str, name: str) -> None:
-    cls = driver_of(kind, name).load()
-    properties = [n for n, member in inspect.getmembers(cls) if isinstance(member, property)]
-    assert [n for n in properties if not n.startswith("_")] == []
+def test_no_driver_makes_up_a_reading_where_a_reply_goes_wrong() -> None:
+    """The faults that test_luminance_meter_links.py and test_power_links.py have not; of `exec`, all."""
+    there = {
+        one
+        for words in ("does not", "late", "breaks off", "garbage")
+        for one in NOTHING_MADE_UP
+        if words in one.words
+    }
+    assert len(there) == 4
+    pairs = [(promise, one) for promise in NOTHING_MADE_UP for one in tried(promise)]
+    keep([(promise, one) for promise, one in pairs if promise not in there or one.named.name == "exec"])
 
 
 def test_every_driver_is_imported_on_a_computer_without_device_libraries() -> None:
-    """In a process of its own, where importing one of them fails."""
-    modules = {
-        f"evenlight.hardware.{place.partition(':')[0]}"
-        for kind, name in DRIVERS
-        for place in (driver_of(kind, name).place, driver_of(kind, name).emulator)
-        if place
-    }
-    lines = [f"import sys; sys.modules.update(dict.fromkeys({LIBRARIES}))", *(f"import {m}" for m in modules)]
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(lines)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    assert import_failure([one.named.driver for one in SUBJECTS]) == ""
 
 
-@pytest.mark.parametrize(("kind", "name"), DRIVERS)
-def test_every_driver_has_something_to_be_tried_on(kind: str, name: str) -> None:
+@pytest.mark.parametrize("subject", SUBJECTS, ids=called)
+def test_every_driver_has_something_to_be_tried_on(subject: Subject) -> None:
     """An emulated instrument, or it is the simulation in this process."""
-    driver = driver_of(kind, name)
-    if (kind, name) in WITHOUT_EMULATOR or name == SIMULATED:
-        assert not driver.emulator
-        return
-    assert callable(driver.load_emulator())
+    assert bool(subject.named.driver.emulator) == (subject.named.name not in WITHOUT_EMULATOR)
 
 
-@pytest.mark.parametrize("kind", PROTOCOLS)
-def test_measure_list_says_of_every_driver_what_it_drives_and_how_it_is_named(kind: str) -> None:
-    for name, driver in PROTOCOLS[kind][1].items():
-        if (kind, name) != ("power", SIMULATED):  # not listed
-            assert driver.instrument
-            assert driver.address.startswith(name)
-            assert driver.settings
+@pytest.mark.parametrize(
+    "device",
+    [
+        lambda seen: rigs.open_luminance_meter("simulated:ls100", time.monotonic, seen),
+        lambda seen: rigs.open_power_meter("simulated:hwmon", time.monotonic, seen),
+    ],
+    ids=["luminance", "power"],
+)
+def test_an_emulated_instrument_says_that_it_is_none(device: Callable[..., Any]) -> None:
+    with device(warm_white_panel()) as opened:
+        assert "SIMULATED" in " ".join(opened.apparatus().values())
 
 
-@pytest.mark.parametrize(("kind", "name"), OPENED)
-@pytest.mark.usefixtures("nothing_left")
-def test_a_device_works_in_a_context_is_closed_as_often_as_one_likes_and_then_refuses(
-    kind: str, name: str
-) -> None:
-    seen = simulation()
-    with opened(kind, name, seen) as device:
-        if kind == "luminance":
-            reading = device.read_luminance()
-            assert isinstance(reading, Reading)
-            assert reading.unit == "cd/m^2"
-            assert reading.value == pytest.approx(200.0, rel=0.05)  # the worst class of meters
-            assert reading.begun <= reading.ended
-        elif kind == "power":
-            assert device.start(20.0) > 0
-            time.sleep(0.3)
-            samples = [*device.samples(), *device.stop()]
-            assert samples[-1].power == pytest.approx(0.6661, rel=0.05)
-        else:
-            achieved = device.set_factor(0.5)
-            assert achieved == pytest.approx(0.5, abs=device.step() / 2)
-            time.sleep(0.05)  # ten times the lag of the panel's light
-            assert seen.panel.luminance() == pytest.approx(200.0 * achieved, rel=0.01)
-        if kind != "backlight":
-            assert "SIMULATED" in " ".join(device.apparatus().values())
-    device.close()
-    device.close()
-    with pytest.raises(InstrumentError) as refused:
-        {
-            "luminance": lambda: device.read_luminance(),
-            "power": lambda: device.start(20.0),
-            "backlight": lambda: device.set_factor(0.5),
-        }[kind]()
-    assert refused.value.fault is Fault.DISCONNECTED
+def sysfs(folder: Path) -> Breakable:
+    """A panel of Linux whose folder is taken away."""
 
-
-@pytest.mark.parametrize("name", [name for kind, name in OPENED if kind == "backlight"])
-def test_no_backlight_takes_a_factor_that_it_has_not(name: str) -> None:
-    with opened("backlight", name, simulation()) as device:
-        for factor in (0.0, -0.1, device.smallest_factor() / 2, 1.001, 2.0, math.nan, math.inf):
-            with pytest.raises(InstrumentError) as refused:
-                device.set_factor(factor)
-            assert refused.value.fault is Fault.REFUSED
-
-
-def backlight_that_breaks(name: str, folder: Path, stack: ExitStack) -> tuple[Any, Callable[[], object]]:
-    """An open backlight of a driver, and what makes it impossible to put back."""
-    if name == "sysfs":
+    @contextmanager
+    def breakable() -> Iterator[tuple[Any, Callable[[], object]]]:
         panel = folder / "panel"
         panel.mkdir()
         for file in ("max_brightness", "brightness"):
             (panel / file).write_text("100")
-        return driver_of("backlight", name).load()("panel", folder), lambda: shutil.rmtree(panel)
-    if name == SIMULATED:
+        yield SysfsBacklight("panel", folder), lambda: shutil.rmtree(panel)
+
+    return breakable
+
+
+def simulated(_: Path) -> Breakable:
+    """A simulated panel that does not follow any more."""
+
+    @contextmanager
+    def breakable() -> Iterator[tuple[Any, Callable[[], object]]]:
         gone: list[bool] = []
 
-        def follow(factor: float) -> None:
+        def follow(_: float) -> None:
             if gone:
                 raise InstrumentError("the panel is gone", Fault.DISCONNECTED)
 
-        return driver_of("backlight", name).load()(lambda: 0.0, follow=follow), lambda: gone.append(True)
-    driver = driver_of("backlight", name)
-    terminal = driver.link is LinkKind.TERMINAL
-    link = EmulatedLink(driver.load_emulator()(simulation()), pseudo_terminal=terminal)
-    stack.enter_context(link)
-    return driver.open_at(link.url, time.monotonic, timeout=0.3), link.unplug
+        yield SimulatedBacklight(lambda: 0.0, follow=follow), lambda: gone.append(True)
+
+    return breakable
 
 
-@pytest.mark.parametrize("name", [name for kind, name in DRIVERS if kind == "backlight"])
-@pytest.mark.parametrize("wrapped", [False, True])
-@pytest.mark.usefixtures("nothing_left")
-def test_a_backlight_that_cannot_be_left_as_it_was_found_is_released_and_told_of(
-    name: str, wrapped: bool, tmp_path: Path
-) -> None:
-    with ExitStack() as stack:
-        device, break_it = backlight_that_breaks(name, tmp_path, stack)
-        if wrapped:
+def wrapped(folder: Path) -> Breakable:
+    """One that is set by luminance, and whose settings are kept."""
+
+    @contextmanager
+    def breakable() -> Iterator[tuple[Any, Callable[[], object]]]:
+        with simulated(folder)() as (device, break_it):
             curve = BacklightCurve((0.1, 0.5, 1.0), (2.0, 50.0, 200.0))
-            device = LoggedBacklight(LinearizedBacklight(device, curve), time.monotonic)
-        device.set_factor(0.5)
-        break_it()
-        with pytest.raises(InstrumentError):
-            device.close()
-        device.close()  # once was enough
-        with pytest.raises(InstrumentError) as refused:
-            device.set_factor(0.5)
-        assert refused.value.fault is Fault.DISCONNECTED
+            yield LoggedBacklight(LinearizedBacklight(device, curve), time.monotonic), break_it
+
+    return breakable
 
 
-@pytest.mark.parametrize("name", [name for kind, name in DRIVERS if kind == "backlight"])
-@pytest.mark.parametrize("how", ["with", "finally", "callback"])
-@pytest.mark.usefixtures("nothing_left")
-def test_a_backlight_that_cannot_be_left_as_it_was_found_hides_no_other_exception(
-    name: str, how: str, tmp_path: Path
+@pytest.mark.parametrize("made", [sysfs, simulated, wrapped])
+def test_a_backlight_that_cannot_be_left_as_it_was_found_is_told_of_and_hides_no_other_exception(
+    made: Callable[[Path], Breakable], tmp_path: Path
 ) -> None:
-    with ExitStack() as links:
-        device, break_it = backlight_that_breaks(name, tmp_path, links)
-
-        def used() -> None:
-            break_it()
-            raise KeyboardInterrupt
-
-        def used_and_closed() -> None:
-            with ExitStack() as stack:
-                if how == "with":
-                    stack.enter_context(device)
-                elif how == "callback":
-                    stack.callback(device.close)
-                try:
-                    used()
-                finally:
-                    if how == "finally":
-                        device.close()
-
-        with pytest.raises(KeyboardInterrupt) as interrupted:
-            used_and_closed()
-        (note,) = interrupted.value.__notes__
-        assert "could not be left as it was found" in note
-
-
-@pytest.mark.parametrize("name", [name for kind, name in OPENED if kind == "power"])
-def test_no_power_meter_takes_a_rate_that_it_has_not(name: str) -> None:
-    with opened("power", name, simulation()) as device:
-        for rate in (0.0, -1.0, 1e9, math.nan, math.inf):
-            with pytest.raises(InstrumentError) as refused:
-                device.start(rate)
-            assert refused.value.fault is Fault.REFUSED
-
-
-def open_and_use(driver: Driver, url: str, kind: str) -> None:
-    """Open a device and ask it on and on: a break is noticed at once, or by a question soon after."""
-    with driver.open_at(url, time.monotonic, timeout=0.3) as device:
-        if kind == "power":
-            device.start(20.0)
-        ask = getattr(device, {"luminance": "read_luminance", "power": "samples"}.get(kind, "read_factor"))
-        for _ in range(300):
-            time.sleep(0.02)
-            ask()
-
-
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [
-        (kind, name)
-        for kind, name in DRIVERS
-        if driver_of(kind, name).emulator and driver_of(kind, name).link is not LinkKind.OWN
-    ],
-)
-@pytest.mark.parametrize("first", [1, 3])
-@pytest.mark.usefixtures("nothing_left")
-def test_a_cable_that_is_pulled_while_a_device_is_opened_or_used_is_an_error(
-    kind: str, name: str, first: int
-) -> None:
-    """Whichever reply breaks off, nothing stays open, and no other exception comes out."""
-    driver = driver_of(kind, name)
-    plan = FaultPlan(LinkFault.DISCONNECT, first=first)
-    terminal = driver.link is LinkKind.TERMINAL
-    with EmulatedLink(driver.load_emulator()(simulation()), plan, pseudo_terminal=terminal) as link:
-        with pytest.raises(InstrumentError) as failed:
-            open_and_use(driver, link.url, kind)
-        assert failed.value.fault in (Fault.DISCONNECTED, Fault.BUSY, *TRANSIENT, Fault.WRONG_INSTRUMENT)
-        assert link.url.rpartition(":")[2] in str(failed.value) or "ddc:0" in str(failed.value)
+    require_told_not_restored(made(tmp_path))
 
 
 NOWHERE = {
@@ -342,20 +188,23 @@ NOWHERE = {
 }
 
 
-@pytest.mark.parametrize(
-    ("kind", "name"), [(k, n) for k, n in DRIVERS if n != SIMULATED and (k, n) not in WITHOUT_EMULATOR]
-)
-@pytest.mark.usefixtures("nothing_left")
+@pytest.mark.parametrize("subject", [one for one in SUBJECTS if one.named.driver.emulator], ids=called)
 def test_an_instrument_that_is_not_there_is_named_with_where_it_was_sought(
-    kind: str, name: str, monkeypatch: pytest.MonkeyPatch
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", os.devnull)  # nor a program that drives one
-    address = NOWHERE.get(name, "/dev/no_such_port")
-    with pytest.raises((InstrumentError, InputError)) as refused:
-        opened(kind, f"{name}:{address}", simulation())
+    address = NOWHERE.get(subject.named.name, "/dev/no_such_port")
+    name = f"{subject.named.name}:{address}"
+    rig = replace(load_rig("simulated")[0], backlight=name)
+    with pytest.raises((InstrumentError, InputError)) as refused, nothing_left_open():
+        {
+            InstrumentKind.LUMINANCE: lambda: rigs.open_luminance_meter(name, time.monotonic),
+            InstrumentKind.POWER: lambda: rigs.open_power_meter(name, time.monotonic),
+            InstrumentKind.BACKLIGHT: lambda: rigs.open_backlight(rig, time.monotonic),
+        }[subject.kind]()
     assert isinstance(refused.value, InstrumentError)
     assert refused.value.fault in (Fault.NOT_FOUND, Fault.NO_REPLY)
     words = str(refused.value)
-    assert address.partition("?")[0] in words or name in words
+    assert address.partition("?")[0] in words or subject.named.name in words
     assert "\n" not in words
     assert len(words) > 40  # what it is, where, and what to do

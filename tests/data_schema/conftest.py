@@ -94,12 +94,12 @@ def numbers(meta: Any) -> st.SearchStrategy[float]:
 
 
 def darker_black(values: Values) -> Values:
-    return values | {"black_level": values["peak_luminance"] * 0.5}
+    return values | {"black_level": values["peak_luminance"] * 0.3}
 
 
 def some_power(values: Values) -> Values:
     key = "power_per_luminance" if values["kind"] is PanelKind.LCD else "red_power"
-    return values | {key: 1.5, "peak_luminance": 300.0}
+    return values | {key: 1.5, "peak_luminance": 300.0, "green_power": 0.25, "blue_power": 0.5}
 
 
 def consistent_limit(values: Values) -> Values:
@@ -112,9 +112,10 @@ def consistent_limit(values: Values) -> Values:
         "coefficients": tuple(c / scale for c in values["coefficients"]),
         "luminance_range": (low, 2 * high),
         "band_luminance": tuple(low + (2 * high - low) * k / (n - 1) for k in range(n)),
-        "band_lower": (0.25,) * n,
-        "band_upper": (0.75,) * n,
-        "point_rate": (0.5,) * m,
+        "band_lower": (0.0,) * n,
+        "band_upper": (1e30,) * n,
+        "point_luminance": (low,) * m if n else (),
+        "point_rate": (0.5,) * m if n else (),
     }
 
 

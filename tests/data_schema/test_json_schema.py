@@ -71,9 +71,9 @@ def test_a_plan_says_its_durations_in_minutes_and_hours() -> None:
 
 
 def test_limits_units_and_choices_are_in_the_schema() -> None:
-    """Display.peak_luminance > 0 cd/m^2; a factor in (0, 1]; one of four responses; a pattern for names."""
+    """Display.peak_luminance >= 1e-6 cd/m^2; a factor in (0, 1]; one of four responses; a pattern."""
     peak = schemas()["display"]["properties"]["peak_luminance_cd_m2"]
-    assert (peak["type"], peak["exclusiveMinimum"], peak["unit"]) == ("number", 0.0, "cd/m^2")
+    assert (peak["type"], peak["minimum"], peak["unit"]) == ("number", 1e-6, "cd/m^2")
     trial = schemas()["ramp_trial"]["properties"]
     assert (trial["factor"]["exclusiveMinimum"], trial["factor"]["maximum"]) == (0.0, 1.0)
     assert trial["response"]["enum"] == ["yes", "no", "first", "second"]

@@ -228,7 +228,7 @@ def test_a_nested_record_is_named_by_its_keys(
     content["display"]["gamma"] = -1.0
     (tmp_path / "m.json").write_text(json.dumps(content))
     message = refusal(lambda path: read_json_record(SessionManifest, path), tmp_path / "m.json")
-    assert message == ": display: gamma must be above 0, got -1"
+    assert message == ": display: gamma must be at least 0.5, got -1"
 
 
 @pytest.mark.parametrize(

@@ -117,12 +117,13 @@ def _columns(n: int, low: float, high: float) -> st.SearchStrategy[list[float]]:
 def test_a_brightness_track_survives_csv_and_json(
     records_of: Strategies, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, n: int
 ) -> None:
+    factors = data.draw(_columns(n, 1e-3, 1.0))
     track = BrightnessTrack(
         times=np.arange(n) / data.draw(st.floats(1.0, 240.0)),
-        factors=data.draw(_columns(n, 1e-3, 1.0)),
+        factors=factors,
         contrast_loss=data.draw(_columns(n, 0.0, 1.0)),
         mean_luminance=data.draw(_columns(n, 0.0, 1e4)),
-        rate=data.draw(_columns(n, -1e4, 1e4)),
+        rate=np.append(np.diff(factors), 0.0) * data.draw(st.floats(0.0, 1e4)),
         rate_limit=data.draw(_columns(n, 0.0, 1e4)),
         power=data.draw(_columns(n, 0.0, 1e3)),
         header=data.draw(records_of(TrackHeader)),
@@ -140,15 +141,16 @@ def test_a_brightness_track_survives_csv_and_json(
 def test_loss_curves_survive_npz(
     records_of: Strategies, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, n: int, k: int
 ) -> None:
+    display = data.draw(records_of(Display))
     curves = LossCurves(
         video=data.draw(st.text(max_size=12)),
-        display=data.draw(records_of(Display)),
+        display=display,
         times=np.arange(n) * 0.04,
         durations=np.full(n, 0.04),
         factors=np.linspace(0.2, 1.0, k),
-        loss=np.array([data.draw(_columns(k, 0.0, 1.0)) for _ in range(n)]),
-        visible_contrast=data.draw(_columns(n, 0.0, 1.0)),
-        mean_luminance=data.draw(_columns(n, 0.0, 1e4)),
+        loss=[[*sorted(data.draw(_columns(k - 1, 0.0, 1.0)), reverse=True), 0.0] for _ in range(n)],
+        visible_contrast=data.draw(_columns(n, 1e-9, 1.0)),
+        mean_luminance=np.array(data.draw(_columns(n, 0.5, 1.0))) * display.peak_luminance,
         channel_means=np.array([data.draw(_columns(3, 0.0, 1.0)) for _ in range(n)]),
         provenance=data.draw(records_of(Provenance)),
     )

@@ -108,7 +108,7 @@ def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
         (TRIALS, '"simulated": true', '"simulated": false', "line 1: simulated: expected True"),
         (TRIALS, '"screen": "white"', '"screen": NaN', "line 1: not valid JSON (NaN is no number of JSON)"),
         (TRIALS, "{", "[", "line 1: not valid JSON"),
-        (MANIFEST, '"gamma": 1.95', '"gamma": -1', "line 12: display.gamma: expected above 0, got -1"),
+        (MANIFEST, '"gamma": 1.95', '"gamma": -1', "line 12: display.gamma: expected at least 0.5, got -1"),
         (MANIFEST, '"participant_id": "01"', '"participant_id": "07"', "expected '01', as in the folder's"),
         (MANIFEST, VERSION, '"schema_version": 9', "schema version 9, this Evenlight reads up"),
         (MANIFEST, '"black_level_cd_m2": 0.2', '"black_level_cd_m2": 200', "need black_level < peak_lum"),

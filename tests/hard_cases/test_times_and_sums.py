@@ -138,9 +138,9 @@ def test_files_give_back_every_bit(make_curves, tmp_path) -> None:
     for name in ("times", "durations", "factors", "loss", "visible_contrast", "mean_luminance"):
         np.testing.assert_array_equal(getattr(again, name), getattr(curves, name))
     header = TrackHeader("v", "d", "f", "p", "r", 1 / 3, BudgetUnit.FACTOR, "s", Provenance())
-    track = BrightnessTrack(
-        86_400 + np.arange(24) / 240, np.maximum(odd, 1e-3), odd, 1e4 * odd, odd - 0.5, odd, odd, header
-    )
+    factors = np.maximum(odd, 1e-3)
+    rate = np.append(np.diff(factors), 0.0) / 3
+    track = BrightnessTrack(86_400 + np.arange(24) / 240, factors, odd, 1e4 * odd, rate, odd, odd, header)
     write_track(tmp_path / "track.csv", track)
     back = read_track(tmp_path / "track.csv")
     for name in ("times", "factors", "contrast_loss", "mean_luminance", "rate", "rate_limit", "power"):

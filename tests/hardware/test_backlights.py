@@ -55,8 +55,12 @@ def test_a_backlight_that_is_not_there_is_refused_with_those_that_are(panel: Pat
 
 
 def test_one_that_may_not_be_written_names_the_udev_rule(panel: Path, monkeypatch) -> None:
+    opened = os.open
+
     def refuse(path: Path, flags: int) -> int:
-        raise PermissionError(13, "Permission denied")
+        if flags & os.O_WRONLY:
+            raise PermissionError(13, "Permission denied")
+        return opened(path, flags)
 
     monkeypatch.setattr(os, "open", refuse)  # chmod would not stop root
     with pytest.raises(

@@ -84,7 +84,8 @@ def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
     # P = 0.3 + 1.5 W at full PWM; a count of the shunt is 0.125 mW
     assert average.power == pytest.approx(1.8, abs=0.0005)
     at_the_ends = average.n_samples + average.n_lost - round(average.duration * 200) - 1
-    assert 0 <= at_the_ends < 60  # a busy computer may hold the sketch up as it is stopped, up to 0.3 s
+    # A busy computer may hold the sketch up: as it is stopped, up to 0.3 s; at its first sample, a little.
+    assert -10 < at_the_ends < 60
     assert board.corrupted_lines() == 0
     assert {sample.sync for sample in samples} == {False, True}
 

@@ -150,7 +150,13 @@ def test_an_ina228_ends_at_the_range_that_its_limit_tells(tmp_path, voltage, lim
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("", "expected a number, got ''"), ("12mW\n", "got '12mW'"), ("nan\n", "got 'nan'"), ("\x00", "got")],
+    [
+        ("", "expected a number, got ''"),
+        ("12mW\n", "got '12mW'"),
+        ("nan\n", "got 'nan'"),
+        ("1_0\n", "got '1_0'"),
+        ("\x00", "got"),
+    ],
 )
 def test_what_is_no_number_is_garbled(tmp_path, text, words) -> None:
     folder = sensor(tmp_path, {"name": "ina226\n", "power1_input": text})

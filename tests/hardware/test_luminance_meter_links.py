@@ -55,13 +55,13 @@ def opened(driver: type[Any], **options: Any) -> Callable[[str], LuminanceMeter]
 
 BENCHES = {
     "ls100": Bench(opened(Ls100), EmulatedLs100, 1, chromaticity=False),
-    "ls100 short": Bench(opened(Ls100), lambda s: EmulatedLs100(s, padded=False), 1, chromaticity=False),
+    "ls100 short": Bench(opened(Ls100), lambda s: EmulatedLs100(s, width=5), 1, chromaticity=False),
     "ls110": Bench(opened(Ls110), EmulatedLs110, 1, chromaticity=False),
     "cs100a": Bench(opened(Cs100a), EmulatedCs100a, 1),
-    "pr655": Bench(opened(Pr655, interval=0.0005), EmulatedPr655, 5, vital=2, terminal=True),
-    "pr670": Bench(opened(Pr670, interval=0.0), EmulatedPr670, 5, vital=2, terminal=True),
+    "pr655": Bench(opened(Pr655, interval=0.0005), EmulatedPr655, 6, vital=2, terminal=True),
+    "pr670": Bench(opened(Pr670, interval=0.0), EmulatedPr670, 6, vital=2, terminal=True),
     "pr650": Bench(opened(Pr650), EmulatedPr650, 2, terminal=True),
-    "colorcal": Bench(opened(ColorCal), EmulatedColorCal, 4, terminal=True),
+    "colorcal": Bench(opened(ColorCal), EmulatedColorCal, 8, terminal=True),
 }
 LS100_FAULTS = {Fault.OVER_RANGE: "ER10", Fault.UNDER_RANGE: "OK13", Fault.LOW_BATTERY: "ER30"}
 PR655_FAULTS = {Fault.OVER_RANGE: "-2", Fault.UNDER_RANGE: "-8"}  # it has no code for its battery

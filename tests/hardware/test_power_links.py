@@ -55,9 +55,9 @@ METERS = {
     "board": Meter(BoardPowerMeter, PowerBoardEmulator, True, str, 5),
     # calibration, first words
     "ppk2": Meter(Ppk2PowerMeter, Ppk2Emulator, True, lambda url: f"{url}?voltage=5.0", 3),
-    # *IDN?, MEAS:POW?, SYST:ERR?, MEAS:POW? of the start
-    "scpi": Meter(ScpiPowerMeter, ScpiEmulator, False, str, 5),
-    "visa": Meter(VisaPowerMeter, ScpiEmulator, False, visa_address, 5),
+    # *IDN? twice, *ESE?, MEAS:POW?, SYST:ERR?
+    "scpi": Meter(ScpiPowerMeter, ScpiEmulator, False, str, 6),
+    "visa": Meter(VisaPowerMeter, ScpiEmulator, False, visa_address, 6),
 }
 every_meter = pytest.mark.parametrize("meter", METERS.values(), ids=METERS.keys())
 
@@ -180,7 +180,10 @@ def test_a_disconnection_while_it_is_measured_is_told_and_ends_the_link(meter, s
         device = opened(meter, simulation, plan, stack)
         faults = [fault_of(lambda: averaged(device, simulation)) for _ in range(3)]
     silent = Fault.NO_REPLY if name_of(meter) == "visa" else Fault.DISCONNECTED
-    assert faults == [silent, Fault.DISCONNECTED, Fault.DISCONNECTED]
+    # PyVISA-py notices it at the second or the third try.
+    assert faults[0] is silent
+    assert faults[1] in (silent, Fault.DISCONNECTED)
+    assert faults[2] is Fault.DISCONNECTED
 
 
 @every_meter

@@ -71,7 +71,7 @@ def test_the_example_of_a_desk_shows_every_key_at_its_default_but_for_the_age_li
         ),
         (RIG + 'triggers = ["parallel:0x378"]\n', "triggers must be simulated, serial:PORT, "),
         ("name = lab", "not valid TOML"),
-        ("", "the key 'name' of a Rig is missing"),
+        ("", "is empty; expected a Rig"),
     ],
 )
 def test_a_bad_rig_is_refused_in_one_line_that_names_file_and_key(tmp_path: Path, text, says) -> None:

@@ -10,7 +10,7 @@ import pytest
 from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.drivers.scpi_lines import number_in
+from evenlight.hardware.drivers.scpi_answers import number_in
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.emulators.power_meters import SCPI_QUESTIONS, ScpiEmulator
@@ -100,13 +100,17 @@ def test_an_overload_is_an_error_and_no_power(simulation) -> None:
         ("nan", Fault.GARBLED),
         ("1e999", Fault.GARBLED),
         ("", Fault.GARBLED),
-        ("0.672W", Fault.GARBLED),
+        ("INF", Fault.OVER_RANGE),
+        ("0.672V", Fault.GARBLED),
+        ("0.672M", Fault.GARBLED),
+        ("0.6720.672", Fault.GARBLED),
+        ("1_000", Fault.GARBLED),
         ("1.2,3.4", Fault.GARBLED),
     ],
 )
 def test_what_is_no_measurement_is_an_error(answer, fault) -> None:
     with pytest.raises(InstrumentError) as told:
-        number_in(answer, "the meter")
+        number_in(answer, "W", "the meter")
     assert told.value.fault is fault
 
 
@@ -170,21 +174,52 @@ def test_nobody_waits_for_a_slow_answer() -> None:
         assert 0.03 <= sample.received - sample.device_time < 0.15
 
 
-def test_the_dialogue_is_the_one_that_is_written_down() -> None:
-    script = ScriptedInstrument(
-        [
-            (b"*IDN?\n", b"RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16\r\n"),
-            (b"*CLS\n", b""),
-            (b"MEAS:POW?\n", b"0.672\r\n"),
-            (b"SYST:ERR?\n", b'0,"No error"\r\n'),
-            (b"MEAS:POW?\n", b"0.672\r\n"),
-            (b"MEAS:POW?\n", b"0.500\r\n"),
-            (b"SYST:ERR?\n", b'0,"No error"\r\n'),
-        ]
-    )
+NAME = b"RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16"
+NO_ERROR = b'0,"No error"'
+
+
+def joined(question: bytes, answer: bytes, number: int) -> tuple[bytes, bytes]:
+    """A question with its number, and both answers in one line."""
+    return b"%b;*ESE %d;*ESE?\n" % (question, number), b"%b;%d\r\n" % (answer, number)
+
+
+def followed(question: bytes, answer: bytes) -> list[tuple[bytes, bytes]]:
+    """A question, and that for the name after it."""
+    return [(question + b"\n", answer + b"\r\n"), (b"*IDN?\n", NAME + b"\r\n")]
+
+
+JOINED = [
+    (b"*IDN?\n", NAME + b"\r\n"),
+    (b"*IDN?\n", NAME + b"\r\n"),
+    (b"*ESE 4;*ESE?;*ESE 5;*ESE?\n", b"4;5\r\n"),
+    joined(b"MEAS:POW?", b"0.671", 8),
+    (b"*CLS\n", b""),
+    joined(b"SYST:ERR?", NO_ERROR, 9),
+    *(joined(b"MEAS:POW?", b"0.672", number) for number in (12, 13, 16, 17)),  # the form of its numbers
+    joined(b"MEAS:POW?", b"0.673", 20),  # how long it takes
+    joined(b"MEAS:POW?", b"0.500", 21),
+    joined(b"SYST:ERR?", NO_ERROR, 24),
+]
+FOLLOWED = [
+    (b"*IDN?\n", NAME + b"\r\n"),
+    (b"*IDN?\n", NAME + b"\r\n"),
+    (b"*ESE 4;*ESE?;*ESE 5;*ESE?\n", b"ERROR\r\n"),
+    (b"*IDN?\n", NAME + b"\r\n"),
+    *followed(b"MEAS:POW?", b"0.671"),
+    (b"*CLS\n", b""),
+    *followed(b"SYST:ERR?", NO_ERROR),
+    *(followed(b"MEAS:POW?", b"0.672") * 5),
+    *followed(b"MEAS:POW?", b"0.500"),
+    *followed(b"SYST:ERR?", NO_ERROR),
+]
+
+
+@pytest.mark.parametrize("dialogue", [JOINED, FOLLOWED], ids=["joined", "followed"])
+def test_the_dialogue_is_the_one_that_is_written_down(dialogue) -> None:
+    script = ScriptedInstrument(dialogue)
     with EmulatedLink(script) as link:
         with ScpiPowerMeter(link.url, lambda: 3.0, TIMEOUT) as meter:
-            assert meter.apparatus()["power_meter"] == "RIGOL TECHNOLOGIES,DP832,DP8A1234,00.01.16"
+            assert meter.apparatus()["power_meter"] == NAME.decode()
             meter.start(10.0)
             samples = [*meter.samples(), *meter.stop()]
         script.finish()

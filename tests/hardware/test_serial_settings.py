@@ -50,7 +50,7 @@ DRIVERS = [
     for name, driver in table.items()
     if driver.emulator and driver.link is not LinkKind.OWN
 ]
-NOT_SERIAL = {"visa", "ddc"}  # PyVISA's resource, an I2C bus
+NOT_SERIAL = {"visa", "ddc", "exec"}  # PyVISA's resource, an I2C bus, a program
 
 
 def simulation() -> Simulation:

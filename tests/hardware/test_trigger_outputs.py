@@ -118,7 +118,7 @@ def test_triggers_one_frame_apart_are_two_pulses_however_long_a_pulse_is(
         (
             ["parallel:0x378"],
             InputError,
-            "there is no trigger output 'parallel'; There is serial, rts, dtr, lsl",
+            "there is no trigger output 'parallel'; there is serial, rts, dtr, lsl",
         ),
         (["serial:/dev/any?speed=9"], InputError, "there is no option 'speed'; there is baud"),
         (["simulated", "simulated"], InputError, "triggers must differ"),

@@ -212,7 +212,7 @@ def test_a_target_that_is_out_of_reach_is_told(command, tmp_path: Path, walk: Pa
     [
         ((), "give --target-loss, the contrast loss to hold, or --budget"),
         (("--target-loss", 1.5), "--target-loss must lie in 0 to 1, got 1.5"),
-        (("--target-loss", "nan"), "--target-loss must lie in 0 to 1, got nan"),
+        (("--target-loss", "nan"), "--target-loss must be a finite number, got nan"),
         (("--target-loss", 0.1, "--start-factor", 0.1), "--start-factor must lie in 0.2 to 1, got 0.1"),
         (("--target-loss", 0.1, "--integral", -1), "--integral must lie in 0 to 1e+06, got -1"),
         (("--target-loss", 0.1, "--sweep", "0.1"), "give LOWEST:HIGHEST:HOW_MANY"),

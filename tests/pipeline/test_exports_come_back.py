@@ -20,10 +20,11 @@ def run(*arguments: object) -> None:
 
 
 @pytest.fixture(scope="module")
-def ramps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def ramps(short_ramps: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ramps of three participants and a sweep of the display, and their exports beside them."""
     folder = tmp_path_factory.mktemp("ramps")
-    run("simulate", "ramp", "--participants", 3, "--out", folder / "lab", "--quiet")
+    people = ("--participants", 3, "--design", short_ramps)
+    run("simulate", "ramp", *people, "--out", folder / "lab", "--quiet")
     sweep = ("luminance-sweep", "--session", "01", "--rig", "simulated", "--simulate", "data")
     run("run", *sweep, "--design", "quick", "--out", folder / "lab", "--quiet")
     for to in STANDARDS:

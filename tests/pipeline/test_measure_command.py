@@ -123,6 +123,13 @@ def test_power_is_averaged_kept_and_its_samples_counted(command: Any, tmp_path: 
     assert command("validate", table).code == 0
 
 
+def test_without_a_rate_a_meter_is_read_as_often_as_it_is_for(command: Any) -> None:
+    """RAPL's counters have 20 Hz at most."""
+    ended = command("measure", "power", "--instrument", "simulated:rapl", "--seconds", 0.5)
+    assert ended.code == 0, ended.err
+    assert "10 samples a second\n" in ended.out
+
+
 def test_samples_that_are_lost_or_come_twice_are_told(command: Any, tmp_path: Path) -> None:
     physics = PowerMeterPhysics(lost_share=0.1, duplicated_share=0.05)
     table = tmp_path / "power.csv"

@@ -62,13 +62,19 @@ def test_a_session_resumed_with_another_font_says_so(command: Callable[..., Any]
     assert changed == {"page font": hashlib.sha256(other.read_bytes()).hexdigest()}
 
 
-@pytest.mark.parametrize("name", ["missing.ttf", "consent.txt"])
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("missing.ttf", "no such file; expected a font"),
+        ("consent.txt", "cannot be read; expected a font file"),
+    ],
+)
 def test_what_is_no_font_is_refused_before_anything_is_written(
-    command: Callable[..., Any], tmp_path: Path, pages: Path, name: str
+    command: Callable[..., Any], tmp_path: Path, pages: Path, name: str, says: str
 ) -> None:
     ended = command(*words(tmp_path, "--font", pages / name))
     assert ended.code == 2
-    assert f"{name}: cannot be read; expected a font file" in ended.err
+    assert f"{name}: {says}" in ended.err
     assert not (tmp_path / "lab").exists()
 
 

@@ -217,6 +217,9 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
     other = write_a_track(tmp_path / "other", display_name="desk", display_fingerprint="0" * 16)
     cut = tmp_path / "cut.mkv"
     cut.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    there, way = tmp_path / "there.csv", tmp_path / "way.json"
+    there.touch()
+    way.touch()
     for arguments, says in [
         ((video, few), "the video '8' has 30 frames, and its brightness track 29"),
         (
@@ -229,6 +232,8 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         ((video, tmp_path), "no such brightness track"),
         ((video, track, "--size", "64x48"), "--size is for built-in sequences"),
         ((video, track, "--log", "log.txt"), "give a file that ends in .csv or .jsonl"),
+        ((video, track, "--log", there), "there.csv: is there already; give another name"),
+        (("house", "--walk", "--record", way), "way.json: is there already; give another name"),
         ((video, track, "--loop", "--simulate"), "--loop goes on until someone presses escape"),
         (("nothing", track), "no video 'nothing'"),
         *[

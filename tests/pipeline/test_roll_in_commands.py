@@ -18,15 +18,15 @@ S = "sub-02/ses-01"
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def simulated(short_ramps: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ramps of three simulated participants, as the command makes them."""
     from typer.testing import CliRunner
 
     from evenlight import command as command_line
 
     out = tmp_path_factory.mktemp("simulated") / "d"
-    words = ["simulate", "ramp", "--participants", "3", "--quiet", "--out", str(out)]
-    assert CliRunner().invoke(command_line.app, words).exit_code == 0
+    words = ["simulate", "ramp", "--participants", "3", "--design", str(short_ramps), "--quiet"]
+    assert CliRunner().invoke(command_line.app, [*words, "--out", str(out)]).exit_code == 0
     return out
 
 
@@ -69,7 +69,7 @@ CASES = {
     capitals: (2, f"{S} is left out: manifest.json: task: expected 'ramp', got 'Ramp'"),
     remove: (2, "without a session, though participants.tsv lists them: sub-02"),
     copy: (3, f"sub-04/ses-01 is left out: its trials are those of {S}; a copy counts once"),
-    practice: (2, f"{S} is left out: it has no trial that counts (600 of practice, 0 flagged"),
+    practice: (2, f"{S} is left out: it has no trial that counts (150 of practice, 0 flagged"),
 }
 
 
@@ -86,7 +86,7 @@ def test_fit_reads_the_others_and_says_who_is_missing_on_the_terminal_in_the_sum
     summary = json.loads((tmp_path / "out" / "fit_summary.json").read_text())
     assert summary["n_participants"] == people
     assert any(words.startswith(said) for words in summary["warnings"])
-    assert summary["n_trials"] == 600 * people
+    assert summary["n_trials"] == 150 * people
     assert sum(entry["use"] == "read" for entry in summary["roll"]["sessions"]) == people
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"those of {people} can be read" in page

@@ -84,7 +84,7 @@ def test_a_rehearsal_is_the_same_every_time_and_another_for_everybody(
             "--participant must be letters and digits, a digit among them, such as 01, got 'Anna-Maria'",
         ),
         ({"--participant": "Anna"}, "a digit among them, such as 01, got 'Anna'"),
-        ({"--session": ""}, "--session must be letters and digits"),
+        ({"--session": "a-b"}, "--session must be letters and digits"),
         ({"--design": "papr"}, "papr"),
         ({"--seed": "-1"}, "seed must be 0 or more, got -1"),
         ({"--language": "xx"}, "there are no pages in the language 'xx', only in de, en"),

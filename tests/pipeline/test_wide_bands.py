@@ -27,8 +27,8 @@ def with_band(lower: float, upper: float) -> RateLimit:
         limit,
         name="two people",
         band_luminance=(low, 50.0, high),
-        band_lower=(0.5, lower, 1.0),
-        band_upper=(1.0, upper, 2.0),
+        band_lower=(0.2, lower, 2.0),
+        band_upper=(0.4, upper, 4.0),
         band_kind=BandKind.SIMULTANEOUS,
     )
 
@@ -93,8 +93,8 @@ def test_a_ratio_of_four_is_the_widest_that_is_used() -> None:
 
 
 def test_a_band_that_reaches_zero_is_wider_than_any() -> None:
-    with pytest.raises(InputError, match="from 0 to 1 cd/m"):
-        require_known(with_band(0.0, 1.0))
+    with pytest.raises(InputError, match="from 0 to 2 cd/m"):
+        require_known(with_band(0.0, 2.0))
 
 
 def test_a_limit_without_a_band_passes_as_before() -> None:

@@ -352,6 +352,8 @@ def safe_limit(limit: RateLimit) -> RateLimit | None:
         band_luminance=(),
         band_lower=(),
         band_upper=(),
+        point_luminance=(),  # it was not fitted to thresholds, and lies below them
+        point_rate=(),
         condition_number=None,
         model=None,  # not fitted, but the edge of what was
         source=f"lower edge of the {limit.band_words} of: {limit.source or limit.name}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from evenlight.analysis.measurement.played_power.clock_line import ClockLine
 from evenlight.analysis.measurement.played_power.power_recording import Flips, Samples, energy_knots
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.device_saving import DevicePass
 from evenlight.data_schema.recordings.instrument_logs import PowerLog
 from evenlight.data_schema.recordings.played_power import (
     LEFT_OUT,
@@ -31,6 +33,7 @@ ENOUGH = 0.95  # share of a video that must be measured for a pass to count
 EQUAL_SHARE = 0.01  # of full brightness: powers closer than this count as equal
 VERSIONS = ("baseline", "ours", "full")  # in the order of the paper's table
 CONFIDENCE = 0.95
+Pass = TypeVar("Pass", PassPower, DevicePass)
 LONGEST_BRIDGE = 0.05  # [s] power may do anything in a longer time without samples
 
 
@@ -74,7 +77,7 @@ def pass_powers(energies: Sequence[FrameEnergy], flips: Flips, log: PowerLog) ->
 
 def version_powers(
     energies: Sequence[FrameEnergy],
-    comparison: PassComparison,
+    comparison: PassComparison[PassPower],
     predict: Callable[[float], float] | None = None,
 ) -> tuple[VersionPower, ...]:
     """Return what was measured of each version that has a pass that counts.
@@ -92,7 +95,7 @@ def version_powers(
 def _version_power(
     version: str,
     energies: Sequence[FrameEnergy],
-    comparison: PassComparison,
+    comparison: PassComparison[PassPower],
     predict: Callable[[float], float] | None,
 ) -> VersionPower:
     """Return what was measured of a version."""
@@ -123,7 +126,7 @@ def _version_power(
     )
 
 
-def equal_power(comparison: PassComparison, full_power: float | None) -> EqualPower | None:
+def equal_power(comparison: PassComparison[PassPower], full_power: float | None) -> EqualPower | None:
     """Return whether ours and baseline take the same power; None where one of them was not measured.
 
     Parameters
@@ -191,7 +194,7 @@ class PowerEstimate:
         return float(stats.t.sf(room / self.error, self.degrees)) if self.error > 0 else float(room <= 0)
 
 
-class PassComparison:
+class PassComparison(Generic[Pass]):
     """Means of versions at one and the same time, by least squares: one level each, one slope over time.
 
     Versions are played in turn, so a panel that warms up or ages would make the later of two look different;
@@ -199,13 +202,15 @@ class PassComparison:
 
     Parameters
     ----------
-    passes : sequence of PassPower
+    passes : sequence of PassPower or DevicePass
         The passes; those that do not count are left out.
+    versions : sequence of str, optional
+        What there may be, "full" among them.
     """
 
-    def __init__(self, passes: Sequence[PassPower]) -> None:
-        self.passes = [one for one in passes if one.used]
-        self.versions = [name for name in VERSIONS if any(one.version == name for one in self.passes)]
+    def __init__(self, passes: Sequence[Pass], versions: Sequence[str] = VERSIONS) -> None:
+        self.passes: list[Pass] = [one for one in passes if one.used]
+        self.versions = [name for name in versions if any(one.version == name for one in self.passes)]
         times = np.array([one.begun + one.duration / 2 for one in self.passes])
         powers = np.array([one.mean_power for one in self.passes], dtype=np.float64)
         levels = np.array([[float(one.version == name) for name in self.versions] for one in self.passes])
@@ -219,6 +224,10 @@ class PassComparison:
             left = powers - design @ self._fitted
             self._covariance = float(left @ left) / self._degrees * np.linalg.inv(design.T @ design)
         self.drift = 3600 * float(self._fitted[-1]) if repeated else None  # [W/h]
+
+    def level(self, version: str) -> float:
+        """Return the power of a version that was measured, at the middle of all passes [W]."""
+        return float(self._weights(version) @ self._fitted)
 
     def difference(self, version: str, other: str) -> PowerEstimate | None:
         """Return the power of a version less that of another [W]; None if one of them was not measured."""

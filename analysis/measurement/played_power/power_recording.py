@@ -139,7 +139,7 @@ def _columns(path: Path) -> dict[str, NDArray[Any]] | None:
     kinds = {keys[name]: kind for name, kind in _KINDS.items() if keys[name] in header}
     try:
         table = pd.read_csv(path, dtype=kinds, encoding="utf-8-sig")
-    except (ValueError, OSError):  # a parser's error is a ValueError
+    except (ValueError, OSError, OverflowError):  # a parser's error is a ValueError
         return None
     # A row with a cell too many would make pandas take the first column for an index.
     if len(table) == 0 or not isinstance(table.index, pd.RangeIndex):

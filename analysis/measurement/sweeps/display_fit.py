@@ -12,20 +12,24 @@ from scipy import optimize, special, stats
 from evenlight.analysis.measurement.sweeps.repeated_readings import (
     Noise,
     Repeats,
-    last_digits,
     noise_of,
     scattered_rounding,
     shared_rounding,
     without_drift,
 )
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE
+from evenlight.data_schema.display import (
+    DIMMEST,
+    HIGHEST_GAMMA,
+    HIGHEST_LUMINANCE,
+    LOWEST_CONTRAST,
+    LOWEST_GAMMA,
+)
 from evenlight.data_schema.errors import InputError
+from evenlight.method.suspect_readings import LUMINANCE_TOLERANCE, last_digits
 
 FEWEST_LEVELS = 3  # with a value: as many as the curve has parameters
 ASSUMED_SHARE, ASSUMED_FLOOR = 0.01, 0.01  # noise of a meter [1, cd/m^2] where no level was read twice
-# Deviation of a level [1, cd/m^2]: docs/decisions/display-fit.md.
-TOLERATED_SHARE, TOLERATED_FLOOR = 0.02, 0.02
 UNLIKELY = 0.01  # probability of a lack of fit, below which it is taken for one
 CONFIDENCE = 0.95
 
@@ -96,7 +100,7 @@ def tolerated(luminance: ArrayLike) -> Array:
     >>> tolerated([0.0, 100.0]).tolist()
     [0.02, 2.02]
     """
-    return np.asarray(TOLERATED_SHARE * np.asarray(luminance, dtype=np.float64) + TOLERATED_FLOOR)
+    return LUMINANCE_TOLERANCE.of(luminance)
 
 
 def fit_gamma(levels: Sequence[PixelLevel], reflected: float, time: float) -> GammaFit:
@@ -138,7 +142,8 @@ def fit_gamma(levels: Sequence[PixelLevel], reflected: float, time: float) -> Ga
     best = free if black >= 0 else data.fit(black=0.0)
     f, p = _lack_of_fit(best, noise)
     gamma, peak, _ = best.parameters
-    if not 0 < gamma < HIGHEST_GAMMA or not 0 < peak < HIGHEST_LUMINANCE or black >= peak:
+    possible = LOWEST_GAMMA <= gamma <= HIGHEST_GAMMA and DIMMEST <= peak <= HIGHEST_LUMINANCE
+    if not possible or black * LOWEST_CONTRAST >= peak:
         raise InputError(
             f"no display has the curve that fits best: gamma {gamma:.3g}, {black:.3g} to {peak:.3g} cd/m^2; "
             "was the meter aimed at the screen?"

@@ -18,6 +18,7 @@ from evenlight.analysis.measurement.sweeps.repeated_readings import (
     unsteady,
     untold,
 )
+from evenlight.analysis.measurement.sweeps.suspects import without_suspects
 from evenlight.analysis.measurement.sweeps.sweep_loading import Sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -57,6 +58,7 @@ def fit_luminance_sweep(sweep: Sweep[LuminanceReading]) -> LuminanceSweepFit:
     InputError
         If too few levels have a value, or they do not rise with pixel value.
     """
+    sweep = without_suspects(sweep)
     reflected, readings = _reflected(sweep), sweep.readings
     fit = fit_gamma(pixel_levels(readings, reflected), reflected, middle_of(readings))
     brightness = tuple(brightness_rows(readings, fit, reflected))
@@ -84,6 +86,8 @@ def display_of(result: LuminanceSweepFit) -> Display:
         f"luminance sweep {manifest.session_id} with {meter}: {record.n_readings} readings of "
         f"{record.n_levels} pixel values"
     )
+    if result.sweep.left_out:
+        source += f"; suspect readings left out: {len(result.sweep.left_out)}"
     if not record.is_gamma:
         source += f"; no gamma display, a level deviates by {100 * record.largest_deviation:+.1f} %"
     return Display(
@@ -169,6 +173,7 @@ def _record(
         brightness_deviation_factor=uneven.factor if uneven else None,
         flags=tuple(_flags(sweep, fit, changes, uneven)),
         provenance=provenance_now(seed=manifest.provenance.seed, inputs=sweep.inputs),
+        suspects=sweep.suspects,
     )
 
 
@@ -195,6 +200,7 @@ def _flags(
         SweepFlag.DRIFTED: drifted(drift),
         SweepFlag.UNSTEADY: unsteady(warm_up),
         SweepFlag.WARM_UP_UNKNOWN: untold(warm_up),
+        SweepFlag.SUSPECT_READINGS: bool(sweep.suspects),
         SweepFlag.REPEATS_APART: _apart(sweep),
         SweepFlag.BLACK_UNDER_RANGE: any(r.luminance is None for r in pixels if r.pixel_value == black),
         SweepFlag.BLACK_NEGATIVE: fit.intervals[2][1] <= 0,

@@ -27,6 +27,7 @@ from evenlight.analysis.measurement.sweeps.repeated_readings import (
     unsteady,
     untold,
 )
+from evenlight.analysis.measurement.sweeps.suspects import without_suspects
 from evenlight.analysis.measurement.sweeps.sweep_loading import Sweep
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
@@ -70,6 +71,7 @@ def fit_power_sweep(sweep: Sweep[PowerReading]) -> PowerSweepFit:
         If there is neither a luminance nor a peak luminance to go by, too few levels have one, or power does
         not rise with it.
     """
+    sweep = without_suspects(sweep)
     source = _source(sweep)
     luminance_of = _luminance(sweep, source)
     counted = [r for r in sweep.readings if r.phase is not SweepPhase.WARM_UP]
@@ -98,6 +100,8 @@ def power_model_of(result: PowerSweepFit) -> PowerModel:
         f"power sweep {manifest.session_id} with {manifest.rig.power_meter}, {by}: {record.n_readings} "
         f"readings of {record.n_levels} brightness factors"
     )
+    if result.sweep.left_out:
+        source += f"; suspect readings left out: {len(result.sweep.left_out)}"
     if not record.is_linear:
         source += f"; not linear, a level deviates by {100 * record.largest_deviation:+.1f} %"
     return PowerModel(
@@ -233,6 +237,7 @@ def _record(
         warm_up_interval=warm_up.interval if warm_up else None,
         flags=tuple(_flags(sweep, used, line, changes)),
         provenance=provenance_now(seed=manifest.provenance.seed, inputs=sweep.inputs),
+        suspects=sweep.suspects,
     )
 
 
@@ -292,6 +297,7 @@ def _flags(
         SweepFlag.DRIFTED: drifted(drift) or drifted(luminance_drift),
         SweepFlag.UNSTEADY: unsteady(warm_up),
         SweepFlag.WARM_UP_UNKNOWN: untold(warm_up),
+        SweepFlag.SUSPECT_READINGS: bool(sweep.suspects),
         SweepFlag.REPEATS_APART: _apart(sweep),
         SweepFlag.LUMINANCE_MISSING: len(used) < len(counted),
         SweepFlag.SAMPLES_LOST: lost > MOST_LOST * (lost + sum(r.n_samples for r in used)),

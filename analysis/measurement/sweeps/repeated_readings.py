@@ -21,7 +21,6 @@ SMALLEST_SHARE = 1e-6  # no instrument is finer; readings without any scatter st
 ROUNDS = 100  # of scoring, which takes five to thirty
 SMALLEST_STEP = 1e-4  # of the logarithms
 HARMONICS = np.arange(1, 31)  # of the saw-tooth of rounding; those left out hold 2 % of its variance
-FINEST_DIGITS = 9  # significant digits beyond which a number was not rounded by any instrument
 LARGEST_DRIFT = 0.01  # share: twice what a peak is to be known to
 FASTEST_CHANGE = 0.01  # share per ten minutes, over the last third of the warm-up
 TEN_MINUTES = 600.0  # [s]
@@ -187,36 +186,6 @@ def without_drift(level: Repeats, slope: float, at: float) -> Array:
     [100.0, 100.0]
     """
     return np.asarray(level.values - slope * level.mean * (level.times - at))
-
-
-def last_digits(values: ArrayLike) -> Array:
-    """Return the last digit of each reading, as far as all readings together show it.
-
-    A reading of 50.0 may have ended in its units or in its tenths; a meter's last digit does not get finer
-    as its readings get larger, so one of 61.3 shows that it was in its tenths. 0 stands for numbers of more
-    than nine digits, which nothing has rounded.
-
-    >>> last_digits([0.02, 5.31, 50.0, 61.3, 200.0]).round(9).tolist()
-    [0.01, 0.01, 0.1, 0.1, 100.0]
-    """
-    numbers = np.asarray(values, dtype=np.float64)
-    own = np.array([_last_digit(float(number)) for number in numbers])
-    steps = np.empty_like(own)
-    finest = np.inf
-    for place in np.argsort(-numbers, kind="stable"):
-        finest = min(finest, own[place])
-        steps[place] = finest
-    return steps
-
-
-def _last_digit(number: float) -> float:
-    """Return the size of the last digit of a number other than 0; of 0, infinity: any fits."""
-    if number == 0:
-        return float("inf")
-    digits, _, exponent = f"{number:.15e}".partition("e")
-    rounded = f"{abs(float(digits)):.{FINEST_DIGITS}f}".rstrip("0")
-    places = len(rounded) - 2  # behind the point
-    return 0.0 if places >= FINEST_DIGITS else float(10.0 ** (int(exponent) - places))
 
 
 def shared_rounding(deviation: ArrayLike, steps: ArrayLike) -> Array:

@@ -83,6 +83,9 @@ def _draw_curve(axes: Axes, result: LuminanceSweepFit) -> None:
         plain_log_scale(axes)
     axes.plot(places, fit.curve.luminance(places) + reflected, color=OURS, label="gamma curve", zorder=2)
     draw_points(axes, fit.pixel_values, fit.means + reflected, _half(fit, fit.errors), "level mean, 95 %")
+    out = [(r.pixel_value, r.luminance) for r in result.sweep.left_out if r.factor is None and r.luminance]
+    if out:
+        axes.plot(*zip(*out, strict=True), "x", color=LIMIT, ms=0.6 * text_size(), label="suspect, left out")
     dark = [row.pixel_value for row in result.levels if row.luminance is None]
     if dark:
         limit = min(r.luminance for r in result.sweep.readings if r.luminance is not None)
@@ -189,6 +192,10 @@ def _draw_line(axes: Axes, result: PowerSweepFit) -> None:
     axes.plot(ends, line.power(ends), color=OURS, label="line", zorder=2)
     axes.plot(points.luminance, points.power, "o", color=INK, ms=0.4 * text_size(), mew=0, alpha=0.6,
               label="one reading", zorder=3)  # fmt: skip
+    left_out = result.sweep.left_out
+    out = [(r.luminance, r.power) for r in left_out if r.luminance is not None and r.luminance < ends[1]]
+    if out:
+        axes.plot(*zip(*out, strict=True), "x", color=LIMIT, ms=0.6 * text_size(), label="suspect, left out")
     axes.set(xlabel="luminance L [cd/m²]", ylabel="power P [W]", xlim=(0, ends[1]))
     axes.set_ylim(0, None)
     low, high = line.base_power_interval

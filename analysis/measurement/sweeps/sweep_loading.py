@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,8 @@ from evenlight.data_schema.recordings.sweep import (
     SweepManifest,
     SweepPhase,
 )
-from evenlight.data_schema.storage.text_files import read_json_record, read_text
+from evenlight.data_schema.recordings.sweep_fit import SuspectReading
+from evenlight.data_schema.storage.text_files import read_json_lines, read_json_record
 
 HALF_CODE = 0.5 / 255 + 1e-9  # of a display with 8 bits, the coarsest there is
 Reading = TypeVar("Reading", LuminanceReading, PowerReading)
@@ -39,12 +39,16 @@ class Sweep(Generic[Reading]):
         SHA-256 of the manifest and of the readings, by the names of their files.
     warnings : tuple of str
         What is wrong but does not forbid the use.
+    left_out, suspects : tuple of LuminanceReading or PowerReading, tuple of SuspectReading
+        Readings that contradict the others, and what is said of them: `suspects.without_suspects`.
     """
 
     manifest: SweepManifest
     readings: tuple[Reading, ...]
     inputs: dict[str, str]
     warnings: tuple[str, ...] = ()
+    left_out: tuple[Reading, ...] = ()
+    suspects: tuple[SuspectReading, ...] = ()
 
     def of_phase(self, phase: SweepPhase) -> tuple[Reading, ...]:
         """Return the readings that were taken for one purpose."""
@@ -53,9 +57,7 @@ class Sweep(Generic[Reading]):
     @property
     def complete(self) -> bool:
         """Whether all readings are there that the design asks for."""
-        return (
-            self.manifest.status is SessionStatus.COMPLETE and len(self.readings) >= self.manifest.n_readings
-        )
+        return _is_complete(self.manifest, (*self.readings, *self.left_out))
 
 
 def load_manifest(folder: Path) -> SweepManifest:
@@ -91,30 +93,31 @@ def _load(folder: Path, cls: type[Reading]) -> Sweep[Reading]:
     readings, warnings = _read_readings(folder / READINGS, cls)
     _require_each_once(readings, folder / READINGS)
     warnings += _require_every_level(manifest, readings, folder)
-    if len(readings) < manifest.n_readings or manifest.status is not SessionStatus.COMPLETE:
+    if not _is_complete(manifest, readings):
         warnings.append(
-            f"{folder}: the sweep is {manifest.status.value} with {len(readings)} of {manifest.n_readings} "
-            "readings; every level has one, and they are used (--resume takes the rest)"
+            f"{folder}: the sweep is {manifest.status.value} with {_planned(readings)} of "
+            f"{manifest.n_readings} readings; every level has one, and they are used (--resume takes the "
+            "rest)"
         )
     inputs = {name: sha256_of_file(folder / name) for name in (SWEEP_MANIFEST, READINGS)}
     return Sweep(manifest, tuple(readings), inputs, tuple(warnings))
 
 
+def _is_complete(manifest: SweepManifest, readings: Sequence[LuminanceReading | PowerReading]) -> bool:
+    """Return whether all readings are there that the design asks for."""
+    return manifest.status is SessionStatus.COMPLETE and _planned(readings) >= manifest.n_readings
+
+
+def _planned(readings: Sequence[LuminanceReading | PowerReading]) -> int:
+    """Return how many readings the design asked for, without those that repeated one at once."""
+    return sum(reading.again_of is None for reading in readings)
+
+
 def _read_readings(path: Path, cls: type[Reading]) -> tuple[list[Reading], list[str]]:
     """Return the readings of a file, and a warning if its last line was torn by an interruption."""
-    readings: list[Reading] = []
-    lines = read_text(path, "one reading per line in JSON").splitlines()
-    numbered = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
-    for number, line in numbered:
-        where = f"{path}, line {number}"
-        try:
-            content = json.loads(line)
-        except json.JSONDecodeError as error:
-            if number == numbered[-1][0]:
-                return readings, [f"{where}: the last line is torn and was left out"]
-            raise InputError(f"{where}: not valid JSON ({error.msg}); expected one reading") from None
-        readings.append(record_from_mapping(cls, content, where))
-    return readings, []
+    lines, torn = read_json_lines(path, "one reading per line")
+    readings = [record_from_mapping(cls, content, f"{path}, line {number}") for number, content in lines]
+    return readings, [f"{path}, line {torn}: the last line is torn and was left out"] if torn else []
 
 
 def _require_each_once(readings: Sequence[LuminanceReading | PowerReading], path: Path) -> None:
@@ -137,7 +140,7 @@ def _require_every_level(
     wanted = {"factor": design.factors}
     if isinstance(design, LuminanceSweepDesign):
         wanted["pixel value"] = design.pixel_values
-    swept = [_level_of(reading) for reading in readings if reading.phase is SweepPhase.SWEEP]
+    swept = [reading.level for reading in readings if reading.phase is SweepPhase.SWEEP]
     for name, levels in wanted.items():
         got = [level for kind, level in swept if kind == name]
         for level in got:
@@ -169,14 +172,6 @@ def _missing(
 def _same(level: float, asked: float) -> bool:
     """Return whether a level is the one that was asked for, as near as the codes of a display come to it."""
     return abs(level - asked) <= HALF_CODE
-
-
-def _level_of(reading: LuminanceReading | PowerReading) -> tuple[str, float]:
-    """Return which kind of level a reading is of, and the level."""
-    if isinstance(reading, LuminanceReading) and reading.factor is None:
-        return "pixel value", reading.pixel_value
-    assert reading.factor is not None
-    return "factor", reading.factor
 
 
 @dataclass(frozen=True, slots=True)

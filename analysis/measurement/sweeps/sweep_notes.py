@@ -8,6 +8,7 @@ from evenlight.analysis.figure_style import short
 from evenlight.analysis.measurement.sweeps.display_fit import tolerated
 from evenlight.analysis.measurement.sweeps.luminance_sweep import LuminanceSweepFit, display_of
 from evenlight.analysis.measurement.sweeps.power_fit import UNLIKELY
+from evenlight.analysis.measurement.sweeps.suspects import in_words
 from evenlight.analysis.report import probability
 from evenlight.analysis.report_prose import prose
 from evenlight.data_schema.display import Display
@@ -56,6 +57,7 @@ def _words(template: str, fit: DisplayFit | PowerFit, flag: str = "") -> str:
         change=_change,
         equal=_equal,
         short=short,
+        suspects=in_words(fit.suspects),
     )[0]
 
 

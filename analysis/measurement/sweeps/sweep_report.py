@@ -41,6 +41,7 @@ from evenlight.data_schema.recordings.sweep_fit import (
     LuminanceSource,
     PowerFit,
     PowerLevel,
+    SuspectReading,
 )
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record, write_toml_record
@@ -183,7 +184,7 @@ def luminance_report(result: LuminanceSweepFit, png: bytes, files: Mapping[str, 
                 *_unless_warned(gamma_in_words(record), warnings),
                 *(f"{_sentence(words)}." for words in against_file(result)),
             ),
-            (_display_table(record),),
+            (_display_table(record), *_suspect_tables(record.suspects)),
             (Picture(png, prose("sweep_luminance_caption")[0]),),
             warnings,
             simulated,
@@ -216,7 +217,7 @@ def power_report(result: PowerSweepFit, png: bytes, files: Mapping[str, str]) ->
                 *prose("sweep_light", by_meter=record.luminance_source is LuminanceSource.METER),
                 *_unless_warned(linearity_in_words(record), warnings),
             ),
-            (_power_table(record),),
+            (_power_table(record), *_suspect_tables(record.suspects)),
             (Picture(png, prose("sweep_power_caption")[0]),),
             warnings,
             record.simulated,
@@ -254,6 +255,20 @@ def _display_table(fit: DisplayFit) -> Table:
         ("quantity", "value", "interval", "unit"),
         tuple(rows),
     )
+
+
+def _suspect_tables(suspects: tuple[SuspectReading, ...]) -> tuple[Table, ...]:
+    """Return the readings that contradict the others; no table if there are none."""
+    cells = tuple(
+        (
+            each.row, each.level, "too dark" if each.value is None else f"{each.value:.5g}",
+            None if each.others is None else f"{each.others:.5g}", each.unit.replace("^2", "²"),
+            "left out" if each.left_out else "counts",
+        )
+        for each in suspects
+    )  # fmt: skip
+    columns = ("row", "shown", "read", "others of its level", "unit", "in the fit")
+    return (Table("Suspect readings: each contradicts others.", columns, cells),) if cells else ()
 
 
 def _change_rows(

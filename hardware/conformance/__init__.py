@@ -1,0 +1,1 @@
+"""What every driver promises, tried on any of them: `evenlight measure conform`."""

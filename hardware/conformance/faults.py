@@ -1,0 +1,198 @@
+"""Promises of a device whose instrument or line fails: errors in words, and nothing made up."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import partial
+from typing import Any
+
+from evenlight.hardware.conformance.subject import (
+    SETTLED,
+    TOLERANCE,
+    Bench,
+    BrokenPromiseError,
+    Subject,
+    promised,
+    refusal,
+    require_told,
+)
+from evenlight.hardware.emulators.link import ExtraReply, FaultPlan, LinkFault
+from evenlight.hardware.installed_drivers import InstrumentKind
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
+
+TIMEOUT = 0.3  # [s] that a reply may take,
+LATE = 0.5  # and that of a late one
+SHARES = (1.0, 0.3, 0.8, 0.4)  # what the panel shows, so that an old reading is told from a new one
+RATE = 20.0  # [Hz]
+LONGEST_LAG = 4.0  # [s] after which samples are those of the power now
+PULLED = (Fault.DISCONNECTED, Fault.BUSY, Fault.WRONG_INSTRUMENT, *TRANSIENT)
+ABSENT = (Fault.NOT_FOUND, Fault.NO_REPLY, Fault.DISCONNECTED)
+LUMINANCE, POWER, BACKLIGHT = InstrumentKind
+Breakable = Callable[[], AbstractContextManager[tuple[Any, Callable[[], object]]]]
+WORDS: dict[LinkFault | ExtraReply, str] = {
+    LinkFault.NO_REPLY: "does not come",
+    LinkFault.LATE_REPLY: "comes late",
+    LinkFault.PARTIAL_LINE: "breaks off",
+    LinkFault.GARBAGE: "is garbage",
+    ExtraReply.DOUBLED: "comes twice",
+    ExtraReply.MERGED: "runs into another",
+    ExtraReply.STRAY_LINE: "is followed by an old one",
+}
+
+
+def absent_is_named(subject: Subject) -> None:
+    """Require an error of an instrument that is not there."""
+    error = refusal(subject.use_absent, "opened and asked where nothing is", *ABSENT)
+    promised(len(str(error)) > 20, f"says no more than {str(error)!r}")
+
+
+def pulled_cable_is_told(subject: Subject) -> None:
+    """Require an error where the cable is pulled while it is opened, or used."""
+    for first in (1, 3):
+        plan = FaultPlan(LinkFault.DISCONNECT, first)
+        refusal(partial(_use_on_and_on, subject, plan), f"the cable was pulled at reply {first}", *PULLED)
+
+
+def _use_on_and_on(subject: Subject, plan: FaultPlan) -> None:
+    """Open a device and ask it on and on: a break is noticed at once, or by a question soon after."""
+    with subject.bench(plan, TIMEOUT) as bench, bench.device as device:
+        if subject.kind is InstrumentKind.POWER:
+            device.start(RATE)
+        question = {LUMINANCE: "read_luminance", POWER: "samples", BACKLIGHT: "read_factor"}[subject.kind]
+        for _ in range(300):
+            time.sleep(0.02)
+            getattr(device, question)()
+
+
+def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[Subject], None]:
+    """Return the check that a reply that goes wrong makes an error or a true value, and the next ones too."""
+
+    def check(subject: Subject) -> None:
+        with subject.bench() as bench, bench.device:
+            opened = bench.link.replies()
+        for first in dict.fromkeys((1, opened + 1, opened + 2)):
+            plan = FaultPlan(fault, first, delay=LATE)
+            with _session(subject, plan) as session:
+                if session is not None:
+                    _watch[subject.kind](session, f"reply {first} {WORDS[fault]}")
+
+    return check
+
+
+@contextmanager
+def _session(subject: Subject, plan: FaultPlan) -> Iterator[Bench | None]:
+    """Yield a device on a line that goes wrong; None if it cannot be opened for that."""
+    with ExitStack() as stack:
+        try:
+            bench = stack.enter_context(subject.bench(plan, TIMEOUT))
+        except InstrumentError as error:
+            require_told(error)
+            yield None
+            return
+        try:
+            yield bench
+        finally:
+            with contextlib.suppress(InstrumentError):  # of a backlight that cannot be put back
+                bench.device.close()
+
+
+def _watch_luminance(bench: Bench, what: str) -> None:
+    """Refuse a reading of another luminance than that shown."""
+    for share in SHARES:
+        true = bench.show(share, InstrumentKind.LUMINANCE)
+        try:
+            value = bench.checked.read_luminance().value
+        except InstrumentError as error:
+            require_told(error)
+            continue
+        assert true is not None
+        promised(abs(value - true) <= TOLERANCE * true, f"{what}: gave {value:.5g} for {true:.5g} cd/m^2")
+
+
+def _watch_power(bench: Bench, what: str) -> None:
+    """Refuse a power that the panel never had, and at the end one that it has no more."""
+    true = [bench.show(share, InstrumentKind.POWER) or 0.0 for share in SHARES[:2]]
+    low, high = min(true) * (1 - TOLERANCE), max(true) * (1 + TOLERANCE)
+    try:
+        bench.checked.start(RATE)
+        for share in SHARES[:2]:
+            last, end = bench.show(share, InstrumentKind.POWER) or 0.0, time.monotonic() + LONGEST_LAG
+            seen = 0.0
+            while abs(seen - last) > TOLERANCE * last:
+                promised(time.monotonic() < end, f"{what}: gives {seen:.5g} W on and on for {last:.5g} W")
+                time.sleep(SETTLED)
+                for sample in bench.checked.samples():
+                    seen = sample.power
+                    promised(low <= seen <= high, f"{what}: gave {seen:.5g} W, which never was")
+    except InstrumentError as error:
+        require_told(error)
+
+
+def _watch_backlight(bench: Bench, what: str) -> None:
+    """Refuse a setting that the panel does not have."""
+    assert bench.simulation is not None
+    for share in SHARES:
+        try:
+            achieved = bench.checked.set_factor(share)
+            reported = bench.checked.read_factor()
+        except InstrumentError as error:
+            require_told(error)
+            continue
+        time.sleep(SETTLED)
+        light = bench.simulation.panel.luminance() / 200.0
+        promised(abs(light - achieved) <= 0.01, f"{what}: said {achieved:.4g}, and shines with {light:.4g}")
+        same = abs(reported - achieved) <= bench.checked.step()
+        promised(same, f"{what}: set {achieved:g}, reports {reported:g}")
+
+
+_watch: dict[InstrumentKind, Callable[[Bench, str], None]] = {
+    LUMINANCE: _watch_luminance,
+    POWER: _watch_power,
+    BACKLIGHT: _watch_backlight,
+}
+
+
+def not_restored_is_told(subject: Subject) -> None:
+    """Require that a backlight which cannot be put back is told of, and hides no other exception."""
+
+    @contextmanager
+    def breakable() -> Iterator[tuple[Any, Callable[[], object]]]:
+        with subject.bench(timeout=TIMEOUT) as bench:
+            yield bench.device, bench.link.unplug
+
+    require_told_not_restored(breakable)
+
+
+def require_told_not_restored(breakable: Breakable) -> None:
+    """Refuse a backlight that is silent of not being left as found, or hides why.
+
+    Parameters
+    ----------
+    breakable : callable
+        Makes a context of an open backlight, and what makes it impossible to put back.
+    """
+    with breakable() as (device, break_it):
+        device.set_factor(0.5)
+        break_it()
+        refusal(device.close, "closed when it cannot be put back", *Fault)
+        device.close()  # once was enough
+        refusal(lambda: device.set_factor(0.5), "asked when closed", Fault.DISCONNECTED)
+    for leave in (contextlib.closing, lambda device: device):
+        with breakable() as (device, break_it):
+            try:
+                with leave(device):
+                    device.set_factor(0.5)
+                    break_it()
+                    raise _SomethingElseError
+            except _SomethingElseError as error:
+                noted = "could not be left as it was found" in " ".join(getattr(error, "__notes__", ()))
+                promised(noted, "the exception under way has no note of it")
+            except InstrumentError as error:
+                raise BrokenPromiseError(f"hides the exception that was under way behind {error}") from error
+
+
+class _SomethingElseError(Exception):
+    """What was under way."""

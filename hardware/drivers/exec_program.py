@@ -1,0 +1,196 @@
+"""Instruments that a program of the user's drives, one line of JSON for each reading or setting.
+
+For whatever has no driver here: a vendor's library, another language, a script (docs/drivers.md). What these
+devices return is checked by `hardware.guarded_devices`, as that of packages.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.hardware.backlights import require_factor, restore_and_release
+from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
+from evenlight.hardware.drivers.program_lines import ProgramLines
+from evenlight.hardware.protocols import ContextDevice, Fault, Reading
+
+READING_TIME = 60.0  # [s] a spectrometer takes as long in the dark
+SETTING_TIME = 10.0  # [s]
+SLOWEST, FASTEST = 0.1, 10_000.0  # [Hz] as fast as lines of text are read
+SILENCE = 2.0  # [s] without a sample, or the time of
+SILENT_SAMPLES = 10  # samples if that is longer
+
+
+class ExecDevice(ContextDevice):
+    """What the three share: the program, which is started with the first question.
+
+    Parameters
+    ----------
+    address : str
+        The program and its arguments.
+    clock : callable, optional
+        Of the readings' times [s].
+    timeout : float, optional
+        How long an answer may take [s].
+
+    Raises
+    ------
+    InputError, InstrumentError
+        If there is no such program.
+    """
+
+    _longest = SETTING_TIME  # [s] that an answer may take
+
+    def __init__(
+        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
+    ) -> None:
+        self._program, self._clock = ProgramLines(address), clock
+        self._name, self._timeout = self._program.name, self._longest if timeout is None else timeout
+
+    def _identity(self, model: str, serial: str) -> dict[str, str]:
+        """Return what the program says of its instrument, by the keys of its kind."""
+        self._require_open()
+        answer = self._program.ask({"read": "apparatus"}, self._timeout)
+        said = {model: answer.get("model", "a program's"), serial: answer.get("serial_number")}
+        known = {key: " ".join(str(words).split()) for key, words in said.items() if words is not None}
+        return known | {"program": self._name}
+
+    def close(self) -> None:
+        """End the program; more than once does nothing."""
+        self._closed = True
+        self._program.end()
+
+
+class ExecLuminanceMeter(ExecDevice):
+    """A luminance meter behind a program."""
+
+    _longest = READING_TIME
+
+    def read_luminance(self) -> Reading:
+        """Return one reading [cd/m^2]."""
+        self._require_open()
+        begun = self._clock()
+        answer = self._program.ask({"read": "luminance"}, self._timeout)
+        ended = self._clock()
+        luminance = self._program.number(answer, "luminance_cd_m2")
+        x_y = None
+        if "x" in answer or "y" in answer:
+            x_y = (self._program.number(answer, "x"), self._program.number(answer, "y"))
+        return Reading(luminance, "cd/m^2", begun, ended, str(answer.get("status", "")), x_y)
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the program says of the instrument, and which program it is."""
+        return self._identity("model", "serial number")
+
+
+class ExecPowerMeter(ExecDevice, SamplingMeter):
+    """A power meter behind a program, which runs from `start` to `stop`."""
+
+    _rate = 0.0  # [Hz] 0 where it does not sample
+
+    def start(self, rate: float) -> float:
+        """Begin to sample at a rate [Hz], and return the one that the program states."""
+        self._require_open()
+        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+        self.stop()
+        answer = self._program.ask({"rate_hz": rate}, self._timeout)
+        achieved = self._program.number(answer, "rate_hz")
+        require_sample_rate(achieved, SLOWEST, FASTEST, f"{self._name}: the rate that it states")
+        self._rate, self._count = achieved, 0
+        self._looked, self._heard = self._clock(), time.monotonic()  # when a sample was heard of last
+        return achieved
+
+    def samples(self) -> Sequence[PowerSample]:
+        """Return the samples that came since the last call, in order; return at once."""
+        self._require_sampling(is_sampling=self._rate > 0)
+        answers, before, now = self._program.lines_within(0.0), self._looked, self._clock()
+        self._looked = now
+        if answers:
+            self._heard = time.monotonic()
+        elif time.monotonic() - self._heard > max(SILENCE, SILENT_SAMPLES / self._rate):
+            raise self._program.error("sends no more samples", Fault.NO_REPLY)
+        # Those without a time of their own came evenly since the last look.
+        return [
+            self._sample(answer, before + (now - before) * place / len(answers), now)
+            for place, answer in enumerate(answers, start=1)
+        ]
+
+    def stop(self) -> Sequence[PowerSample]:
+        """End the sampling, and return the samples that had not been taken."""
+        try:
+            return self.samples() if self._rate else []
+        finally:
+            self._rate = 0.0
+            self._program.end()
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the program says of the instrument, and which program it is; not while it samples."""
+        try:
+            return self._identity("power_meter", "power_meter_serial")
+        finally:
+            self._program.end()
+
+    def _sample(self, answer: dict[str, Any], came: float, received: float) -> PowerSample:
+        """Return a line as a sample that came at some time [s]."""
+        power = self._program.number(answer, "power_w")
+        time_ = self._program.number({"time_s": came} | answer, "time_s")
+        count = self._program.number({"count": self._count} | answer, "count")
+        if count < 0 or count != int(count):
+            raise self._program.error(f"its samples are out of order at count {count:g}", Fault.GARBLED)
+        self._count = int(count) + 1
+        return PowerSample(int(count), time_, received, power, answer.get("sync") is True)
+
+
+class ExecBacklight(ExecDevice):
+    """A backlight behind a program, left as it was found."""
+
+    def __init__(
+        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
+    ) -> None:
+        super().__init__(address, clock, timeout)
+        try:
+            answer = self._program.ask({"read": "factor"}, self._timeout)
+            keys = ("factor", "smallest_factor", "step", "min_interval_s")
+            numbers = [self._program.number({"min_interval_s": 0.0} | answer, key) for key in keys]
+            self._found, self._smallest, self._step, self._interval = numbers
+            if not (0 <= self._found <= 1 and self._smallest > 0 and self._step > 0):
+                words = "factor must lie between 0 and 1; smallest_factor and step must be above 0"
+                raise self._program.error(words, Fault.IMPLAUSIBLE)
+        except BaseException:
+            self._program.end()
+            raise
+
+    def set_factor(self, factor: float) -> float:
+        """Set the brightness factor b, and return the one achieved: the nearest step of the device."""
+        self._require_open()
+        require_factor(factor, self._smallest, self._name)
+        return self._asked({"factor": factor})
+
+    def read_factor(self) -> float:
+        """Return the brightness factor that the device reports."""
+        self._require_open()
+        return self._asked({"read": "factor"})
+
+    def smallest_factor(self) -> float:
+        """Return the lowest brightness factor above 0."""
+        return self._smallest
+
+    def step(self) -> float:
+        """Return the distance between two neighbouring factors."""
+        return self._step
+
+    def min_interval(self) -> float:
+        """Return the shortest time between two settings [s]."""
+        return self._interval
+
+    def close(self) -> None:
+        """Leave the device as it was found, and end the program; more than once does nothing."""
+        if not self._closed:
+            self._closed = True
+            restore_and_release(lambda: self._asked({"factor": self._found}), self._program.end)
+
+    def _asked(self, question: dict[str, Any]) -> float:
+        """Return the factor that a question is answered with."""
+        return self._program.number(self._program.ask(question, self._timeout), "factor")

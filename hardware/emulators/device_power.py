@@ -1,0 +1,91 @@
+"""Emulated devices that tell their own power: a battery's gauge, the counters of RAPL, a phone over adb."""
+
+from __future__ import annotations
+
+from evenlight.hardware.emulators.power_meters import PipedFiles
+from evenlight.hardware.simulated.panel import Simulation
+
+CELL = 3.9  # [V]
+BATTERY = "class/power_supply/battery"
+COUNTER_END = 65_532_610_987  # [µJ] as AMD's processors have it
+PHONE = "EMULATED0"
+# What `adb` does as far as the driver asks; the device's shell is this computer's, files lie in the folder.
+ADB = r"""#!/bin/sh
+if [ "$1" = devices ]; then
+    printf 'List of devices attached\n%s\tdevice\n\n' PHONE
+    exit 0
+fi
+if [ "$1 $2 $3" != "-s PHONE shell" ]; then
+    echo "adb: device '$2' not found" >&2
+    exit 1
+fi
+shift 3
+exec sh -c "getprop() { echo 'Emulated phone'; }; $(printf '%s' "$*" | sed 's#/sys/#FOLDER/#g')"
+"""
+
+
+class BatteryEmulator(PipedFiles):
+    """A battery with a simulated panel as its only load; its gauge is always up to date.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The panel.
+
+    Attributes
+    ----------
+    url : str
+        The folder, which a driver opens.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(
+            {
+                f"{BATTERY}/type": "Battery",
+                f"{BATTERY}/status": "Discharging",
+                f"{BATTERY}/voltage_now": f"{CELL * 1e6:.0f}",
+            },
+            {f"{BATTERY}/current_now": lambda: -simulation.panel.power() / CELL * 1e6},
+        )
+        self.url = str(self.folder / BATTERY)
+
+
+class RaplEmulator(PipedFiles):
+    """A domain of RAPL that counts the energy of a simulated panel; its counter is about to go round.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The panel and time.
+
+    Attributes
+    ----------
+    url : str
+        The folder, which a driver opens.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._counted, self._energy = simulation.clock(), COUNTER_END - 50_000.0  # [µJ]
+        super().__init__(
+            {"name": "package-0", "max_energy_range_uj": f"{COUNTER_END}"}, {"energy_uj": self._count}
+        )
+        self.url = str(self.folder)
+
+    def _count(self) -> float:
+        """Return the counter; what the panel takes now, it has taken since the last look."""
+        now = self._simulation.clock()
+        self._energy += self._simulation.panel.power() * (now - self._counted) * 1e6
+        self._counted, self._energy = now, self._energy % COUNTER_END
+        return self._energy
+
+
+class AdbEmulator(BatteryEmulator):
+    """A program `adb`, and a phone with a simulated panel as its only load; as `BatteryEmulator`."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(simulation)
+        program = self.folder / "adb"
+        program.write_text(ADB.replace("PHONE", PHONE).replace("FOLDER", str(self.folder)))
+        program.chmod(0o700)
+        self.url = f"{PHONE}@{program}"

@@ -1,0 +1,393 @@
+"""Unlucky and hostile input of commands: one line, exit code 2, and nothing half-written."""
+
+import inspect
+import math
+import os
+import resource
+import signal
+import subprocess
+import sys
+import typing
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evenlight import command as command_line
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.recordings.dataset_writing import new_dataset
+from evenlight.data_schema.storage.append_log import mend_last_line
+from evenlight.data_schema.storage.tables import number_in, plain_cell
+from evenlight.data_schema.storage.text_files import DEEPEST, read_text
+from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.experiments.design_files import DESIGNS, load_design, load_sweep_design
+from evenlight.experiments.playback import measured_play
+from evenlight.hardware import measure_command
+from evenlight.hardware.luminance_table import read_table
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.typesetting import require_font
+from evenlight.stimuli.video.video_file import write_video
+
+
+@pytest.fixture(autouse=True)
+def watchdog() -> Iterator[None]:
+    """A hang is a failure after ten seconds."""
+
+    def hang(*_: object) -> None:
+        pytest.fail("hangs")
+
+    before = signal.signal(signal.SIGALRM, hang)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def refused(command: Callable[..., Any], *arguments: object) -> str:
+    """The one line with which a command ends."""
+    done = command(*arguments)
+    assert (done.code, done.err.count("\n"), done.err[:11]) == (2, 1, "evenlight: ")
+    return done.err
+
+
+def everything(folder: Path) -> list[str]:
+    """Names below a folder, hidden ones too."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+
+
+# Options
+
+
+def options_of_kind(kind: type) -> list[Any]:
+    """Every option of every command that takes a number of a kind: its command, and its name."""
+    found = []
+    for mounted in (
+        *command_line.app.registered_commands,
+        *measure_command.measure.registered_commands,
+    ):
+        assert mounted.callback is not None
+        for name, parameter in inspect.signature(mounted.callback, eval_str=True).parameters.items():
+            of = typing.get_args(parameter.annotation)[0]
+            if of is kind or kind in typing.get_args(of):
+                found.append(pytest.param(mounted.callback, name, id=f"{mounted.callback.__name__}-{name}"))
+    return found
+
+
+@pytest.mark.parametrize(("callback", "name"), options_of_kind(float))
+def test_no_option_takes_what_is_no_number(callback: Callable[..., None], name: str) -> None:
+    for value in (math.nan, math.inf, -math.inf):
+        with pytest.raises(InputError, match=f"^--{name.replace('_', '-')} must be a finite number, got "):
+            callback(**{name: value})
+
+
+@pytest.mark.parametrize(("callback", "name"), options_of_kind(int))
+def test_no_option_takes_whole_numbers_beyond_64_bits(callback: Callable[..., None], name: str) -> None:
+    with pytest.raises(InputError, match=r"must be a whole number below 2\^63, got one near 10\^400"):
+        callback(**{name: 10**400})
+
+
+def test_there_are_options_to_try() -> None:
+    assert len(options_of_kind(float)) > 25
+    assert len(options_of_kind(int)) > 15
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("render", "sunrise", "--out", ""), "--out is empty"),
+        (("render", "sunrise", "--out="), "--out is empty"),
+        (("optimize", "sunrise", "--budget", "0.5", "--out", "o", "--display", ""), "--display is empty"),
+        (("validate", ""), "an argument is empty"),
+        (("measure", "luminance", "--instrument", "simulated", "--interval-s", "inf"), "--interval-s"),
+        (("measure", "luminance", "--instrument", "simulated", "--interval-s", "1e300"), "--interval-s"),
+        (("measure", "luminance", "--instrument", "simulated", "--count", "1000000000000"), "--count"),
+        (("measure", "power", "--instrument", "simulated", "--seconds", "inf"), "--seconds"),
+        (("measure", "power", "--instrument", "simulated", "--rate-hz", "1e300"), "--rate-hz"),
+        (("plan", "rating", "--out", "p", "--participants", "1_0"), "--participants"),
+        (("plan", "rating", "--out", "p", "--participants", "٥"), "--participants"),
+        (("render", "sunrise", "--out", "r.mkv", "--duration", "1e300"), "86400 s"),
+        (("demo", "--out", "d", "--participants", "1000000000"), "--participants"),
+    ],
+)
+def test_options_with_which_nothing_can_be_done(command, tmp_path, monkeypatch, words, said) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(command, *words)
+    assert everything(tmp_path) == []
+
+
+@pytest.mark.parametrize("degrees", ["1e-308", "0.01"])
+def test_a_field_of_view_that_leaves_too_few_pixels(command, tmp_path, make_video, degrees) -> None:
+    """0.01 degrees at the display's pixels per degree are less than one pixel."""
+    make_video(tmp_path / "v.mkv", [0.5, 0.6], (32, 24), 10.0)
+    words = ("optimize", tmp_path / "v.mkv", "--budget", 0.5, "--field-of-view", degrees, "--quiet")
+    line = refused(command, *words, "--out", tmp_path / "out")
+    assert "pixels of the width of v, and at least 8 are needed" in line
+    assert everything(tmp_path) == ["v.mkv"]
+
+
+# What stands in place of a file
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "text": lambda path: read_text(path, "text"),
+    "display": load_display,
+    "design": lambda path: load_design(str(path)),
+    "curves": read_loss_curves,
+    "digest": sha256_of_file,
+    "meter table": read_table,
+    "log": mend_last_line,
+    "font": require_font,
+    "camera path": lambda path: path_named(str(path)),
+    "video": lambda path: open_video(str(path)),
+    "image": lambda path: list(open_video(str(path.parent)).frames()),
+    "array": lambda path: list(open_video(str(path.parent)).frames()),
+}
+SUFFIXES = {"image": ".png", "array": ".npy", "camera path": ".json", "video": ".mkv"}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path, reader) -> None:
+    """Nobody ever writes into it: opening it to read would wait for ever."""
+    path = tmp_path / f"pipe{SUFFIXES.get(reader, '.toml')}"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"is a pipe|is empty"):
+        READERS[reader](path)
+
+
+def test_devices_and_impossible_names_are_refused(tmp_path) -> None:
+    with pytest.raises(InputError, match="/dev/zero: is a device; expected text"):
+        read_text(Path("/dev/zero"), "text")
+    with pytest.raises(InputError, match="is no name of a file"):
+        read_text(Path("a\0b"), "text")
+
+
+# What stands in a file
+
+
+def design_with(folder: Path, line: str) -> Path:
+    """The quick design with another line in place of the one of its key."""
+    key = line.partition(" ")[0]
+    lines = (DESIGNS / "quick.design.toml").read_text().splitlines()
+    path = folder / "d.toml"
+    path.write_text("\n".join([line, *(old for old in lines if not old.startswith(f"{key} "))]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("trials_per_level = 1" + "0" * 400, r"below 2\^63, got one near 10\^400"),
+        ("trials_per_level = 1000000000", "trials_per_level must be at most 10000, got 1000000000"),
+        ("pause_duration_s = 1e300", r"pause_duration_s must lie in 0\.001 to 86400 s, got 1e\+300"),
+        ("pause_duration_s = 1e-300", r"pause_duration_s must lie in 0\.001 to 86400 s, got 1e-300"),
+    ],
+)
+def test_a_design_of_which_a_session_would_not_end(tmp_path, line, said) -> None:
+    with pytest.raises(InputError, match=said):
+        load_design(str(design_with(tmp_path, line)))
+
+
+def test_a_warm_up_with_more_readings_than_memory(tmp_path) -> None:
+    (tmp_path / "d.toml").write_text('name = "x"\nwarm_up_interval_s = 1e-300\n')
+    with pytest.raises(InputError, match="warm_up_interval_s must lie in"):
+        load_sweep_design("luminance-sweep", str(tmp_path / "d.toml"))
+
+
+@pytest.mark.parametrize("content", ["", " \n\n"])
+def test_an_empty_design_is_no_design(command, tmp_path, content) -> None:
+    (tmp_path / "empty.toml").write_text(content)
+    words = ("simulate", "ramp", "--participants", 1, "--design", tmp_path / "empty.toml")
+    assert "empty.toml: is empty; expected a RampDesign" in refused(command, *words, "--out", tmp_path / "o")
+    assert everything(tmp_path) == ["empty.toml"]
+
+
+@pytest.mark.parametrize("depth", [DEEPEST + 1, 900, 100_000])
+def test_deep_json_is_refused_wherever_it_is_read(command, tmp_path, depth) -> None:
+    """900 levels are few enough for a parser, and too many for what walks through them afterwards."""
+    path = tmp_path / "deep.json"
+    path.write_text("[" * depth + "]" * depth)
+    for words in (("validate", path), ("render", path, "--out", tmp_path / "v.mkv")):
+        assert "nested too deep" in refused(command, *words)
+    words = ("import", path, "--task", "rating", "--out", tmp_path / "lab")
+    assert "nested too deep" in refused(command, *words)
+    assert everything(tmp_path) == ["deep.json"]
+
+
+@pytest.mark.parametrize(
+    "text", ["1_000", "١٢", "1٢", "0x10", "nan", "inf", "1e", ".", "", "1,5", "--1", "1 2"]
+)
+def test_what_is_a_number_to_python_alone(text) -> None:
+    for read in (lambda: number_in(text, "t.csv"), lambda: plain_cell(int, text, "t.csv")):
+        with pytest.raises(InputError, match=r"t\.csv: expected a (whole )?number, got"):
+            read()
+
+
+def test_numbers_of_spreadsheets_stay_numbers() -> None:
+    assert [number_in(text, "") for text in (" 1 ", "+2", "1e3", "-.5", "3.")] == [1, 2, 1000, -0.5, 3]
+    assert plain_cell(int, " 12", "") == 12
+    with pytest.raises(InputError):
+        plain_cell(int, "1e3", "")
+
+
+def test_a_file_of_one_endless_line(command, tmp_path) -> None:
+    (tmp_path / "t.csv").write_text("x" * 20_000_000)
+    refused(command, "import", tmp_path / "t.csv", "--task", "rating", "--out", tmp_path / "lab")
+    assert everything(tmp_path) == ["t.csv"]
+
+
+# Where results go
+
+
+def test_render_replaces_a_file_only_by_force(command, tmp_path) -> None:
+    out = tmp_path / "v.mkv"
+    out.write_text("mine")
+    words = ("render", "checkerboard", "--size", "16x16", "--duration", 0.2, "--out", out, "--quiet")
+    assert "is there already; give --force to replace it, or another name" in refused(command, *words)
+    assert out.read_text() == "mine"
+    assert command(*words, "--force").code == 0
+    assert out.read_bytes()[:4] == bytes.fromhex("1a45dfa3")  # EBML, of Matroska
+    out.unlink()
+    os.mkfifo(out)
+    assert "give the name of a file" in refused(command, *words, "--force")
+    assert out.is_fifo()
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """What makes a folder a data set."""
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "dataset_description.json").write_text("{}")
+    return tmp_path / "lab"
+
+
+@pytest.mark.parametrize("words", [("fit",), ("analyze",)])
+@pytest.mark.parametrize("inside", ["", "results", "sub-01/ses-01"])
+def test_results_stay_out_of_the_data_set(command, dataset, words, inside) -> None:
+    before = everything(dataset)
+    assert "lies in the data set" in refused(command, *words, dataset, "--out", dataset / inside)
+    assert everything(dataset) == before
+
+
+def test_what_a_killed_run_left_goes_and_nothing_else(tmp_path) -> None:
+    dead = tmp_path / ".partial-abcd_123"
+    dead.mkdir()
+    (dead / "track.csv").write_text("half")
+    for name in (".partial-mine", ".partial-ABCDEFGH", "partial-abcd_123"):
+        (tmp_path / name).mkdir()
+    (tmp_path / ".partial-abcd_124").write_text("a file")
+    replaced = tmp_path / ".partial-abcd_125" / ".replaced-abcd_126"
+    replaced.mkdir(parents=True)
+    (replaced / "0").write_text("an earlier result, of a run that was killed while it was replaced")
+    with results_folder(tmp_path) as living:
+        (living / "a.csv").write_text("1")
+        with results_folder(tmp_path):  # another one, at the same time
+            assert (living / "a.csv").exists()
+    assert (replaced / "0").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        ".partial-ABCDEFGH", ".partial-abcd_124", ".partial-abcd_125", ".partial-mine", "a.csv",
+        "partial-abcd_123",
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_killed_run_is_cleared_by_the_next(tmp_path) -> None:
+    """Really killed, with its folder held until then."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with results_folder(tmp_path) as folder:
+            (folder / "half.csv").write_text("half")
+            os.write(writing, b"x")
+            signal.pause()
+        os._exit(0)
+    os.read(reading, 1)
+    with results_folder(tmp_path):
+        assert list(tmp_path.glob(".partial-*/half.csv"))  # it lives
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert list(tmp_path.glob(".partial-*/half.csv"))
+    with new_dataset(tmp_path) as folder:  # data are never overwritten, but this is none
+        (folder / "x").write_text("")
+    assert everything(tmp_path) == ["x"]
+    os.close(reading)
+    os.close(writing)
+
+
+def test_a_full_disk_in_the_middle_of_a_video(tmp_path) -> None:
+    """Files may have 20 000 bytes: what FFmpeg cannot write is told by its name, and nothing of it stays."""
+    noise = np.random.default_rng(1).integers(0, 255, (10, 64, 64, 3), dtype=np.uint8)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"cannot write .*v\.mkv: "):
+            write_video(tmp_path / "new" / "v.mkv", list(noise), 10)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert everything(tmp_path) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_under_the_output() -> None:
+    program = "from evenlight.command import main; main(['--version'])"
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert ended.returncode == 2
+    assert ended.stderr.count(b"\n") == 1
+    assert b"No space left on device" in ended.stderr
+
+
+# Recording
+
+
+@pytest.mark.parametrize("place", [".dataset.lock", "sub-01/ses-01/.session.lock"])
+def test_a_lock_that_cannot_be_taken_is_no_traceback(command, tmp_path, place) -> None:
+    """As in a data set of someone else: not even an administrator writes a file onto a folder."""
+    (tmp_path / "lab" / place).mkdir(parents=True)
+    (tmp_path / "lab" / "dataset_description.json").write_text('{"Simulated": true}')
+    (tmp_path / "lab" / "participants.tsv").write_text("participant_id\tsimulated\nsub-01\ttrue\n")
+    words = ("run", "ramp", "--participant", "01", "--session", "01", "--rig", "simulated")
+    before = everything(tmp_path)
+    line = refused(command, *words, "--simulate", "data", "--design", "quick", "--out", tmp_path / "lab")
+    assert "cannot write to the folder" in line
+    left = set(everything(tmp_path)) - set(before)
+    assert left <= {"lab/.dataset.lock"}  # which stays beside every data set
+
+
+def test_measured_power_that_is_refused_leaves_nothing(command, tmp_path, make_stimulus, make_video) -> None:
+    make_stimulus(tmp_path / "track", np.linspace(0.9, 0.5, 4), frames_per_second=10.0)
+    make_video(tmp_path / "v.mkv", np.linspace(0.2, 0.9, 4), (32, 24), 10.0)
+    rig = (Path(measure_command.__file__).parent / "rigs" / "simulated.rig.toml").read_text()
+    lines = [line for line in rig.splitlines() if not line.startswith(("power_meter", "backlight"))]
+    (tmp_path / "r.toml").write_text(
+        'power_meter = "simulated"\nbacklight = "simulated"\n' + "\n".join(lines)
+    )
+    before = everything(tmp_path)
+
+    def no_screen(*_: object, **__: object) -> None:
+        raise InstrumentError("there is no screen")
+
+    words = ("play", tmp_path / "v.mkv", tmp_path / "track", "--rig", tmp_path / "r.toml", "--simulate")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measured_play, "open_devices", no_screen)
+        done = command(*words, "--measure-power", "--out", tmp_path / "new" / "power")
+    assert (done.code, "there is no screen" in done.err) == (1, True)
+    assert everything(tmp_path) == before
+
+
+def test_what_was_recorded_before_a_failure_stays(tmp_path) -> None:
+    def record() -> None:
+        with recording_folder(tmp_path / "power", "power_log.json"):
+            (tmp_path / "power" / "power_log.json").write_text("{}")
+            raise InstrumentError("unplugged")
+
+    with pytest.raises(InstrumentError):
+        record()
+    assert everything(tmp_path) == ["power", "power/power_log.json"]

@@ -1,0 +1,281 @@
+"""`evenlight measure saving`: both versions in turn on a device that plays them, and what is told of it."""
+
+import itertools
+import json
+import re
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evenlight.analysis.measurement.played_power.device_saving import device_saving
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.data_schema.storage.tables import read_rows, write_rows
+from evenlight.hardware.device_passes import PassRequest, _started, measure_passes
+from evenlight.hardware.measuring import bench_for
+from evenlight.hardware.protocols import InstrumentError
+
+FILMS = ("--full", "bikes.mp4", "--dimmed", "bikes-dimmed.mp4")
+ORDER = ["full", "dimmed", "dimmed", "full"] * 2
+# A player, and a gauge that shows the new load a while late.
+PLAYER = """
+import sys, time
+from pathlib import Path
+folder = Path({folder!r})
+(folder / "played").open("a").write(sys.argv[1] + "\\n")
+time.sleep(0.15)
+(folder / "next").write_text({{"bright": "1000000", "dim": "800000"}}[sys.argv[1]])
+(folder / "next").replace(folder / "current_now")
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def laptop(tmp_path: Path) -> Path:
+    """The folder of a battery, 10 V, and a player `play.py` in it."""
+    folder = tmp_path / "BAT0"
+    folder.mkdir()
+    for name, text in {"status": "Discharging", "voltage_now": "10000000", "current_now": "1000000"}.items():
+        (folder / name).write_text(f"{text}\n")
+    (folder / "play.py").write_text(PLAYER.format(folder=str(folder)))
+    return folder
+
+
+def asked(laptop: Path, settle: float, rounds: int = 2, play: str = "") -> PassRequest:
+    play = play or f"{sys.executable} -I -S {laptop}/play.py {{film}}"
+    films = {"full": "bright", "dimmed": "dim"}
+    return PassRequest(f"battery:{laptop}", films, rounds, settle + 0.5, settle, 20.0, play)
+
+
+def samples_in(folder: Path, *powers: float) -> None:
+    rows = [PowerSample(k, float(k), float(k), power) for k, power in enumerate(powers)]
+    write_rows(folder / "power.csv", PowerSample, rows)
+    (folder / "passes.csv").touch()
+
+
+def measured(request: PassRequest, folder: Path) -> DeviceSaving:
+    passes, apparatus = measure_passes(request, folder, lambda words: "", lambda line: None)
+    return device_saving(passes, request, apparatus, folder)
+
+
+@pytest.mark.slow
+def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Path) -> None:
+    """By hand: the panel takes 0.2945 W and 0.001858 W m²/cd; from 200 to 120 cd/m² that is 22.3 % less."""
+    out = tmp_path / "power"
+    done = command("measure", "saving", "--instrument", "simulated", *FILMS, "--rounds", "4", "--out", out)
+    assert done.code == 0
+    words = (
+        r"SIMULATED: the dimmed version saves 22\.[34] % of the device's power \(95 % confidence interval 22"
+    )
+    assert re.search(words, done.out)
+    saving = json.loads((out / "saving.json").read_text())
+    assert saving["saving_percent"] == pytest.approx(100 * 80 * 0.001858 / (0.2945 + 200 * 0.001858), abs=0.2)
+    assert saving["saving_percent_ci_low"] < saving["saving_percent"] < saving["saving_percent_ci_high"]
+    assert saving["simulated"]
+    assert [one["version"] for one in saving["passes"]] == ORDER
+    assert (out / "saving.png").read_bytes()[:4] == b"\x89PNG"
+    passes = read_rows(DevicePass, out / "passes.csv")
+    assert [one.duration for one in passes] == [105.0] * 8  # 120 s, less 15 s to settle
+    assert len(read_rows(PowerSample, out / "power.csv")) >= 8 * 120
+    assert command("validate", out).code == 0
+
+
+@pytest.mark.slow
+def test_it_is_tried_on_an_emulated_phone(command: Any, tmp_path: Path) -> None:
+    words = ("--rounds", "2", "--seconds", "0.7", "--settle-s", "0.1", "--rate-hz", "20")
+    out = tmp_path / "power"
+    done = command("measure", "saving", "--instrument", "simulated:adb", *FILMS, *words, "--out", out)
+    assert done.code == 0, done.err
+    assert json.loads((out / "saving.json").read_text())["saving_percent"] == pytest.approx(22.3, abs=1.0)
+
+
+@pytest.mark.slow
+def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_count(laptop, tmp_path) -> None:
+    """10 W and 8 W: 20 %, as the first 0.3 s of each pass are left out."""
+    saving = measured(asked(laptop, 0.3), tmp_path / "out")
+    assert (laptop / "played").read_text().split() == ["bright", "dim", "dim", "bright"]
+    assert saving.saving_percent == pytest.approx(20.0)
+    assert saving.full_power == pytest.approx(10.0)
+    assert not saving.simulated
+    assert any("one value for up to" in note and "--settle-s of at least" in note for note in saving.notes)
+
+
+@pytest.mark.slow
+def test_a_person_is_asked_to_start_each_version(laptop, tmp_path) -> None:
+    questions = []
+    request = PassRequest(f"battery:{laptop}", {"full": "a.mp4", "dimmed": "b.mp4"}, 2, 0.5, 0.0, 20.0, "")
+    passes, _ = measure_passes(request, tmp_path / "out", lambda words: questions.append(words) or "", print)
+    assert [words.partition(": ")[2].split()[1] for words in questions] == [
+        "a.mp4",
+        "b.mp4",
+        "b.mp4",
+        "a.mp4",
+    ]
+    assert all("press Enter when it runs" in words for words in questions)
+    assert device_saving(passes, request, {}, tmp_path / "out").saving_percent == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ("--seconds", "20", "--settle-s", "15"),
+            "needs 10 samples that count; 20 s, less 15 s to settle, have 5",
+        ),
+        (("--play", "true film.mp4"), "say with {film} where the film goes"),
+        (("--play", "no-such-player {film}"), "there is no program 'no-such-player'"),
+        (("--play", "true '{film}"), "No closing quotation"),
+        (("--instrument", "adb:@/nowhere/adb"), "no program '/nowhere/adb'; install it"),
+        (("--instrument", "batery:BAT0"), "did you mean 'battery'"),
+        (("--instrument", "simulated", "--rounds", "1"), "--rounds"),
+        (("--instrument", "simulated", "--seconds", "inf"), "--seconds"),
+        (("--instrument", "simulated", "--rate-hz", "nan"), "--rate-hz"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_and_leaves_nothing(command: Any, tmp_path, words, told) -> None:
+    out = tmp_path / "power"
+    words = words if "--instrument" in words else (*words, "--instrument", "simulated")
+    done = command("measure", "saving", *FILMS, *words, "--out", out)
+    assert done.code == (1 if "/nowhere" in told else 2)
+    assert told in done.err
+    assert "Traceback" not in done.err
+    assert not out.exists()
+
+
+def test_without_a_person_or_a_player_nothing_is_made(laptop, tmp_path) -> None:
+    def nobody(words: str) -> str:
+        raise EOFError
+
+    request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 0.6, 0.0, 20.0, "")
+    with pytest.raises(InputError, match="no one pressed Enter; give --play"):
+        measure_passes(request, tmp_path / "out", nobody, print)
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "notes").touch()
+    with pytest.raises(InputError, match="holds something already; give a new folder"):
+        measure_passes(request, tmp_path / "full", nobody, print)
+
+
+def test_a_player_that_fails_ends_it(laptop, tmp_path) -> None:
+    with pytest.raises(InputError, match=r"--play: false bright ended with the code 1"):
+        measured(asked(laptop, 0.0, play="false {film}"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_a_players_script_has_started_ends_with_it(laptop) -> None:
+    request = asked(laptop, 0.0, play=f"sh -c 'sleep 30 & echo $! > {laptop}/pid; wait; : {{film}}'")
+    with _started(request, "full", bench_for(request.instrument), "", input):
+        while not (laptop / "pid").exists() or not (laptop / "pid").read_text():
+            time.sleep(0.01)
+    state = Path("/proc") / (laptop / "pid").read_text().strip() / "stat"
+    end = time.monotonic() + 5  # a busy computer takes a moment to end what was killed
+    while state.exists() and state.read_text().split()[2] != "Z":
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_steps_of_a_gauge_widen_an_interval_that_would_have_no_width(tmp_path) -> None:
+    """By hand: steps of 0.1 W at 1.1 and 1.0 W; 1.96 * 0.1/sqrt(12) * sqrt(1 + (1/1.1)^2) / 1.1 is 6.95 %."""
+    samples_in(tmp_path, 1.0, 1.1)
+    request = PassRequest("adb:", {"full": "a", "dimmed": "b"}, 2, 100.0, 0.0, 1.0, "")
+    passes = [
+        DevicePass(k, name, 100.0 * k, 100.0, 1.1 if name == "full" else 1.0, 100, 0, 1.0)
+        for k, name in enumerate(request.order())
+    ]
+    found = device_saving(passes, request, {}, tmp_path)
+    assert (found.ci_high - found.ci_low) / 2 == pytest.approx(6.95, abs=0.01)
+    assert found.ci_low < 100 * (1 - 1 / 1.0833) < found.ci_high
+    assert "steps of 0.1 W" in found.notes[0]
+
+
+def test_a_meter_at_0_w_is_an_error_in_words(laptop, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("evenlight.hardware.drivers.battery_power.drawn_power", lambda *words: 0.0)
+    request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 0.5, 0.0, 20.0, "")
+    with pytest.raises(InstrumentError, match="0 W over a pass"):
+        measure_passes(request, tmp_path / "out", lambda words: "", print)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_wild_sample_is_left_out_and_named(laptop, tmp_path, monkeypatch) -> None:
+    """Every eighth reading of a steady 1 W is 49.5 W: the mean of the rest is 1 W, a saving of nothing."""
+    readings = itertools.count()
+    monkeypatch.setattr(
+        "evenlight.hardware.drivers.battery_power.drawn_power",
+        lambda *words: 49.5 if next(readings) % 8 == 5 else 1.0,
+    )
+    request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 1.0, 0.0, 20.0, "")
+    lines: list[str] = []
+    passes, _ = measure_passes(request, tmp_path / "out", lambda words: "", lines.append)
+    assert [one.mean_power for one in passes] == pytest.approx([1.0] * 4)
+    assert all(one.n_wild >= 1 for one in passes)
+    assert any("49.5 W" in line and "left out" in line and "median of 1 W" in line for line in lines)
+    found = device_saving(passes, request, {}, tmp_path / "out")
+    assert "left out (pass 0, 1, 2, 3, from 0)" in found.notes[0]
+
+
+@pytest.mark.parametrize(("after", "enough"), [(5, True), (2, False)])
+def test_ended_early_it_tells_of_what_was_measured_if_that_is_enough(tmp_path, after, enough) -> None:
+    request = PassRequest("simulated", {"full": "a", "dimmed": "b"}, 4, 30.0, 5.0, 1.0, "")
+
+    def stop(line: str) -> None:
+        if line.startswith(f"pass {after} "):
+            raise KeyboardInterrupt
+
+    if not enough:
+        with pytest.raises(KeyboardInterrupt):
+            measure_passes(request, tmp_path / "out", input, stop)
+        return
+    passes, _ = measure_passes(request, tmp_path / "out", input, stop)
+    saving = device_saving(passes, request, {}, tmp_path / "out")
+    assert len(saving.passes) == after
+    assert "It was ended after 5 of 8 passes." in saving.notes
+
+
+@pytest.mark.slow
+def test_a_cable_that_is_plugged_in_keeps_the_passes_before(laptop, tmp_path) -> None:
+    def charge(line: str) -> None:
+        if line.startswith("pass 2 "):
+            (laptop / "status").write_text("Charging\n")
+
+    with pytest.raises(InstrumentError, match=r"'Charging'.*the 2 passes before it are in .*passes\.csv"):
+        measure_passes(asked(laptop, 0.0), tmp_path / "out", input, charge)
+    assert len(read_rows(DevicePass, tmp_path / "out" / "passes.csv")) == 2
+
+
+def test_a_straight_drift_is_no_saving(tmp_path) -> None:
+    """Both versions take 5 W less 0.1 W a pass; and with 20 % less in the dimmed ones, 20 % at the middle."""
+    samples_in(tmp_path, 4.999, 5.0)
+    request = PassRequest("adb:", {"full": "a", "dimmed": "b"}, 3, 100.0, 0.0, 1.0, "")
+
+    def saving_of(less: float) -> DeviceSaving:
+        passes = [
+            DevicePass(k, name, 100.0 * k, 100.0, 5.0 - 0.1 * k - less * (name == "dimmed"), 100, 0, 1.0)
+            for k, name in enumerate(request.order())
+        ]
+        return device_saving(passes, request, {}, tmp_path)
+
+    assert saving_of(0.0).saving_percent == pytest.approx(0.0, abs=1e-9)
+    found = saving_of(0.95)  # of 4.75 W at the middle
+    assert found.saving_percent == pytest.approx(20.0)
+    assert found.drift_percent_h == pytest.approx(-100 * 0.1 * 36 / 4.75)
+    assert found.degrees_of_freedom == 3  # six passes, two levels, a slope
+    with pytest.raises(InputError, match="2 passes; a saving needs 4"):
+        device_saving(found.passes[:2], request, {}, tmp_path)
+
+
+def test_what_is_detectable_by_hand(tmp_path) -> None:
+    """Four passes, so one degree of freedom: t(0.975) = 12.706, t(0.8) = 1.3764 (Student's table)."""
+    samples_in(tmp_path, 4.999, 5.0)
+    request = PassRequest("adb:", {"full": "a", "dimmed": "b"}, 2, 100.0, 0.0, 1.0, "")
+    powers = (10.1, 9.0, 9.0, 10.1)
+    passes = [
+        DevicePass(k, name, 100.0 * k, 100.0, power + (0.02 if k in (0, 1) else -0.02), 100, 0, 1.0)
+        for k, (name, power) in enumerate(zip(request.order(), powers, strict=True))
+    ]
+    found = device_saving(passes, request, {}, tmp_path)
+    half = (found.ci_high - found.ci_low) / 2
+    assert found.detectable_percent == pytest.approx(half * (12.706 + 1.3764) / 12.706, rel=1e-3)
