@@ -31,7 +31,7 @@ def held_lock(path: Path, busy: str, longest_wait: float = 0.0) -> FileLock:
         lock.acquire(timeout=longest_wait)
     except Timeout:
         raise InputError(busy) from None
-    except (OSError, NotImplementedError) as error:
+    except (OSError, NotImplementedError) as error:  # the latter of a file system without locks
         reason = getattr(error, "strerror", None) or error
         raise InputError(
             f"cannot write to the folder {path.parent}: {reason}; choose another with --out"

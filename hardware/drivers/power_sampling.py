@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 
 from evenlight.data_schema.errors import InputError
@@ -129,9 +130,9 @@ class PolledMeter(SamplingMeter):
         self._sampling.end()
         super().close()
 
+    @abstractmethod
     def _read_power(self) -> float:
         """Return the power now, or since it was last read [W]."""
-        raise NotImplementedError
 
     def _why_no_faster(self) -> str:
         """Return what explains the highest rate."""

@@ -492,10 +492,15 @@ def linux_file(n: int, rng: np.random.Generator, kind: str) -> Tally:
             meter = stack.enter_context(HwmonPowerMeter(str(panel)))
             meter.start(1000.0)
             meter._sampling.begin(1e6, 0.0)
-            read: Callable[[], Any] = lambda: round(meter.samples()[0].power * 1e6)  # noqa: E731
+
+            def read() -> int:
+                return round(meter.samples()[0].power * 1e6)
         else:
             backlight = stack.enter_context(SysfsBacklight("panel", Path(folder)))
-            read = lambda: round(backlight.read_factor() * 4095)  # noqa: E731
+
+            def read() -> int:
+                return round(backlight.read_factor() * 4095)
+
         for _ in range(n):
             true = int(rng.integers(500_000, 999_999) if kind == "hwmon" else rng.integers(1000, 4095))
             text = f"{true}\n"

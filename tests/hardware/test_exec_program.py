@@ -253,11 +253,15 @@ def test_samples_that_cannot_be_are_errors(lines: str, words: str) -> None:
     body = f"print(json.dumps({{'id': i, 'rate_hz': 10.0}}))\n{lines}"
     named = find_driver("exec:any", InstrumentKind.POWER)
     guarded = GuardedPowerMeter(named, lambda: ExecPowerMeter(program(body)))
-    with guarded as meter, pytest.raises(InstrumentError, match=words):  # noqa: PT012
+
+    def sample(meter: GuardedPowerMeter) -> None:
         meter.start(10.0)
         for _ in range(100):
             time.sleep(0.02)
             meter.samples()
+
+    with guarded as meter, pytest.raises(InstrumentError, match=words):
+        sample(meter)
 
 
 @pytest.mark.parametrize("stated", ["'fast'", "0.0", "1e9", "-5"])
