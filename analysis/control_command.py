@@ -9,6 +9,7 @@ import typer
 
 from evenlight.analysis.track_options import (
     AcceptWideBandOption,
+    ActuatorOption,
     ContrastModelOption,
     CurvesOption,
     DeviceOption,
@@ -30,6 +31,7 @@ from evenlight.analysis.track_options import (
     require_curves_to_compute,
 )
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
 
@@ -83,6 +85,7 @@ def control(
     modulated: ModulatedOption = ModulatedLuminance.FRAME_MEAN,
     min_factor: MinFactorOption = 0.2,
     field_of_view: FieldOfViewOption = None,
+    actuator: ActuatorOption = Actuator.BACKLIGHT,
     fps: FpsOption = None,
     curves: CurvesOption = None,
     jobs: JobsOption = 1,
@@ -146,6 +149,7 @@ def control(
         model_name=contrast_model,
         min_factor=min_factor,
         field_of_view=field_of_view,
+        actuator=actuator,
         curves=curves,
         quiet=quiet,
         effort=effort,

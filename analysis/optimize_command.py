@@ -9,6 +9,7 @@ import typer
 
 from evenlight.analysis.track_options import (
     AcceptWideBandOption,
+    ActuatorOption,
     BudgetUnitOption,
     ContrastModelOption,
     CurvesOption,
@@ -32,6 +33,7 @@ from evenlight.analysis.track_options import (
 )
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
 
@@ -55,6 +57,7 @@ def optimize(
     modulated: ModulatedOption = ModulatedLuminance.FRAME_MEAN,
     min_factor: MinFactorOption = 0.2,
     field_of_view: FieldOfViewOption = None,
+    actuator: ActuatorOption = Actuator.BACKLIGHT,
     fps: FpsOption = None,
     curves: CurvesOption = None,
     tolerance: Annotated[
@@ -138,6 +141,7 @@ def optimize(
         min_factor=min_factor,
         calm=calm,
         field_of_view=field_of_view,
+        actuator=actuator,
         curves=curves,
         others=tuple(others),
         weights=weights,

@@ -12,6 +12,7 @@ from evenlight.analysis.wording import first_few
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.stimuli.video.viewing_geometry import geometry_words
 
 
 def introduction_section() -> Section:
@@ -103,9 +104,10 @@ def _summary_table(summary: OptimizationSummary) -> Table:
     solver = f"time for the solver ({summary.solver}, {summary.iterations} iterations)"
     procedure = summary.rate_limit_procedure
     asked = "" if procedure is None else f" ({procedure.value.replace('_', ' ')})"
+    seen = geometry_words(summary.field_of_view, summary.pixels_per_degree)
     return Table(
-        f"{summary.video} on {summary.display}, with the power model {summary.power_model} and the rate "
-        f"limit {summary.rate_limit}{asked}.",
+        f"{summary.video} on {summary.display}, seen {seen}, with the power model {summary.power_model} and "
+        f"the rate limit {summary.rate_limit}{asked}.",
         ("quantity", "track", "constant dimming", "unit"),
         (
             ("budget asked", summary.budget, summary.budget, unit),

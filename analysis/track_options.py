@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
 
 MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
-WIDEST_FIELD = 175.0  # [deg] a flat screen that spans 180 would be infinitely wide
 VideoArgument = Annotated[
     str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
 ]
@@ -35,7 +35,13 @@ LimitCurveOption = Annotated[
 ModulatedOption = Annotated[ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")]
 MinFactorOption = Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")]
 FieldOfViewOption = Annotated[
-    float | None, typer.Option(help="Degrees that the video's width spans; else it is shown pixel for pixel.")
+    float | None,
+    typer.Option(
+        help="Degrees that the video's width spans; else as it was rendered for, or pixel for pixel."
+    ),
+]
+ActuatorOption = Annotated[
+    Actuator, typer.Option(help="What dims: the backlight, or pixels, which show nothing below black.")
 ]
 FpsOption = Annotated[
     float | None, typer.Option(help="Frames per second of a folder of images or a sequence.")
@@ -76,10 +82,10 @@ def check_video(video: str, min_factor: float, field_of_view: float | None, jobs
             "the video has an empty name; give a file, a folder of images or a built-in sequence"
         )
     require_between("--min-factor", min_factor, MIN_FACTORS)
-    if field_of_view is not None and not 0 < field_of_view <= WIDEST_FIELD:
-        raise InputError(
-            f"--field-of-view must lie above 0 and not above {WIDEST_FIELD:g} degrees, got {field_of_view:g}"
-        )
+    if field_of_view is not None:
+        from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+
+        require_between("--field-of-view", field_of_view, (NARROWEST, WIDEST))
     if jobs < 0:
         raise InputError(f"--jobs must be 0 (all cores) or more, got {jobs}")
 

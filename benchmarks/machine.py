@@ -7,7 +7,7 @@ import platform
 
 from evenlight.analysis.reproduction.measured_times import processor_name
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 
 
 def machine() -> dict[str, str]:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
-from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.graphics import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import SCENES, Quality, Scene, scene_named
+from evenlight.stimuli.scenes.content.catalogue import SCENES, path_named, scene_named
+from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Quality, Scene
+from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 
 REC_709 = np.array([0.2126, 0.7152, 0.0722])
 BENCHMARKED = 20  # frames
@@ -105,7 +107,7 @@ def frame(renderer: SceneRenderer, camera: Camera) -> NDArray[np.uint8]:
 
 def mean_luminance(renderer: SceneRenderer) -> float:
     """Return the mean luminance of the last frame as a display shows it [cd/m^2]."""
-    from evenlight.stimuli.scenes.graphics import PEAK
+    from evenlight.stimuli.scenes.engine.graphics import PEAK
 
     shown = (renderer.pixel_values() / 65535) ** 2.2 * PEAK
     return float(shown.mean(axis=(0, 1)) @ REC_709)

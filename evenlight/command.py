@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 
-from evenlight import bench_command
+from evenlight import bench_command, progress
 from evenlight.analysis import (
     analyze_command,
     audit_command,
@@ -225,8 +225,10 @@ def main(arguments: list[str] | None = None) -> None:
     arguments : list of str, optional
         In place of the command line's.
     """
+    given = sys.argv[1:] if arguments is None else arguments
+    progress.told_by_default = "--quiet" not in given
     try:
-        _refuse_empty(sys.argv[1:] if arguments is None else arguments)
+        _refuse_empty(given)
         with _termination_raised():
             code = app(arguments, standalone_mode=False)
             if sys.stdout is not None:

@@ -27,6 +27,7 @@ from evenlight.method.preset_files import (
     load_rate_limit,
 )
 from evenlight.method.rate_limit import require_known, require_same_display
+from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -92,6 +93,11 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
         within = "" if low == -math.inf and high == math.inf else f" in {low:g} to {high:g}"
         raise InputError(f"{name} must be a number{within}, got {value!r}")
     return float(value)
+
+
+def field_of_view_in(given: Any) -> float | None:
+    """Return the angle that an argument `field_of_view` holds [deg], None if it is not given."""
+    return None if given is None else number("field_of_view", given, NARROWEST, WIDEST)
 
 
 def positive(name: str, value: Any) -> float:

@@ -11,22 +11,27 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.inputs import (
     LOWEST_FACTORS,
     Frames,
     Named,
+    choice,
     contrast_model_of,
     display_of,
+    field_of_view_in,
     frame_of,
     number,
     video_of,
     whole,
 )
 from evenlight.method.choices import AnalysisEffort
-from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
-from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.video_analysis import VideoAnalysis
+from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
+from evenlight.stimuli.video.viewing_geometry import seen_video
 
 
 def loss_curves(
@@ -35,6 +40,8 @@ def loss_curves(
     display: Named | Display = "varjo-xr3",
     contrast_model: Named | ContrastModel = "default",
     frames_per_second: float | None = None,
+    field_of_view: float | None = None,
+    actuator: str = "backlight",
     lowest_factor: float = 0.2,
     tolerance: float = 0.001,
     jobs: int = 1,
@@ -43,8 +50,8 @@ def loss_curves(
 
     Parameters
     ----------
-    video, display, contrast_model, frames_per_second, lowest_factor, tolerance, jobs
-        As in `optimize`. The video is taken pixel for pixel.
+    video, display, contrast_model, frames_per_second, field_of_view, actuator, lowest_factor, tolerance, jobs
+        As in `optimize`.
 
     Returns
     -------
@@ -61,7 +68,10 @@ def loss_curves(
     knots = brightness_factors(number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
     effort = AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs))
     made = provenance_now(inputs=inputs)
-    return analyze_frames(source.frames(), source.name, panel, model, knots, made, effort)
+    degrees = field_of_view_in(field_of_view) or field_of_view_of(source)
+    frames, geometry = seen_video(source.frames(), panel, degrees, source.name)
+    analysis = VideoAnalysis(model, knots, choice("actuator", actuator, Actuator), made, effort)
+    return analysis.curves(frames, geometry, source.name)
 
 
 def frame_loss(
@@ -80,7 +90,7 @@ def frame_loss(
     factors : array_like, any shape
         b, in (0, 1].
     display, contrast_model : str, path or record
-        As in `optimize`.
+        As in `optimize`. The frame is taken pixel for pixel.
 
     Returns
     -------

@@ -21,6 +21,7 @@ from evenlight.inputs import (
     choice,
     contrast_model_of,
     display_of,
+    field_of_view_in,
     frame_of,
     number,
     positive,
@@ -52,6 +53,7 @@ from evenlight.method.online.governor import (
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, viewing_geometry
 
 
 class OnlineController:
@@ -74,6 +76,8 @@ class OnlineController:
         Over which the mean is to meet the budget [s].
     display, power_model, rate_limit, contrast_model : str, path or record
         Presets by name, files by path, or the records themselves.
+    field_of_view : float, optional
+        What the frames' width spans [deg]; else they are shown pixel for pixel.
     frames_per_second : float
         Of the loop, where `step` is not told how long each frame is shown [Hz].
     lowest_factor : float
@@ -125,6 +129,7 @@ class OnlineController:
         power_model: Named | PowerModel = "surace2025",
         rate_limit: Named | RateLimit = "surace2025",
         contrast_model: Named | ContrastModel = "default",
+        field_of_view: float | None = None,
         frames_per_second: float = 60.0,
         lowest_factor: float = 0.2,
         start_factor: float | None = None,
@@ -139,6 +144,8 @@ class OnlineController:
             raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
         self._display = display_of(display)
         self._model = contrast_model_of(contrast_model)
+        self._field_of_view = field_of_view_in(field_of_view)
+        self._geometry: ViewingGeometry | None = None
         self._power = power_model_of(power_model)
         limit = rate_limit_of(rate_limit, self._display, accept_wide_band=accept_wide_band)
         lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
@@ -196,7 +203,7 @@ class OnlineController:
         """
         seconds = frame.duration if isinstance(frame, Frame) else self._duration
         seconds = seconds if duration is None else positive("duration", duration)
-        frame = frame_of(frame)
+        frame = self._shown(frame_of(frame))
         if self._state is None or self._measure is None:
             self._state = self._begun(frame, seconds)
         else:
@@ -211,6 +218,18 @@ class OnlineController:
             )
             self._cost = self._costs.of(float(slope[0]), seconds)
         return self.factor
+
+    def _shown(self, frame: Frame) -> Frame:
+        """Return a frame as the display can show it in the field of view."""
+        height, width, _ = frame.pixel_values.shape
+        if self._geometry is None:
+            size, degrees = (width, height), self._field_of_view
+            self._geometry = viewing_geometry(size, self._display, degrees, "the frame")
+            self._display = self._geometry.display
+        if (width, height) != self._geometry.size:
+            first = self._geometry.size[::-1]
+            raise InputError(f"expected a frame of the shape {first}, got {(height, width)}")
+        return next(iter(self._geometry.shown([frame])))
 
     def _begun(self, frame: Frame, seconds: float) -> ControllerState:
         """Return the state at the first frame, and set the first target if none is given."""

@@ -6,12 +6,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
 
+told_by_default = False  # set by the command
+_shown: list[Progress] = []  # what shows the progress of the command that runs
 INTERVAL = 10.0  # between two lines, and before the first: what takes less says nothing [s]
 Item = TypeVar("Item")
 
@@ -24,6 +26,9 @@ class Progress(Protocol):
 
     def at(self, done: int, total: int | None = None) -> None:
         """Tell how many parts of the step are done; `total` where it is known only now."""
+
+    def aside(self, words: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        """Begin work within the step, and yield what takes how many parts of it are done."""
 
 
 class ProgressLines:
@@ -52,6 +57,16 @@ class ProgressLines:
     def at(self, done: int, total: int | None = None) -> None:
         """Take note of how many parts of the step are done."""
         self._done, self._total = done, total or self._total
+
+    @contextmanager
+    def aside(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Tell of work within the step, and then of the step again."""
+        before = self._words, self._done, self._total
+        self.step(words, total)
+        try:
+            yield self.at
+        finally:
+            self._words, self._done, self._total = before
 
     def tell_if_due(self) -> None:
         """Write a line if the last one is `INTERVAL` old."""
@@ -88,17 +103,38 @@ def shown_progress(quiet: bool) -> Iterator[Progress]:
     from rich.console import Console  # not needed by commands that are done at once
 
     console = Console(stderr=True)
-    if quiet:
-        yield ProgressLines(lambda line: None, lambda: 0.0)
-    elif console.is_terminal:
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    with ExitStack() as stack:
+        progress: Progress
+        if quiet:
+            progress = ProgressLines(lambda line: None, lambda: 0.0)
+        elif console.is_terminal:
+            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import Progress as Bars
 
-        words, count = TextColumn("{task.description}"), TextColumn("{task.fields[count]}")
-        with Progress(words, BarColumn(), count, TimeRemainingColumn(), console=console, transient=True) as b:
-            yield _Bar(b)
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[count]}")
+            bars = Bars(*columns, TimeRemainingColumn(), console=console, transient=True)
+            progress = _Bar(stack.enter_context(bars))
+        else:
+            progress = stack.enter_context(_told_regularly(ProgressLines(_to_standard_error, time.monotonic)))
+        _shown.append(progress)
+        stack.callback(_shown.remove, progress)
+        yield progress
+
+
+@contextmanager
+def aside(words: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Tell of long work deep within whatever is going on, and yield what takes how many parts are done.
+
+    It is told where the command that runs shows its progress, in lines where it shows none, and nowhere in a
+    program that uses the Python interface.
+    """
+    if _shown:
+        with _shown[-1].aside(words, total) as at:
+            yield at
     else:
-        with _told_regularly(ProgressLines(_to_standard_error, time.monotonic)) as lines:
-            yield lines
+        tell = _to_standard_error if told_by_default else lambda line: None
+        with _told_regularly(ProgressLines(tell, time.monotonic)) as lines, lines.aside(words, total) as at:
+            yield at
 
 
 def counted(progress: Progress, items: Iterable[Item], words: str, total: int | None) -> Iterator[Item]:
@@ -124,6 +160,15 @@ class _Bar:
         """Move the bar."""
         total = total or self._bars.tasks[-1].total  # type: ignore[assignment] # a whole number, as given
         self._bars.update(self._task, completed=done, total=total, count=count_in_words(done, total))
+
+    @contextmanager
+    def aside(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Show a bar below that of the step."""
+        task = self._bars.add_task(words, total=total, count="")
+        try:
+            yield lambda done: self._bars.update(task, completed=done, count=count_in_words(done, total))
+        finally:
+            self._bars.remove_task(task)
 
 
 @contextmanager

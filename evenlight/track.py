@@ -26,6 +26,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import (
@@ -49,6 +50,7 @@ from evenlight.inputs import (
     choice,
     contrast_model_of,
     display_of,
+    field_of_view_in,
     number,
     power_model_of,
     rate_limit_of,
@@ -213,6 +215,7 @@ def optimize(
     contrast_model: Named | ContrastModel = "default",
     frames_per_second: float | None = None,
     field_of_view: float | None = None,
+    actuator: str = "backlight",
     lowest_factor: float = 0.2,
     limit_curve: str = "fitted",
     modulated: str = "frame_mean",
@@ -241,7 +244,9 @@ def optimize(
     frames_per_second : float, optional
         Of arrays, of a folder of images, or of a built-in sequence; 25 if not given [Hz].
     field_of_view : float, optional
-        What the video's width spans [degrees]; else it is shown pixel for pixel.
+        What the video's width spans [deg]; else what it was rendered for, or it is shown pixel for pixel.
+    actuator : {"backlight", "pixels"}
+        What dims the video; pixels show nothing darker than the display's black, and lose more for it.
     lowest_factor : float
         Lowest brightness factor.
     limit_curve : {"fitted", "safe"}
@@ -276,6 +281,8 @@ def optimize(
     known = video if isinstance(video, LossCurves) else None
     if known is not None:
         _require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
+        if actuator not in ("backlight", known.actuator.value):
+            raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
         lowest_factor = float(known.factors[0])
     shown = known.display if known is not None else display_of(display)
     request = Request(
@@ -295,7 +302,8 @@ def optimize(
         seed=whole("seed", seed),
         min_factor=lowest_factor,
         calm=number("calm", calm, 0.0, 1.0),
-        field_of_view=None if field_of_view is None else number("field_of_view", field_of_view, 0.1, 175.0),
+        field_of_view=field_of_view_in(field_of_view),
+        actuator=choice("actuator", actuator, Actuator) if known is None else known.actuator,
         effort=AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs)),
         quiet=True,
     )

@@ -76,17 +76,17 @@ def _walk(
     if live.budget is None:
         refuse("{} is for --budget, which is not given", live, "budget_unit", "horizon")
     for_videos = "--walk takes no {}, which is for videos; --record keeps the way, --factor dims it"
-    refuse(for_videos, screen, "track")
+    refuse(for_videos, screen, "track", "other_geometry_ok")
     if not live.dims:
         words = "{} is for walks that are dimmed online: give it with --target-loss"
         refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", "tuning")
         refuse(for_videos, screen, "other_display_ok")
     refuse(for_videos, power)
-    refuse(for_videos, video)
+    refuse(for_videos, video, "version", "loop", "label")
     if live.budget is None:
         refuse(for_videos, screen, "power_model")
     from evenlight.experiments.playback.walk_request import asked_walk, walk_as_asked
 
-    said = walk_as_asked(asked_walk(screen, walk, live))
+    said = walk_as_asked(asked_walk(screen, walk, live, video.log))
     if not screen.quiet:
         typer.echo(said)

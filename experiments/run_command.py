@@ -247,27 +247,27 @@ def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
 
 def _run_session(request: SessionRequest, quiet: bool) -> None:
     """Run a session with a live view on the experimenter's terminal, and say how it ended."""
-    from evenlight.data_schema.recordings.dataset_layout import session_folder
+    from evenlight.data_schema.recordings.dataset_layout import TRIALS, session_folder
     from evenlight.experiments.live_view.live_view import live_view
     from evenlight.experiments.run_session import run_session
 
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
-    done = 0
     with (
-        _told_if_interrupted(lambda: f"{done} trials"),
+        _told_if_interrupted(lambda: f"{_stored_trials(folder / TRIALS)} trials"),
         live_view(folder, quiet, rehearsal=request.staging.simulated) as show,
     ):
-
-        def report(usable: int) -> None:
-            nonlocal done
-            done = usable
-            show()
-
         outcome = run_session(
-            request, report, lambda said: print(f"evenlight: note: {said}", file=sys.stderr)
+            request,
+            lambda usable: show(),
+            lambda said: print(f"evenlight: note: {said}", file=sys.stderr),
         )
     if not quiet:
         _close(outcome)
+
+
+def _stored_trials(path: Path) -> int:
+    """Return how many trials are in a file, practice and flagged ones too; one that was torn is none."""
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
 
 
 def _close(outcome: SessionOutcome) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from evenlight.data_schema.recordings.session import (
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
+from evenlight.experiments.playback.loaded_track import floor_note
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
@@ -38,6 +39,7 @@ from evenlight.experiments.sessions.task import (
     SimulatedParticipant,
 )
 from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
+from evenlight.hardware.rig import require_display
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1
@@ -149,6 +151,8 @@ def run_session(
     recalibrated = require_joinable(request.dataset, manifest)
     if recalibrated:
         tell(recalibrated)
+    if stimuli and request.staging.simulation != "data":
+        require_display(request.rig)  # before the scenes of a search are lit, which may take minutes
     setting = SessionSetting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
     make_task = EXPERIMENTS[request.task].task
     task = make_task(setting)
@@ -156,6 +160,8 @@ def run_session(
     with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
         stage.prepare(*request.pages.longest(request.rig.keys), request.pages.font)
         task.prepare(stage)
+        for words in session_notes(stimuli, request.rig, stage.room()):
+            tell(words)
         store = _opened(request, manifest, setting)
         setting = dataclasses.replace(setting, manifest=store.manifest)
         task = make_task(setting)
@@ -189,6 +195,17 @@ def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, .
     shown = shows_videos and request.staging.simulation != "data"
     stimuli = load_stimuli(request.stimuli, names, request.display, with_video=shown)
     return stimuli if shows_videos else as_searched(stimuli)
+
+
+def session_notes(
+    stimuli: tuple[LoadedStimulus, ...], rig: Rig, room: tuple[int, int] | None
+) -> Iterator[str]:
+    """Yield what a window of some size shows of each video, and what its track does not count."""
+    for each in stimuli if room else ():
+        if room and each.geometry and each.geometry.scale is not None:
+            yield each.geometry.in_words(each.name, room)
+        if note := floor_note(each.track, rig):
+            yield note
 
 
 def _new_manifest(
@@ -260,7 +277,9 @@ def _refuse_other_than_began(
     if not request.resume:
         return
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
-    seed = manifest.provenance.seed
+    seed, seen = manifest.provenance.seed, tuple(each.stimulus for each in stimuli)
+    if all(each.pixels_per_degree is None for each in manifest.stimuli):  # written before it was recorded
+        seen = tuple(dataclasses.replace(each, pixels_per_degree=None) for each in seen)
     differing = (
         ("--simulate", manifest.simulated, request.staging.simulated),
         (
@@ -271,7 +290,7 @@ def _refuse_other_than_began(
         ("--design", manifest.design, request.design or manifest.design),
         ("--rig", manifest.rig and _essence(manifest.rig), _essence(request.rig)),
         ("--seed", seed, seed if request.seed is None else _session_seed(request)),
-        ("--stimuli", manifest.stimuli, tuple(each.stimulus for each in stimuli)),
+        ("--stimuli", manifest.stimuli, seen),
     )
     for option, began, asked in differing:
         if began != asked:

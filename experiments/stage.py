@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evenlight.hardware.protocols import KeyPress
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.video.video_source import VideoSource
 
 KEY_DECIMALS = 6  # of a response time [s]: what a key's time says, without the rounding of a difference
@@ -90,8 +90,7 @@ class Clip:
     Attributes
     ----------
     video : VideoSource or None
-        The video, as large as the window or smaller; shown pixel by pixel in the window's middle. None where
-        nothing is shown, in a rehearsal without a window.
+        The video, shown in the window's middle. None where nothing is shown, in a rehearsal without a window.
     times : array, (N,)
         When each of its frames appears, since the first [s].
     duration : float
@@ -104,6 +103,9 @@ class Clip:
         How much of it is shown, from its beginning [s]; None for all.
     label : str
         Number of the interval, shown on a uniform field before the video; empty for none.
+    scale : float or None
+        Pixels of the window per pixel of the video, of which the middle is shown that fits; None shows it
+        pixel by pixel, and it must fit as a whole.
     """
 
     video: VideoSource | None
@@ -113,6 +115,7 @@ class Clip:
     noise_seed: int
     seconds: float | None = None
     label: str = ""
+    scale: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

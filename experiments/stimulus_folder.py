@@ -25,10 +25,12 @@ from evenlight.data_schema.tracks.brightness_track import (
     require_light_of,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
-from evenlight.experiments.playback.clip_feeds import require_fit
+from evenlight.experiments.playback.loaded_track import require_fit
+from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
+from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_source import VideoSource, size_of
+from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of, size_of
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
 DARKEST_NEUTRAL = 1.0  # [cd/m^2] below it nobody reads a page
@@ -49,15 +51,15 @@ class LoadedStimulus:
         Its brightness track.
     video : VideoSource or None
         The video, where one is shown.
-    size : (int, int) or None
-        Its width and height [pixels].
+    geometry : ScreenGeometry or None
+        How it is seen.
     """
 
     stimulus: Stimulus
     folder: Path
     track: BrightnessTrack
     video: VideoSource | None = None
-    size: tuple[int, int] | None = None
+    geometry: ScreenGeometry | None = None
 
     @property
     def name(self) -> str:
@@ -92,14 +94,14 @@ def load_stimuli(
     names : sequence of str
         Which sequences.
     display : Display
-        What they are shown on; a track that was made for another is refused.
+        What they are shown on; a track that was made for another, or for another angle, is refused.
     with_video : bool
         Whether their videos are shown; without, they need not be there.
 
     Raises
     ------
     InputError
-        If one is missing, was made for another display, or track and video do not fit.
+        If one is missing, was made for another display or angle, or track and video do not fit.
     """
     if not folder.is_dir():
         raise InputError(
@@ -115,10 +117,12 @@ def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]
     Raises
     ------
     InputError
-        If one is no built-in path with places of rings.
+        If one is no built-in path with places of rings, or its track was made for another angle than the
+        built-in sequence or the video beside it was rendered for.
     """
     for each in stimuli:
         ring_places(each.name)
+        _require_true_size(each)
     return tuple(
         replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.name)))
         for each in stimuli
@@ -153,9 +157,12 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
     require_light_of(track, display, folder / TRACK)
     path = _video_file(folder, name) if with_video else None
     video = open_video(str(path)) if path is not None else None
+    geometry = None
     if video is not None:
+        geometry = ScreenGeometry.of(video, size_of(video), display, track.header)
         try:
             require_fit(video, track)
+            geometry.require_as_analysed()
         except InputError as error:
             raise InputError(f"{folder}: {error}") from error
     digest = sha256_of_file(path) if path is not None else ""
@@ -173,13 +180,33 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
         duration=summary.duration,
         mean_factor=summary.mean_factor,
         baseline_factor=summary.baseline_factor,
+        pixels_per_degree=None if geometry is None else geometry.pixels_per_degree,
     )
-    return LoadedStimulus(stimulus, folder, track, video, size_of(video) if video is not None else None)
+    return LoadedStimulus(stimulus, folder, track, video, geometry)
+
+
+def _require_true_size(searched: LoadedStimulus) -> None:
+    """Refuse the track of a path that was not analysed at true size: a search shows the scene so."""
+    folder, analysed = searched.folder, searched.track.header.field_of_view
+    rendered = (field_of_view_of(open_video(str(path))) for path in _videos(folder))
+    angles = (FIELD_OF_VIEW, *(angle for angle in rendered if angle is not None))
+    if analysed is None or all(abs(analysed / angle - 1) > SAME_ANGLE for angle in angles):
+        made = "pixel for pixel" if analysed is None else f"at {analysed:.4g}°"
+        raise InputError(
+            f"{folder}: the track was made {made}, and the search shows the path at its true size, "
+            f"{' or '.join(f'{angle:.4g}°' for angle in angles)} wide; make it again with `evenlight "
+            f"optimize {searched.name} --budget B --out {folder}`, without --field-of-view"
+        )
+
+
+def _videos(folder: Path) -> list[Path]:
+    """Return the videos of a folder."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in VIDEO_SUFFIXES)
 
 
 def _video_file(folder: Path, name: str) -> Path:
     """Return the one video of a folder."""
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in VIDEO_SUFFIXES)
+    found = _videos(folder)
     if not found:
         raise InputError(
             f"{folder}: holds no video; render it with `evenlight render {name} --out "

@@ -72,6 +72,13 @@ def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsa
     return window
 
 
+def require_display(rig: Rig) -> None:
+    """Raise `InputError` if PsychoPy, a display or the rig's screen are missing: no window can open."""
+    from evenlight.hardware.presentation import psychopy_window
+
+    psychopy_window.require_display(rig)
+
+
 def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
     """Return the rig's window, and the rig with the refresh rate that the window is found to have.
 

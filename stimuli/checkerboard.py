@@ -42,6 +42,11 @@ class Checkerboard:
         """How many frames there are."""
         return self.format.n_frames
 
+    @property
+    def field_of_view(self) -> float:
+        """Angle that the width is to span for the viewer [deg]."""
+        return self.format.field_of_view
+
     def sha256(self) -> str:
         """Return the SHA-256 of the sequence's definition."""
         return sha256_of_bytes(f"checkerboard {VERSION} {self.format!r}".encode())

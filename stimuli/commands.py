@@ -3,35 +3,132 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.progress import counted, shown_progress
 
+if TYPE_CHECKING:
+    from evenlight.data_schema.frame import Frame
+    from evenlight.stimuli.sequence_format import SequenceFormat
+
+DIM = 1.0  # [cd/m^2] a film of less on the average is said to be dark
+DARK = 0.2  # [cd/m^2] and so is one of which more than half is below this
+
 
 def render(
-    sequence: Annotated[str, typer.Argument(help="Name of a built-in sequence.")],
-    out: Annotated[Path, typer.Option(help="File to write, ending in .mkv.")],
+    sequence: Annotated[
+        str,
+        typer.Argument(help="A built-in sequence or scene, or with --path a .glb file."),
+    ],
+    out: Annotated[Path, typer.Option(help="File to write: a video in .mkv, or the scene in .glb.")],
+    path: Annotated[Path | None, typer.Option(help="Camera path through the scene, a .json file.")] = None,
     size: Annotated[str | None, typer.Option(help="Size in pixels, as 640x360.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
     fps: Annotated[float | None, typer.Option(help="Frames per second.")] = None,
+    field_of_view: Annotated[
+        float | None, typer.Option(help="Degrees that the width spans; else 90.")
+    ] = None,
+    display: Annotated[
+        str | None, typer.Option(help="Display to render it for, pixel for pixel: a preset or a toml file.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
 ) -> None:
-    """Render a built-in sequence to a lossless video (FFV1, 10 bits, Matroska)."""
+    """Render a sequence, or a walk through a scene, to a lossless video (FFV1, 10 bits, Matroska)."""
+    from evenlight.method.preset_files import load_display
+    from evenlight.stimuli.scenes.content.catalogue import is_scene_file
+    from evenlight.stimuli.scenes.scene_sequence import SceneSequence
     from evenlight.stimuli.sequences import built_in_sequence
     from evenlight.stimuli.video.video_file import write_video
 
     if out.exists() and not (force and out.is_file()):
         right = "give --force to replace it, or another name" if out.is_file() else "give the name of a file"
         raise InputError(f"--out {out}: is there already; {right}")
-    source = built_in_sequence(sequence, size_in(size), duration, fps)
+    if out.suffix.lower() == ".glb":
+        if (size, duration, fps, field_of_view, display) != (None,) * 5:
+            raise InputError(f"--out {out} is a scene: leave out the options of a video")
+        _export(sequence, path, out, force)
+        return
+    if None not in (field_of_view, display):
+        raise InputError("--field-of-view and --display both say how large the picture is seen; give one")
+    seen = load_display(display) if display is not None else field_of_view
+    name, scene = (sequence, "") if path is None else (str(path), sequence)
+    source = built_in_sequence(name, size_in(size), duration, fps, seen, scene=scene)
+    made, light = source.format, list[tuple[float, float]]()
     with shown_progress(quiet) as progress:
         frames = counted(progress, source.frames(), f"rendering {source.name}", source.n_frames)
-        write_video(out, frames, source.format.frames_per_second, bits=10)
+        write_video(out, _watched(frames, light), made.frames_per_second, 10, made.field_of_view)
+    if not quiet:
+        _say_geometry(source.name, made)
+    if isinstance(source, SceneSequence) and is_scene_file(source.path().scene):
+        _warn_if_dark(source.path().scene, light)
+
+
+def _say_geometry(name: str, made: SequenceFormat) -> None:
+    """Print how large a sequence was rendered to be seen."""
+    from evenlight.stimuli.video.viewing_geometry import geometry_words, pixels_per_degree_in
+
+    seen = geometry_words(made.field_of_view, pixels_per_degree_in(made.field_of_view, made.width))
+    typer.echo(f"{name}: {made.width}x{made.height} pixels {seen}", err=True)
+
+
+def _watched(frames: Iterable[Frame], light: list[tuple[float, float]]) -> Iterator[Frame]:
+    """Yield frames, and note of each the mean luminance [cd/m^2] and the share of pixels that are dark."""
+    import numpy as np
+
+    from evenlight.stimuli.scenes.engine.graphics import PEAK
+    from evenlight.stimuli.scenes.engine.scene import REC_709
+    from evenlight.stimuli.sequence_format import ENCODING_GAMMA
+    from evenlight.stimuli.video.frame_conversion import linear_light
+
+    for frame in frames:
+        luminance = PEAK * linear_light(frame.pixel_values[::4, ::4], ENCODING_GAMMA) @ REC_709
+        light.append((float(luminance.mean()), float(np.mean(luminance < DARK))))
+        yield frame
+
+
+def _warn_if_dark(scene: str, light: list[tuple[float, float]]) -> None:
+    """Say it if there is little to be seen in a film."""
+    mean, dark = (sum(values) / len(light) for values in zip(*light, strict=True))
+    if mean < DIM or dark > 0.5:
+        typer.echo(
+            f"evenlight: warning: {scene}: the film is dark, {mean:.2g} cd/m² on the average, {dark:.0%} of "
+            f"it below {DARK:g} cd/m²; raise the lamps' emissive_strength, or give the path a sky or a sun",
+            err=True,
+        )
+
+
+def _export(name: str, path: Path | None, out: Path, force: bool) -> None:
+    """Write a scene as a .glb file, and the walk through it if there is one beside it."""
+    from evenlight.data_schema.storage.whole_files import write_whole
+    from evenlight.stimuli.scenes.content.catalogue import (
+        SCENES,
+        is_scene_file,
+        path_named,
+        scene_named,
+        scene_of,
+    )
+    from evenlight.stimuli.scenes.gltf.gltf_export import glb_of
+    from evenlight.stimuli.sequences import WALKS
+
+    if path is None and name in SCENES and name not in WALKS:
+        write_whole(out, glb_of(scene_named(name)))
+        return
+    if path is None and is_scene_file(name):
+        raise InputError(
+            f"{name}: is a scene in glTF already; give a --path through it, and --out a .mkv file"
+        )
+    walk = path_named(name) if path is None else path_named(str(path), name)
+    beside = out.with_suffix(".path.json")
+    if beside.exists() and not force:
+        raise InputError(f"{beside}: is there already, and the walk goes there; give --force to replace it")
+    write_whole(out, glb_of(scene_of(walk)))
+    write_whole(beside, walk.text)
 
 
 def size_in(text: str | None) -> tuple[int, int] | None:

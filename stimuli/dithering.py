@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
-from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS, dimmed_luminance, displayed_luminance
+from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS, displayed_luminance, drawn_luminance
 
 LEVELS = 1 << 24  # of a threshold: shares of the upper code are resolved to 6e-8
 BAYER_2 = np.array([[0, 2], [3, 1]])  # Bayer (1973)
@@ -233,8 +233,7 @@ def level_luminance(count: int, factor: float, display: Display) -> NDArray[np.f
     [5.0, 54.0]
     """
     full = displayed_luminance(np.arange(count) / (count - 1), display)
-    dimmed = dimmed_luminance(full - display.reflected_luminance, factor, display)
-    return np.asarray(np.maximum(dimmed, full[0]))
+    return drawn_luminance(full - display.reflected_luminance, factor, display)
 
 
 def level_mixtures(count: int, factor: float, display: Display, bits: int) -> NDArray[np.uint32]:

@@ -1,5 +1,7 @@
 """Draws an image, dimmed, into a window's back buffer: pixel by pixel, in the middle of a uniform ground.
 
+Of an image larger than the window its middle is drawn.
+
 numpy says, for each level that a pixel may have, which two codes make its dimmed luminance and in what mix
 (`stimuli.dithering`), and the shader takes one of the two for each channel of each pixel. It works in whole
 numbers only, so it draws exactly the codes of numpy's reference.
@@ -193,7 +195,7 @@ class ImageRenderer:
         Parameters
         ----------
         framebuffer : moderngl.Framebuffer
-            Where to; at least as large as the image.
+            Where to.
         picture : DimmedImage
             What.
         frame, seed : int
@@ -220,8 +222,6 @@ class ImageRenderer:
     def _corner(self, framebuffer: moderngl.Framebuffer, image: Image) -> tuple[int, int]:
         """Return where the upper left corner of an image goes, from the left and from the top [pixels]."""
         (width, height), (whole, high) = image.texture.size, framebuffer.size
-        if width > whole or height > high:
-            raise ValueError(f"an image of {width}x{height} pixels does not fit into {whole}x{high}")
         return (whole - width) // 2, (high - height) // 2
 
     def _take_mixtures(self, levels: int, factor: float) -> None:

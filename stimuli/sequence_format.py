@@ -15,6 +15,8 @@ ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
 LEVELS = 1023
 LONGEST = 86400.0  # [s] a day
+FIELD_OF_VIEW = 90.0  # [deg] horizontal, about that of one eye in a headset
+NARROWEST, WIDEST = 0.1, 175.0  # [deg] field of view of a flat picture; at 180 its width is infinite
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +31,24 @@ class SequenceFormat:
         Length, rounded to whole frames [s].
     frames_per_second : float
         Frame rate [Hz].
+    field_of_view : float
+        Angle that the width is to span for the viewer [deg].
     """
 
     width: int = 640
     height: int = 360
     duration: float = 20.0
     frames_per_second: float = 25.0
+    field_of_view: float = FIELD_OF_VIEW
 
     def __post_init__(self) -> None:
         if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
             raise ValueError(f"need a size from 8x8 to 16384x16384 pixels, got {self.width}x{self.height}")
         rate_from_number(self.frames_per_second)
+        if not NARROWEST <= self.field_of_view <= WIDEST:
+            raise ValueError(
+                f"need a field of view from {NARROWEST:g} to {WIDEST:g} degrees, got {self.field_of_view:g}"
+            )
         if not (0 < self.duration <= LONGEST and self.n_frames >= 2):
             raise ValueError(
                 f"need two frames or more, and at most {LONGEST:g} s, got {self.duration:g} s at "

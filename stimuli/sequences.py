@@ -10,12 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import Checkerboard
+from evenlight.stimuli.scenes.content.catalogue import is_scene_file
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
 from evenlight.stimuli.sequence_format import SequenceFormat
 from evenlight.stimuli.sunrise import Sunrise
 from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 
 class BuiltInSequence(VideoSource, Protocol):
@@ -24,6 +27,10 @@ class BuiltInSequence(VideoSource, Protocol):
     @property
     def format(self) -> SequenceFormat:
         """Size, length and rate."""
+
+    @property
+    def field_of_view(self) -> float:
+        """Angle that the width is to span for the viewer [deg]."""
 
 
 # Camera paths through scenes that serve as sequences.
@@ -50,6 +57,9 @@ def built_in_sequence(
     size: tuple[int, int] | None = None,
     duration: float | None = None,
     frames_per_second: float | None = None,
+    seen: float | Display | None = None,
+    *,
+    scene: str = "",
 ) -> BuiltInSequence:
     """Return a built-in sequence.
 
@@ -61,6 +71,10 @@ def built_in_sequence(
         Width and height [pixels].
     duration, frames_per_second : float, optional
         Length [s] and frame rate [Hz].
+    seen : float or Display, optional
+        What its width spans [deg], or the display that it is rendered for, pixel for pixel.
+    scene : str
+        Name or file of the scene that the camera path of a file leads through, in place of its own.
 
     Raises
     ------
@@ -70,16 +84,20 @@ def built_in_sequence(
     >>> built_in_sequence("checkerboard", duration=2.0).n_frames
     50
     """
-    if not is_sequence(name):
+    if is_scene_file(name):
+        raise InputError(f"{name} is a scene: give a camera path through it, a .json file (docs/scenes.md)")
+    if not (scene or is_sequence(name)):
         raise InputError(f"no built-in sequence {name!r}: there are {', '.join(SEQUENCES)}")
-    walk = partial(SceneSequence, path_name=name), partial(standard_format, name)
-    make, standard_of = SEQUENCES.get(name, walk)
+    walk = partial(SceneSequence, path_name=name, scene=scene), partial(standard_format, name, scene)
+    make, standard_of = SEQUENCES.get("" if scene else name, walk)
     standard = standard_of()
     width, height = size or (standard.width, standard.height)
     seconds = standard.duration if duration is None else duration
     rate = standard.frames_per_second if frames_per_second is None else frames_per_second
+    degrees = field_of_view_on(seen, width) if isinstance(seen, Display) else seen
+    field_of_view = standard.field_of_view if degrees is None else degrees
     try:
-        return make(SequenceFormat(width, height, seconds, rate))
+        return make(SequenceFormat(width, height, seconds, rate, field_of_view))
     except ValueError as error:
         raise InputError(f"cannot render {name}: {error}") from error
 
@@ -131,6 +149,8 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
     from evenlight.stimuli.video.video_file import open_video_file
 
     path = Path(name)
+    if is_scene_file(name):
+        return built_in_sequence(name)
     if path.is_dir():
         return open_image_folder(path, frames_per_second)
     if _has_its_rate(name):

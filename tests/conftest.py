@@ -36,6 +36,7 @@ from evenlight.method.optimizer.optimize import Problem, pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_display, load_power_model
 from evenlight.stimuli.sequence_format import on_grid
+from evenlight.stimuli.sequences import is_sequence
 from evenlight.stimuli.video.video_file import write_video
 
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
@@ -136,8 +137,9 @@ def write_stimulus(
         channel_means=np.full((n, 3), 0.4), provenance=Provenance(),
     )  # fmt: skip
     header = TrackHeader(
-        folder.name, display.name, display.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance()
-    )
+        folder.name, display.name, display.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance(),
+        field_of_view=90.0 if is_sequence(folder.name) else None,
+    )  # fmt: skip
     loss = at_half * (1 - b) / 0.5
     track = BrightnessTrack(times, b, loss, full * b, 0 * one, one, one, header)
     words = dict.fromkeys(

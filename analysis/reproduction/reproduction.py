@@ -38,9 +38,9 @@ from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
-from evenlight.stimuli.scenes.camera import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import built_in_sequence
 from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 # The four sequences and their mean brightness factors (Section 4, "Stimuli", and Table 2).
 BUDGETS = {"library": 0.5, "gym": 0.4, "living_room": 0.7, "basement": 0.3}
@@ -85,13 +85,12 @@ class ReproductionPlan:
         Of all random numbers.
     viewers, calibrators : int
         Simulated participants of the viewing experiments, and of the calibration: as many as in the paper.
-    size, field_of_view : (int, int), float
-        Width and height of the rendered frames [pixels], and the degrees that their width spans: a headset's
-        (docs/decisions/viewing-geometry.md).
+    size : (int, int)
+        Width and height of the rendered frames [pixels] (docs/decisions/pixels-on-the-visual-field.md).
     frames_per_second, walk_frames_per_second : float
         Of the sequences, and of the walk with the online controller [Hz].
     picture_size, picture_frames_per_second : (int, int), float
-        Of the same sequences where they are shown pixel for pixel, as a picture of a few degrees.
+        Of the same sequences where they are seen pixel for pixel, as a picture of a few degrees.
     sets : int
         Simulated data sets of each viewing experiment, to show how estimates scatter.
     data : Path or None
@@ -106,7 +105,6 @@ class ReproductionPlan:
     viewers: int = 17
     calibrators: int = 10
     size: tuple[int, int] = (960, 540)
-    field_of_view: float = FIELD_OF_VIEW
     frames_per_second: float = 12.5
     walk_frames_per_second: float = 5.0
     picture_size: tuple[int, int] = (640, 360)
@@ -123,6 +121,11 @@ class ReproductionPlan:
             raise InputError(
                 f"the data {self.data}: no such folder; expected a data set, or a folder of results"
             )
+
+    @property
+    def field_of_view(self) -> float:
+        """Degrees that the width of the sequences spans: those that they are rendered for."""
+        return built_in_sequence(WALK, self.size).field_of_view
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +186,7 @@ def run_pipeline(
     examples = tuple(tracked(name, budget) for name, budget in EXAMPLES.items())
     report(f"walk through the {WALK}")
     house = built_in_sequence(WALK, plan.size, frames_per_second=plan.walk_frames_per_second)
-    walk = loss_curves_of(_job(house, BUDGETS["library"], panel, plan.field_of_view), FrameSamples())
+    walk = loss_curves_of(_job(house, BUDGETS["library"], panel), FrameSamples())
     for task in VIEWING_TASKS:
         report(task)
         _merge(tasks, _analysed(plan, simulate, folder, task, recorded))
@@ -207,9 +210,11 @@ def _effects(
 ) -> tuple[RepeatedEffect, ...]:
     """Return what simulated viewers show over many data sets, and would be assumed to of a small picture."""
     report("the same sequences as a small picture")
+    degrees = field_of_view_on(panel.display, plan.picture_size[0])
     for name, budget in BUDGETS.items():
         source = built_in_sequence(name, plan.picture_size, frames_per_second=plan.picture_frames_per_second)
-        run_optimization(_job(source, budget, panel, None), folder / PICTURES / name)
+        job = replace(_job(source, budget, panel), field_of_view=degrees)
+        run_optimization(job, folder / PICTURES / name)
     effects: list[RepeatedEffect] = []
     for task in tasks:
         report(f"{plan.sets} data sets of the {task}")
@@ -271,7 +276,7 @@ def _tracked(
     """Return the tracks of a built-in sequence."""
     report(f"track of {name.replace('_', ' ')}")
     source = built_in_sequence(name, plan.size, frames_per_second=plan.frames_per_second)
-    return _track_sequence(source, budget, panel, plan.field_of_view, stimuli / name)
+    return _track_sequence(source, budget, panel, stimuli / name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,26 +346,21 @@ def _job(
     source: VideoSource,
     budget: float,
     panel: Panel,
-    field_of_view: float | None,
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames,
 ) -> OptimizationJob:
     """Return what is asked of the optimizer for a sequence."""
     request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
-    return OptimizationJob(
-        source, panel.display, request, field_of_view=field_of_view, quiet=True, watch=watch
-    )
+    return OptimizationJob(source, panel.display, request, quiet=True, watch=watch)
 
 
-def _track_sequence(
-    source: VideoSource, budget: float, panel: Panel, field_of_view: float, folder: Path
-) -> SequenceTracks:
+def _track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Path) -> SequenceTracks:
     """Optimize a sequence, with the rate limit and without, and write its track into a folder."""
     maps, samples = LuminanceMaps(panel.display), FrameSamples()
 
     def watch(frames: Iterable[Frame]) -> Iterator[Frame]:
         return samples.watch(maps.watch(frames))
 
-    job = _job(source, budget, panel, field_of_view, watch)
+    job = _job(source, budget, panel, watch)
     summary = run_optimization(job, folder)
     curves = read_loss_curves(folder / "loss_curves.npz")
     problem = pose(curves, job.request)

@@ -21,6 +21,7 @@ from evenlight.analysis.wording import in_words
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, RATED, TIME_RATIO
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 NAME = "simulated_viewers"
 SHORT = {RATED: "rating difference", CHOSEN: "share choosing ours", TIME_RATIO: "ratio of search times"}
@@ -48,7 +49,7 @@ def viewer_findings(
         "the 95 % interval that its numbers allow (diamond).",
         effect_points(effects),
     )
-    degrees = picture_degrees(plan, display)
+    degrees = field_of_view_on(display, plan.picture_size[0])
     of = {what: [effect for effect in effects if effect.assumed.what == what] for what in SHORT}
     about = section(
         f"reproduction/{NAME}",
@@ -73,12 +74,6 @@ def _agreeing(effects: Sequence[RepeatedEffect], assumed: Sequence[float | None]
     found = [e.published.verdict(value, e.no_effect) for e, value in zip(effects, assumed, strict=True)]
     sizes = found.count(Verdict.SIZE)
     return sizes + found.count(Verdict.SIGN), sizes
-
-
-def picture_degrees(plan: ReproductionPlan, display: Display) -> float:
-    """Return how many degrees the small picture spans, pixel for pixel."""
-    half = plan.picture_size[0] / 2 / display.pixels_per_degree
-    return math.degrees(2 * math.atan(math.radians(half)))
 
 
 def _paper_table(effects: Sequence[RepeatedEffect], plan: ReproductionPlan, degrees: float) -> Table:

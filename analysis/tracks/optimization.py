@@ -17,8 +17,10 @@ from evenlight.analysis.tracks.optimization_job import (
     start_factors,
     track_header,
 )
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.contrast.pixel_floor import floor_in_samples
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, calmed, summarize, track_of
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, clip_of, joined_curves, joints, pose
@@ -121,7 +123,10 @@ def optimize_curves(
     answer = SolverAnswer(lower_bound(problem, solution), solution.iterations, job.model_name, len(curves))
     shape = float(pixel_aspect(job.source))
     effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)
-    track = track_of(problem, job.request, solution.factors, track_header(job, whole, curves))
+    header = track_header(job, whole, curves)
+    if not job.others:
+        header = _with_floor(header, whole, samples[0], solution.factors, job)
+    track = track_of(problem, job.request, solution.factors, header)
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
         weighing = FrameWeighting.WEIGHTED if summary.weighted else FrameWeighting.ALIKE
@@ -133,11 +138,26 @@ def optimize_curves(
         factors = solution.factors[first : first + own.n_frames]
         part, weighing = _on_its_own(clip_of(problem, own, first), factors)
         first += own.n_frames
-        track = track_of(part, job.request, factors, track_header(replace(job, source=source), own, [own]))
+        header = track_header(replace(job, source=source), own, [own])
+        track = track_of(part, job.request, factors, _with_floor(header, own, held, factors, job))
         own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
         alone = summarize(part, job.request, answer, track, own_effort)
         clips.append(OptimizedClip(part, track, alone, weighing, held))
     return Optimization(summary, tuple(clips))
+
+
+def _with_floor(
+    header: TrackHeader,
+    curves: LossCurves,
+    samples: FrameSamples,
+    factors: NDArray[np.float64],
+    job: OptimizationJob,
+) -> TrackHeader:
+    """Return the header of a track made for a backlight, with what pixels would add to the loss."""
+    if curves.actuator is Actuator.PIXELS:
+        return header
+    added = floor_in_samples(samples.held, factors, curves.display, job.model)
+    return replace(header, loss_added_by_pixels=added)
 
 
 def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, FrameWeighting]:

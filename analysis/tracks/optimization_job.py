@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,15 +17,17 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_of_bytes
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import TrackHeader, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
-from evenlight.method.contrast.loss_curves import SMALLEST_SIDE, analyze_frames, brightness_factors
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
-from evenlight.stimuli.video.frame_conversion import coarser
 from evenlight.stimuli.video.square_pixels import in_words, pixel_aspect
-from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.video_analysis import VideoAnalysis
+from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
+from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, geometry_words, seen_video
 
 TRACK = "track.csv"
 
@@ -49,7 +49,9 @@ class OptimizationJob:
     calm : float
         Share of the gain to give up for a calmer track.
     field_of_view : float or None
-        Degrees that the video's width spans; None shows it pixel for pixel.
+        Degrees that the video's width spans; None: those it was rendered for, else it is pixel for pixel.
+    actuator : Actuator
+        What dims it.
     curves : Path or None
         Loss curves of an earlier run.
     effort : AnalysisEffort
@@ -74,6 +76,7 @@ class OptimizationJob:
     min_factor: float = 0.2
     calm: float = 0.0
     field_of_view: float | None = None
+    actuator: Actuator = Actuator.BACKLIGHT
     curves: Path | None = None
     effort: AnalysisEffort = FULL_ANALYSIS
     others: tuple[VideoSource, ...] = ()
@@ -82,6 +85,11 @@ class OptimizationJob:
     start: Path | None = None
     quiet: bool = False
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
+
+    @property
+    def seen_at(self) -> float | None:
+        """Degrees that the video's width spans, as asked or as it was rendered for; None: pixel for pixel."""
+        return field_of_view_of(self.source) if self.field_of_view is None else self.field_of_view
 
 
 def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
@@ -97,26 +105,21 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
         _say(job, f"{source.name}: pixels of {in_words(pixel_aspect(source))}; resampled to square ones")
     with shown_progress(job.quiet) as progress:
         frames = counted(progress, source.frames(), f"analysing {source.name}", source.n_frames)
-        shown, display = _with_field_of_view(frames, job)
+        shown, geometry = seen_video(frames, job.display, job.seen_at, source.name)
+        _say_geometry(job, geometry)
         watched = samples.watch(job.watch(shown))
         if job.curves is None:
-            return analyze_frames(
-                watched,
-                source.name,
-                display,
-                job.model,
-                factors=brightness_factors(job.min_factor),
-                provenance=provenance_of(job),
-                effort=job.effort,
-            )
+            knots = brightness_factors(job.min_factor)
+            analysis = VideoAnalysis(job.model, knots, job.actuator, provenance_of(job), job.effort)
+            return analysis.curves(watched, geometry, source.name)
         curves = read_loss_curves(job.curves)
-        _require_same_source(job, curves, display)
+        _require_same_source(job, curves, geometry)
         for _ in watched:  # for the pictures alone
             pass
-        return curves
+        return replace(curves, field_of_view=geometry.field_of_view)
 
 
-def _require_same_source(job: OptimizationJob, curves: LossCurves, display: Display) -> None:
+def _require_same_source(job: OptimizationJob, curves: LossCurves, geometry: ViewingGeometry) -> None:
     """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
     if curves.provenance.inputs.get("video") != job.source.sha256():
         raise InputError(f"the curves {job.curves}: made of another video than {job.source.name}")
@@ -132,51 +135,26 @@ def _require_same_source(job: OptimizationJob, curves: LossCurves, display: Disp
             f"the curves {job.curves}: made to a tolerance of {curves.tolerance:g}, "
             f"asked is a tolerance of {job.effort.tolerance:g}"
         )
-    if (curves.display.fingerprint, curves.display.pixels_per_degree) != (
-        display.fingerprint,
-        display.pixels_per_degree,
-    ):
+    if curves.actuator is not job.actuator:
         raise InputError(
-            f"the curves {job.curves}: made for {curves.display.name!r} at "
-            f"{curves.display.pixels_per_degree:g} pixels per degree, asked is {display.name!r} at "
-            f"{display.pixels_per_degree:g}"
+            f"the curves {job.curves}: of a video dimmed by {curves.actuator.value}, asked is "
+            f"--actuator {job.actuator.value}"
+        )
+    made, asked = curves.display, geometry.display
+    if (made.fingerprint, made.pixels_per_degree) != (asked.fingerprint, asked.pixels_per_degree):
+        at = geometry_words(curves.field_of_view, made.pixels_per_degree)
+        raise InputError(
+            f"the curves {job.curves}: made for {made.name!r} {at}, asked is {asked.name!r} {geometry}"
         )
 
 
-def _with_field_of_view(frames: Iterator[Frame], job: OptimizationJob) -> tuple[Iterable[Frame], Display]:
-    """Return the frames as the display can show them, and the display at their pixels per degree.
-
-    That is the density in the middle of the video. Where the video has more pixels than the display shows in
-    its field of view, it is averaged to as many as the display has.
-    """
-    display = job.display
-    if job.field_of_view is None:
-        return frames, display
-    if not 0 < job.field_of_view < 180:
-        raise InputError(f"field_of_view must lie between 0 and 180 degrees, got {job.field_of_view:g}")
-    first = next(frames)
-    frames = itertools.chain([first], frames)
-    height, width = first.pixel_values.shape[:2]
-    distance = width / (2 * math.tan(math.radians(job.field_of_view) / 2))
-    density = distance * math.radians(1)
-    if density <= display.pixels_per_degree * (1 + 1e-9):
-        return frames, replace(display, pixels_per_degree=density)
-    narrower = (
-        math.floor(width * display.pixels_per_degree / density * (1 + 1e-9)) if density < math.inf else 0
-    )
-    if narrower < SMALLEST_SIDE:
-        raise InputError(
-            f"in {job.field_of_view:g} degrees {display.name!r} shows {narrower} pixels of the width of "
-            f"{job.source.name}, and at least {SMALLEST_SIDE} are needed; give a wider --field-of-view"
-        )
-    share = narrower / width
-    shape = max(round(height * share), 1), narrower
-    _say(
-        job,
-        f"{job.source.name}: {width} x {height} pixels are more than {display.name!r} shows in "
-        f"{job.field_of_view:g} degrees; averaged to {shape[1]} x {shape[0]}",
-    )
-    return coarser(frames, shape, display.gamma), replace(display, pixels_per_degree=density * share)
+def _say_geometry(job: OptimizationJob, geometry: ViewingGeometry) -> None:
+    """Print how large a video is seen."""
+    averaged = ""
+    if geometry.shown_size != geometry.size:
+        width, height = geometry.shown_size
+        averaged = f", averaged to the {width} x {height} pixels that {job.display.name!r} shows"
+    _say(job, f"{job.source.name}: analysed {geometry}{averaged}")
 
 
 def _say(job: OptimizationJob, words: str) -> None:
@@ -200,7 +178,9 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         provenance=provenance_of(job, clips),
         rate_limit_procedure=request.rate_limit.procedure,
         pixels_per_degree=curves.display.pixels_per_degree,
+        field_of_view=curves.field_of_view,
         wide_band_accepted=bool(request.rate_limit.wide_band),
+        actuator=curves.actuator,
     )
 
 

@@ -43,6 +43,7 @@ from evenlight.analysis.tracks.track_figure_data import (
 )
 from evenlight.data_schema.arrays import Array
 from evenlight.method.rate_limit import largest_rate_ratio
+from evenlight.stimuli.video.viewing_geometry import geometry_words
 
 MIN_FACTOR_SPAN = 0.11  # factors that hardly move do not fill the panel, which is then 0.15 high
 WIDE_RANGE = 10.0  # a rate limit that varies by more than this leaves no room for its lowest
@@ -144,6 +145,9 @@ def _footer(data: TrackFigureData, width: float, em: float) -> tuple[list[Line],
         f"{frames}  ·  solver {header.solver}  ·  mean power {power:.3g} W (model {header.power_model})  ·  "
         f"rate limit {header.rate_limit}{_allowances(data)}"
     )
+    if header.pixels_per_degree is not None:
+        seen = geometry_words(header.field_of_view, header.pixels_per_degree)
+        words += f"  ·  seen {seen.partition(',')[0]}"
     return text_lines(words, 0.8 * em, width, {"color": MUTED, "fontsize": 0.85 * 72 * em})
 
 

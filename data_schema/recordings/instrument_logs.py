@@ -113,6 +113,7 @@ class PowerLog:
     )
     provenance: Provenance = described("how the file was made", default=Provenance())
     started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
+    shown: str = described("what the window showed of the video, and how large; empty if unknown", default="")
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -36,6 +36,13 @@ class Stimulus:
     baseline_factor: float = quantity(
         "1", "constant brightness factor of the baseline", above=0.0, maximum=1.0
     )
+    pixels_per_degree: float | None = quantity(
+        "1/deg",
+        "pixels of the video per degree of visual angle, in its middle, as it is shown; null if nothing is, "
+        "or in older files",
+        above=0.0,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

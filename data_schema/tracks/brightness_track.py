@@ -30,11 +30,13 @@ from evenlight.data_schema.quantities import (
     rises,
 )
 from evenlight.data_schema.recordings.ramp import Procedure
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in
 from evenlight.data_schema.storage.text_files import read_json_record, write_json
 from evenlight.data_schema.storage.whole_files import write_whole
 
 LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit numbers
+ACTUATOR = "what dims the video: the backlight, or pixels, which show nothing darker than the display's black"
 PROCEDURE = "what the participants of the rate limit were asked"
 WIDE_BAND = "true if the rate limit's band is too wide for use or missing, and was accepted all the same"
 LARGEST_WEIGHT = (
@@ -73,6 +75,23 @@ class TrackHeader:
         default=None,
     )
     wide_band_accepted: bool = described(WIDE_BAND, default=False)
+    field_of_view: float | None = quantity(
+        "deg",
+        "horizontal angle that the video was analysed for; null if it was taken pixel for pixel",
+        above=0.0,
+        maximum=180.0,
+        key="field_of_view_deg",
+        default=None,
+    )
+    actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
+    loss_added_by_pixels: float | None = quantity(
+        "1",
+        "contrast loss that is added where pixels dim instead of the backlight that the track was made for: "
+        "the largest in 16 or fewer sampled frames, so at least this in the video; null if not known",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -279,6 +298,7 @@ class OptimizationSummary:
         default=None,
     )
     wide_band_accepted: bool = described(WIDE_BAND, default=False)
+    field_of_view: float | None = as_in(TrackHeader, "field_of_view")
     pixel_aspect: float = quantity(
         "1",
         "width of a pixel of the video's file over its height; if not 1, the frames were resampled to square "

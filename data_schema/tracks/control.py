@@ -213,7 +213,9 @@ class LiveControl:
     """What dimmed a walk; the file `live_control.json` beside the rows of its refreshes."""
 
     scene: str = described("scene that was walked in")
-    display: Display = described("display that it was shown on")
+    display: Display = described(
+        "display that it was shown on, at the pixels per degree that were drawn and measured"
+    )
     simulated: bool = described("true if no person sat at the keys")
     target_loss: float | None = quantity(
         "1",

@@ -26,9 +26,10 @@ from evenlight.data_schema.quantities import (
     read_only,
     rises,
 )
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
-from evenlight.data_schema.tracks.brightness_track import LUMINANCE_SLACK
+from evenlight.data_schema.tracks.brightness_track import ACTUATOR, LUMINANCE_SLACK, TrackHeader
 
 OPTIONAL_ARRAYS = {"counted"}  # missing in files of earlier versions: every frame was counted whole
 LONGEST = 1e7  # [s] of a video: four months; sums of what is longer lose single frames
@@ -52,6 +53,8 @@ class CurvesHeader:
     provenance: Provenance = described("how the file was made")
     tolerance: float = quantity("1", TOLERANCE, minimum=0.0, default=0.0)
     computed_on: str = described(COMPUTED_ON, default="cpu")
+    field_of_view: float | None = as_in(TrackHeader, "field_of_view")
+    actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -104,6 +107,8 @@ class LossCurves:
         shape=("N",),
     )
     computed_on: str = as_in(CurvesHeader, "computed_on")
+    field_of_view: float | None = as_in(CurvesHeader, "field_of_view")
+    actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
 
     def __post_init__(self) -> None:
         if self.counted is None:
@@ -164,8 +169,9 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
     import numpy as np
 
     made_for = CurvesHeader(
-        curves.video, curves.display, curves.provenance, curves.tolerance, curves.computed_on
-    )
+        curves.video, curves.display, curves.provenance, curves.tolerance, curves.computed_on,
+        curves.field_of_view, curves.actuator,
+    )  # fmt: skip
     header = mapping_from_record(made_for)
     stream = io.BytesIO()
     np.savez_compressed(
@@ -190,6 +196,8 @@ def read_loss_curves(path: Path) -> LossCurves:
         curves = LossCurves(
             made_for.video, made_for.display, **arrays,
             provenance=made_for.provenance, tolerance=made_for.tolerance, computed_on=made_for.computed_on,
+            field_of_view=made_for.field_of_view,
+            actuator=made_for.actuator,
         )  # fmt: skip
         require_possible_curves(curves)
     except (ValueError, TypeError) as error:

@@ -1,38 +1,35 @@
-"""The images of clips, decoded ahead or drawn when due; and whether a brightness track fits its video."""
+"""The images of clips, decoded ahead or drawn when due."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import sha256_of_file
-from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, read_track
+from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import frames_of_refreshes
 from evenlight.experiments.stage import Clip
 from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.image_renderer import Image, ImageRenderer
-from evenlight.stimuli.scenes.camera_path import check_path
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import scene_named
+from evenlight.stimuli.image_scaler import ImageScaler
+from evenlight.stimuli.scenes.content.catalogue import scene_of
+from evenlight.stimuli.scenes.engine.antialiasing import LIVE, Antialiasing
+from evenlight.stimuli.scenes.engine.camera_path import check_path
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.video.frame_buffer import FrameBuffer, LevelFrame
-from evenlight.stimuli.video.video_file import VideoFile
-from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
     import moderngl
 
+    from evenlight.experiments.showing import Screen
+
 AHEAD = 2.0  # [s] of video that is decoded before it begins
 LARGEST_DEVIATION = 1e-3  # [s] of a frame's time from its track's
-TRACK, SUMMARY = "track.csv", "summary.json"
 
 
 class ImageFeed(Protocol):
@@ -68,6 +65,8 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         How many of its frames are needed.
     renderer : ImageRenderer
         Puts them into the graphics memory.
+    scaler : ImageScaler, optional
+        Scales them there, as the clip says.
 
     Raises
     ------
@@ -75,8 +74,11 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         If the video has more or fewer frames than the clip.
     """
 
-    def __init__(self, clip: Clip, n_frames: int, renderer: ImageRenderer) -> None:
+    def __init__(
+        self, clip: Clip, n_frames: int, renderer: ImageRenderer, scaler: ImageScaler | None = None
+    ) -> None:
         assert clip.video is not None
+        self._scaler, self._scale = scaler, clip.scale or 1.0
         self._clip, self._renderer, self._name = clip, renderer, clip.video.name
         self._n_frames = n_frames
         known, wanted = clip.video.n_frames, len(clip.factors)
@@ -89,7 +91,8 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
     def serves(self, clip: Clip, n_frames: int) -> bool:
         """Return whether these are the images of as many frames of a clip, however it is dimmed."""
         here, length = self._clip, self._n_frames
-        return here.video is clip.video and here.times is clip.times and length == n_frames
+        same = here.video is clip.video and here.times is clip.times and here.scale == clip.scale
+        return same and length == n_frames
 
     def ready(self, patience: float) -> bool:
         """Wait until the clip can begin, for some time at most [s], and return whether it can."""
@@ -98,17 +101,22 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
     def size(self) -> tuple[int, int]:
         """Return width and height of the images [pixels]; before the first image, of that."""
         height, width, _ = self._present().levels.shape
-        return width, height
+        room = (width, height) if self._scaler is None else self._scaler.room
+        return shown_size((width, height), self._scale, room)
 
     def image(self, index: int) -> Image:
         """Return the image of a frame; it holds until the next one is asked for."""
         if self._image is None or self._frame is None or index != self._frame.index:
             self._frame = self._taken(index)
             self._image = self._renderer.upload(self._frame.levels, self._frame.count)
+            if self._scaler is not None:
+                self._image = self._scaler.scaled(self._image, self._scale, self.size())
         return self._image
 
     def levels(self) -> tuple[NDArray[Any], int]:
         """Return the levels of the image last asked for, (height, width, 3), and how many there are."""
+        if self._scaler is not None:
+            return self._scaler.levels()
         frame = self._present()
         return frame.levels, frame.count
 
@@ -156,7 +164,7 @@ def part_of(levels: NDArray[Any], whole: tuple[int, int], part: tuple[int, int])
     levels : array, (height, width, ...)
         The image.
     whole, part : (int, int)
-        Width and height of the window, and of the part; the part is no larger than the image.
+        Width and height of the window, and of the part; the part is no larger than either.
 
     >>> part_of(np.arange(12).reshape(3, 4), (9, 8), (3, 1)).tolist()
     [[5, 6, 7]]
@@ -176,13 +184,14 @@ class ClipFeeds:
         The window's.
     renderer : ImageRenderer
         Puts images into the graphics memory.
-    refresh_rate : float
-        Of the display [Hz].
+    showing : Screen
+        What they are shown on.
     """
 
-    def __init__(self, context: moderngl.Context, renderer: ImageRenderer, refresh_rate: float) -> None:
-        self._context, self._renderer, self._refresh_rate = context, renderer, refresh_rate
+    def __init__(self, context: moderngl.Context, renderer: ImageRenderer, showing: Screen) -> None:
+        self._context, self._renderer, self._on = context, renderer, showing
         self._scene: SceneFeed | None = None  # kept, for it takes long to make
+        self._scaler: ImageScaler | None = None
         self._prepared: VideoFeed | None = None
 
     def prepare(self, clip: Clip) -> None:
@@ -195,16 +204,19 @@ class ClipFeeds:
         """
         if isinstance(clip.video, SceneSequence):
             self.close()
-            self._scene_feed(clip.video)
+            self._scene_feed(clip.video, clip.scale)
         elif self._prepared is None or not self._prepared.serves(clip, self._n_frames(clip)):
             self.close()
-            self._prepared = VideoFeed(clip, self._n_frames(clip), self._renderer)
+            if clip.scale not in (None, 1.0) and self._scaler is None:
+                self._scaler = ImageScaler(self._context, self._on.display.gamma, self._on.window.size())
+            scaler = None if clip.scale in (None, 1.0) else self._scaler
+            self._prepared = VideoFeed(clip, self._n_frames(clip), self._renderer, scaler)
 
     def taken(self, clip: Clip) -> AbstractContextManager[ImageFeed]:
         """Return the images of a clip, from now on the caller's to close."""
         self.prepare(clip)
         if isinstance(clip.video, SceneSequence):
-            return nullcontext(self._scene_feed(clip.video))
+            return nullcontext(self._scene_feed(clip.video, clip.scale))
         prepared, self._prepared = self._prepared, None
         assert prepared is not None
         return prepared
@@ -217,17 +229,18 @@ class ClipFeeds:
 
     def _n_frames(self, clip: Clip) -> int:
         """Return how many frames of a clip's video are needed."""
-        return int(frames_of_refreshes(clip, self._refresh_rate)[-1]) + 1
+        return int(frames_of_refreshes(clip, self._on.rig.refresh_rate)[-1]) + 1
 
-    def _scene_feed(self, sequence: SceneSequence) -> SceneFeed:
+    def _scene_feed(self, sequence: SceneSequence, scale: float | None) -> SceneFeed:
         """Return what draws a walk."""
-        if self._scene is None or self._scene.sequence != sequence:
-            self._scene = SceneFeed(sequence, self._context)
+        if self._scene is None or self._scene.drawn != (sequence, scale):
+            room = None if scale is None else self._on.window.size()
+            self._scene = SceneFeed(sequence, self._context, scale, room)
         return self._scene
 
 
 class SceneFeed:
-    """Draws the frames of a walk; the same codes as `SceneSequence.frames` yields.
+    """Draws the frames of a walk; unscaled and with as many samples, the codes of its `frames`.
 
     Parameters
     ----------
@@ -235,6 +248,12 @@ class SceneFeed:
         The walk.
     context : moderngl.Context
         The window's.
+    scale : float, optional
+        Pixels of the window per pixel of the sequence: as much detail is drawn.
+    room : (int, int), optional
+        Width and height of the window, of which the middle is drawn that fits [pixels].
+    antialiasing : Antialiasing
+        Samples of each pixel.
 
     Raises
     ------
@@ -242,15 +261,23 @@ class SceneFeed:
         If there is no such scene, or the path leaves it.
     """
 
-    def __init__(self, sequence: SceneSequence, context: moderngl.Context) -> None:
-        self.sequence, self._path = sequence, sequence.path()
-        scene = scene_named(self._path.scene)
+    def __init__(
+        self,
+        sequence: SceneSequence,
+        context: moderngl.Context,
+        scale: float | None = None,
+        room: tuple[int, int] | None = None,
+        antialiasing: Antialiasing = LIVE,
+    ) -> None:
+        self.drawn, self._path = (sequence, scale), sequence.path()
+        scene = scene_of(self._path)
         check_path(self._path, scene)
-        self._size = sequence.format.width, sequence.format.height
+        whole, self._scale = (sequence.format.width, sequence.format.height), scale or 1.0
+        self._size = shown_size(whole, self._scale, room or whole)
         self._times = [time for time, _ in sequence.format.times()]
-        self._renderer = SceneRenderer(context, scene, self._size, sequence.quality)
+        self._renderer = SceneRenderer(context, scene, self._size, sequence.quality, antialiasing)
         self._image = Image(self._renderer.codes, GRID_LEVELS, from_below=True)
-        self._drawn: int | None = None
+        self._index: int | None = None
 
     def ready(self, patience: float) -> bool:
         """Return True: each frame is drawn when it is due."""
@@ -262,90 +289,16 @@ class SceneFeed:
 
     def image(self, index: int) -> Image:
         """Return the image of a frame; it holds until the next one is asked for."""
-        if index != self._drawn:
-            self._renderer.render(self._path.camera(self._times[index]))
+        if index != self._index:
+            sequence, _ = self.drawn
+            camera = self._path.camera(self._times[index], sequence.field_of_view)
+            focal_length = self._scale * camera.focal_pixels(sequence.format.width)
+            self._renderer.render(replace(camera, focal_length=focal_length))
             self._renderer.encode()
-            self._drawn = index
+            self._index = index
         return self._image
 
     def levels(self) -> tuple[NDArray[Any], int]:
         """Return the levels of the image last asked for, (height, width, 3), and how many there are."""
         levels, count = levels_of(np.asarray(self._renderer.pixel_values()))
         return levels, count
-
-
-def track_file(path: Path) -> Path:
-    """Return the file of a track, which may be given as the folder it is in."""
-    file = path / TRACK if path.is_dir() else path
-    if not file.is_file():
-        raise InputError(
-            f"{file}: no such brightness track; give a track.csv, or the folder that `evenlight optimize` "
-            "wrote"
-        )
-    return file
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadedTrack:
-    """A track, and constant dimming of equal power."""
-
-    track: BrightnessTrack
-    baseline: float  # factor of constant dimming at equal power
-    source_of_baseline: str  # where that comes from
-    sha256: str = ""  # of its track.csv
-
-
-def load_track(path: Path) -> LoadedTrack:
-    """Return a track and its baseline.
-
-    Parameters
-    ----------
-    path : Path
-        A track.csv, or the folder it is in.
-    """
-    file = track_file(path)
-    track, digest = read_track(file), sha256_of_file(file)
-    summary = file.with_name(SUMMARY)
-    if summary.is_file():
-        factor = read_json_record(OptimizationSummary, summary).baseline_factor
-        return LoadedTrack(track, factor, f"as {summary} has it", digest)
-    said = f"the track's mean, for there is no {summary}: of equal power where a backlight makes the light"
-    return LoadedTrack(track, mean_factor(track), said, digest)
-
-
-def mean_factor(track: BrightnessTrack) -> float:
-    """Return the mean factor over time: constant dimming by it takes a backlight as much power (linear)."""
-    durations = frame_durations(track)
-    return float(np.average(track.factors, weights=durations))
-
-
-def frame_durations(track: BrightnessTrack) -> NDArray[np.float64]:
-    """Return how long each frame of a track is shown, the last one as long as most [s]."""
-    steps = np.diff(track.times)
-    return np.append(steps, np.median(steps) if len(steps) else 0.04)
-
-
-def require_display(track: BrightnessTrack, display: Display) -> None:
-    """Refuse a track that was made for another display."""
-    header = track.header
-    if header.display_fingerprint != display.fingerprint:
-        raise InputError(
-            f"the track was made for the display {header.display_name!r}, and here is {display.name!r}: make "
-            "one with --display set to it, or play it all the same with --other-display-ok"
-        )
-
-
-def require_fit(video: VideoSource, track: BrightnessTrack) -> None:
-    """Refuse a track that is none of a video: of another number of frames, or at other times.
-
-    Of a video that does not tell its frames beforehand, the player finds it out.
-    """
-    known, wanted = video.n_frames, len(track.times)
-    if known is not None and known != wanted:
-        raise wrong_count(video.name, known, wanted)
-    if isinstance(video, VideoFile):
-        times = video.timeline.times[video.timeline.durations > 0]
-        off = np.abs(times - track.times) > LARGEST_DEVIATION
-        if off.any():
-            k = int(off.argmax())
-            raise wrong_time(video.name, k, float(times[k]), float(track.times[k]))

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.clip_feeds import ClipFeeds, ImageFeed, part_of
+from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import ClipRecording, Probe, frames_of_refreshes, probe_places
 from evenlight.experiments.showing import Screen, settle
 from evenlight.experiments.stage import Clip, ShownClip
-from evenlight.hardware.protocols import Window
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.stimuli.dithering import level_luminance, mean_of_codes, mean_of_levels
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
@@ -64,7 +64,7 @@ class ClipPlayer:
         self.recording: ClipRecording | None = None  # of the clip shown last, as far as it was
         self.caption: NDArray[np.uint8] | None = None  # coverage of text over the pictures
         self.observer: RefreshObserver | None = None
-        self._feeds = ClipFeeds(window.context(), self._renderer, showing.rig.refresh_rate)
+        self._feeds = ClipFeeds(window.context(), self._renderer, showing)
         self._black = showing.display.black_level + showing.display.reflected_luminance
 
     def prepare(self, clip: Clip) -> None:
@@ -88,14 +88,16 @@ class ClipPlayer:
         Raises
         ------
         InputError
-            If the video is larger than the window, does not fit its track, or cannot be read to its end.
+            If a video that is shown as a whole is larger than the window, if it does not fit its track, or
+            cannot be read to its end.
         """
         self.recording = None
         begun = self._on.window.now()
         with self._feeds.taken(clip) as feed:
             self._await(feed, ground)
             waited = self._on.window.now() - begun
-            require_room(feed.size(), self._on.window)
+            if clip.scale is None:
+                require_room(feed.size(), self._on.window.size())
             frames = frames_of_refreshes(clip, self._on.rig.refresh_rate)
             self._show_label(clip.label, ground)
             settle(self._on, self._fields, float(clip.factors[frames[0]]), ground)
@@ -167,30 +169,28 @@ class ClipPlayer:
 
     def _drawn(self, feed: ImageFeed) -> float:
         """Return the mean luminance drawn in the middle of the video, before its flip [cd/m^2]."""
-        codes = self._on.window.read_codes(_probe_size(feed))
+        codes = self._on.window.read_codes(self._probe_size(feed))
         return mean_of_codes(codes, self._on.display, self._on.window.bits())
 
     def _intended(self, feed: ImageFeed, picture: DimmedImage, factor: float) -> float:
         """Return what that mean was to be, of the video's levels, the pixels' share, and the backlight's."""
         display = self._on.display
         levels, count = feed.levels()
-        part = part_of(levels, self._on.window.size(), _probe_size(feed))
+        part = part_of(levels, self._on.window.size(), self._probe_size(feed))
         drawn = mean_of_levels(part, level_luminance(count, picture.factor, display))
         behind = factor / picture.factor
         return float(dimmed_luminance(drawn - display.reflected_luminance, behind, display))
 
+    def _probe_size(self, feed: ImageFeed) -> tuple[int, int]:
+        """Return width and height of the part that is read back [pixels]."""
+        return shown_size(PROBE_SIZE, 1.0, shown_size(feed.size(), 1.0, self._on.window.size()))
 
-def require_room(size: tuple[int, int], window: Window) -> None:
-    """Refuse a video that is larger than the window; it is shown pixel by pixel."""
-    (width, height), (whole, high) = size, window.size()
+
+def require_room(size: tuple[int, int], room: tuple[int, int]) -> None:
+    """Refuse a video that is larger than a window and has no field of view: it is shown pixel by pixel."""
+    (width, height), (whole, high) = size, room
     if width > whole or height > high:
         raise InputError(
             f"the video has {width}x{height} pixels, and the window {whole}x{high}: render it at --size "
             f"{whole}x{high}, or smaller, for it is shown pixel by pixel"
         )
-
-
-def _probe_size(feed: ImageFeed) -> tuple[int, int]:
-    """Return width and height of the part that is read back [pixels]."""
-    width, height = feed.size()
-    return min(width, PROBE_SIZE[0]), min(height, PROBE_SIZE[1])

@@ -14,9 +14,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
 from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
 from evenlight.stimuli.dithering import GRID_LEVELS
-from evenlight.stimuli.scenes import graphics
-from evenlight.stimuli.scenes.graphics import WHOLE_VERTEX
-from evenlight.stimuli.scenes.renderer import SceneRenderer, set_uniforms
+from evenlight.stimuli.scenes.engine import graphics
+from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer, set_uniforms
 
 if TYPE_CHECKING:
     import moderngl

@@ -41,6 +41,7 @@ from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
+from evenlight.experiments.playback.loaded_track import floor_note
 from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions, interrupted
 from evenlight.experiments.playback.play_video import video_request
 from evenlight.experiments.playback.player import (
@@ -81,6 +82,7 @@ class PowerMeasurement:
     sync_patch: bool
     track_sha256: str  # of the track
     simulated: bool  # whether time goes with the flips
+    shown: str = ""  # what the window shows of the video
 
 
 def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
@@ -100,6 +102,8 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
         model = load_power_model(screen.power_model)  # a slip is told before anything is played
         if not screen.simulate:
             require_young(model, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
+    if not screen.quiet and (note := floor_note(asked.loaded.track, rig)):
+        typer.echo(note)
     folder = require_output(screen.out)
     measurement = PowerMeasurement(
         folder=folder,
@@ -125,6 +129,9 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
             noted = None if settings is None else lambda setting: settings.append([setting], to_disk=False)
             opened = open_devices(rig, asked.display, simulated=screen.simulate, any_rate=False, noted=noted)
             devices = stack.enter_context(opened)
+            measurement = dataclasses.replace(measurement, shown=asked.shown_on(devices))
+            if not screen.quiet:
+                typer.echo(measurement.shown)
             whole = play_measured(devices, Player(devices, playback, say), playback, measurement)
     except BaseException as error:
         if isinstance(error, Exception | SystemExit):
@@ -278,6 +285,7 @@ def _log(
         apparatus=said,
         provenance=provenance_now(inputs={"track": measurement.track_sha256}),
         started="" if measurement.simulated else utc_now(),
+        shown=measurement.shown,
     )
 
 

@@ -56,6 +56,9 @@ class ScreenOptions:
     other_display_ok: Annotated[
         bool, typer.Option("--other-display-ok", help="Accept a track that was made for another display.")
     ] = False
+    other_geometry_ok: Annotated[
+        bool, typer.Option("--other-geometry-ok", help="Accept a track made for a video of another angle.")
+    ] = False
     size: Annotated[
         str | None, typer.Option(help="Size of a built-in sequence or a scene in pixels, as 640x360.")
     ] = None
@@ -88,7 +91,7 @@ class VideoOptions:
     loop: Annotated[bool, _video("--loop", help="Repeat until escape.")] = False
     label: Annotated[bool, _video("--label", help="Say on the picture how it is dimmed.")] = False
     log: Annotated[
-        Path | None, _video(help="File for flip times, frames, factors, drops: .csv or .jsonl.")
+        Path | None, _video(help="File for flip times, frames, factors, drops (walks too): .csv or .jsonl.")
     ] = None
 
 
@@ -130,6 +133,13 @@ class WalkOptions:
         Path | None, _walk(help="File for the way walked, .json: a path that `render` takes.")
     ] = None
     seconds: Annotated[float | None, _walk(help="End a walk after so many seconds.")] = None
+    field_of_view: Annotated[
+        float | None,
+        _walk(
+            help="Degrees that the window's width spans, as in a headset; without a rig or display 90, else "
+            "what it spans at true size."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

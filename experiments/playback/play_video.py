@@ -14,8 +14,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_light_of
 from evenlight.experiments.calibration_age import require_young
-from evenlight.experiments.playback.clip_feeds import (
+from evenlight.experiments.playback.loaded_track import (
     LoadedTrack,
+    floor_note,
     frame_durations,
     load_track,
     require_display,
@@ -27,14 +28,17 @@ from evenlight.experiments.playback.player import (
     Dimming,
     Pass,
     Playback,
+    PlaybackDevices,
     Player,
     open_devices,
     require_log_file,
     write_log,
 )
+from evenlight.experiments.playback.screen_geometry import ScreenGeometry
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
@@ -61,6 +65,8 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
             f"baseline: constant factor {asked.loaded.baseline:.4g}, {asked.loaded.source_of_baseline}"
         )
     versions = ("ours", "baseline") if version is PlayedVersion.BOTH else (version.value,)
+    if not screen.quiet and (note := floor_note(asked.loaded.track, asked.rig)):
+        typer.echo(note)
     playback = replace(asked.playback(versions), loop=options.loop, captions=options.label)
 
     def say(words: str) -> None:
@@ -69,12 +75,14 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
 
     any_rate = screen.rig is None
     with open_devices(asked.rig, asked.display, simulated=screen.simulate, any_rate=any_rate) as devices:
+        if not screen.quiet:
+            typer.echo(asked.shown_on(devices))
         player = Player(devices, playback, say)
         try:
             whole = player.play()
         finally:
             if options.log is not None and player.passes:
-                write_log(options.log, player.passes, devices.rig.refresh_rate)
+                write_log(options.log, player.passes, devices.rig.refresh_rate, playback.pixels_per_degree)
     if not screen.quiet:
         for one in player.passes:
             typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate))
@@ -91,6 +99,17 @@ class VideoRequest:
     rig: Rig
     display: Display  # the rig's display
     screenshots: Path | None  # folder for a picture of the screen
+    geometry: ScreenGeometry | None  # how it is seen; None where the window's pixels are of unknown angle
+
+    def shown_on(self, devices: PlaybackDevices) -> str:
+        """Return what the window shows of the video, in words."""
+        if self.geometry is None:
+            return (
+                f"{self.video.name}: a look only, at no known angle; a --rig or --display with the window's "
+                "pixels per degree shows it as its track was made for"
+            )
+        drawn = isinstance(self.video, SceneSequence)
+        return self.geometry.in_words(self.video.name, devices.window.size(), drawn=drawn)
 
     def playback(self, versions: Sequence[str]) -> Playback:
         """Return the video with the factors of each version, and the versions in their order."""
@@ -103,6 +122,8 @@ class VideoRequest:
             factors={Dimming.OURS: factors, Dimming.BASELINE: loaded.baseline * full, Dimming.FULL: full},
             order=tuple(Dimming(version) for version in versions),
             screenshots=self.screenshots,
+            scale=None if self.geometry is None else self.geometry.scale,
+            pixels_per_degree=None if self.geometry is None else self.geometry.pixels_per_degree,
         )
 
 
@@ -112,7 +133,8 @@ def video_request(screen: ScreenOptions) -> VideoRequest:
     Raises
     ------
     InputError
-        If there is no track, it is not the video's or the display's, or the calibration is too old.
+        If there is no track, it is not the video's or the display's or was made for another angle, or the
+        calibration is too old.
     """
     if screen.track is None:
         raise InputError("play needs a TRACK: the folder that `evenlight optimize` wrote, or its track.csv")
@@ -125,7 +147,12 @@ def video_request(screen: ScreenOptions) -> VideoRequest:
         require_light_of(loaded.track, display, track_file(screen.track))
     if screen.rig is not None and not screen.simulate:
         require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
-    return VideoRequest(video, loaded, rig, display, screen.screenshots)
+    geometry = None
+    if screen.rig is not None or screen.display is not None:
+        geometry = ScreenGeometry.of(video, pixels, display, loaded.track.header)
+        if not screen.other_geometry_ok:
+            geometry.require_as_analysed(", or accept that with --other-geometry-ok")
+    return VideoRequest(video, loaded, rig, display, screen.screenshots, geometry)
 
 
 def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[VideoSource, tuple[int, int]]:

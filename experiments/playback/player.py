@@ -45,6 +45,7 @@ LOG_COLUMNS = (
     "video_frame",
     "factor",
     "backlight_factor",
+    "pixels_per_degree",
 )
 LOG_SUFFIXES = (".csv", ".jsonl")
 FLASH_COUNT = 3
@@ -76,6 +77,8 @@ class Playback:
     loop: bool = False  # whether it begins again at the end, until the user ends it
     captions: bool = False  # whether the picture says how it is dimmed
     screenshots: Path | None = None  # folder for a picture of the screen
+    scale: float | None = None  # as that of a `Clip`
+    pixels_per_degree: float | None = None  # of the video as it is shown; None if not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +139,7 @@ class Pass:
     """One time through a video."""
 
     shown: ShownClip  # what the display showed
-    versions: tuple[str, ...]  # how each refresh was dimmed: ours, baseline or full
+    versions: tuple[str, ...]  # how each refresh was dimmed: ours, baseline or full; of a walk: walk
 
 
 class Player:
@@ -183,7 +186,9 @@ class Player:
         playback, whole = self._playback, True
         self._dim(dimming)
         self._versions.clear()
-        clip = Clip(playback.video, playback.times, playback.duration, self._factors, NOISE_SEED)
+        clip = Clip(
+            playback.video, playback.times, playback.duration, self._factors, NOISE_SEED, scale=playback.scale
+        )
         black = self._devices.display.black_level + self._devices.display.reflected_luminance
         try:
             self._player.play(clip, black)
@@ -227,12 +232,19 @@ def require_log_file(path: Path) -> None:
         raise InputError(f"--log {path}: is there already; give another name")
 
 
-def write_log(path: Path, passes: Sequence[Pass], refresh_rate: float) -> None:
+def write_log(
+    path: Path, passes: Sequence[Pass], refresh_rate: float, pixels_per_degree: float | None = None
+) -> None:
     """Write the log of some passes on a display of some refresh rate [Hz].
 
-    `refreshes_dropped` counts those that passed without a new frame right before a refresh.
+    `refreshes_dropped` counts those that passed without a new frame right before a refresh;
+    `pixels_per_degree` is that of the video as it was shown, empty if not known.
     """
-    rows = [row for number, one in enumerate(passes, start=1) for row in _rows(number, one, refresh_rate)]
+    rows = [
+        [*row, pixels_per_degree]
+        for number, one in enumerate(passes, start=1)
+        for row in _rows(number, one, refresh_rate)
+    ]
     if path.suffix == ".csv":
         write_whole(
             path, csv_text(LOG_COLUMNS, [["" if cell is None else cell for cell in row] for row in rows])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +18,20 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer
 from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices
-from evenlight.experiments.recordings import Refreshes
+from evenlight.experiments.recordings import ClipRecording
 from evenlight.experiments.showing import Brightness, Screenshots
 from evenlight.hardware.protocols import HeldKeys, Pointer
 from evenlight.method.online.governor import HorizonErrors, horizon_errors, horizon_warning
 from evenlight.method.rate_limit import largest_rate_ratio
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
-from evenlight.stimuli.scenes.camera import EYE_HEIGHT, FIELD_OF_VIEW, Camera
-from evenlight.stimuli.scenes.camera_path import PATHS, path_named, walked
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Scene, Vector, scene_named
+from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
+from evenlight.stimuli.scenes.engine.antialiasing import LIVE
+from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.camera_path import walked
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Scene, Vector
+from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
 
 SPEED = 1.4  # [m/s] of a walk (Bohannon 1997: comfortable gait of adults)
 HURRY = 2.0  # times as fast with the shift key
@@ -126,9 +129,16 @@ class Walk:
         Brightness factor b, in (0, 1].
     screenshots : Path, optional
         Folder for a picture of the screen.
+    field_of_view : float, optional
+        Horizontal angle that the window is to span, as in a headset; without, what it spans at true size
+        [deg].
 
     Attributes
     ----------
+    display : Display
+        The rig's, at the pixels per degree that are drawn.
+    recording : ClipRecording
+        What each refresh showed.
     pictures : SceneRenderer
         Draws what is shown.
     dimmer : LiveDimmer or None
@@ -136,34 +146,44 @@ class Walk:
     """
 
     def __init__(
-        self, devices: PlaybackDevices, scene: str, factor: float, screenshots: Path | None = None
+        self,
+        devices: PlaybackDevices,
+        scene: str,
+        factor: float,
+        screenshots: Path | None = None,
+        field_of_view: float | None = None,
     ) -> None:
         window, rig, display = devices.window, devices.rig, devices.display
+        if field_of_view is not None:
+            display = replace(
+                display, pixels_per_degree=pixels_per_degree_in(field_of_view, window.size()[0])
+            )
+        self.display = display
         self._devices, self._factor, self._scene = devices, factor, scene_named(scene)
         self._brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
-        self.pictures = SceneRenderer(window.context(), self._scene, window.size())
+        self.pictures = SceneRenderer(window.context(), self._scene, window.size(), antialiasing=LIVE)
         self.dimmer: LiveDimmer | None = None
         self._image = Image(self.pictures.codes, GRID_LEVELS, from_below=True)
         self._renderer = ImageRenderer(window.context(), display, window.bits(), rig.dither)
         self._black = display.black_level + display.reflected_luminance
         self._screenshots = Screenshots(screenshots)
-        self._refreshes, self._way = Refreshes(rig.refresh_rate), list[tuple[float, Walker]]()
+        self.recording, self._way = ClipRecording(rig.refresh_rate), list[tuple[float, Walker]]()
 
     @property
     def walked(self) -> WalkResult:
         """How it went so far, whatever ended it."""
         if not self._way:
             return WalkResult((), 0, ())
-        return WalkResult(self._refreshes.times(), self._refreshes.dropped(), tuple(self._way))
+        refreshes = self.recording.refreshes
+        return WalkResult(refreshes.times(), refreshes.dropped(), tuple(self._way))
 
     def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> WalkResult:
         """Walk until the pause key is pressed, or for some time [s]."""
-        walker, refreshes, way = start_in(self._scene), self._refreshes, self._way
+        walker, refreshes, way = start_in(self._scene), self.recording.refreshes, self._way
         pause = self._devices.rig.keys.pause
         last = onset = None
         while not any(press.name == pause for press in self._devices.keyboard.pressed()):
             flip = self._show(walker, len(refreshes), onset)
-            refreshes.note(flip)
             onset = flip if onset is None else onset
             if self.dimmer is not None:
                 self.dimmer.note(flip - onset)
@@ -178,7 +198,10 @@ class Walk:
     def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
         """Show what a walker sees, and return when [s]."""
         window = self._devices.window
-        self.pictures.render(Camera(walker.position, walker.azimuth, walker.altitude, FIELD_OF_VIEW))
+        focal_length = focal_length_of(self.display)
+        self.pictures.render(
+            Camera(walker.position, walker.azimuth, walker.altitude, focal_length=focal_length)
+        )
         self.pictures.encode()
         factor = self._factor
         if self.dimmer is not None:
@@ -189,6 +212,7 @@ class Walk:
         self._screenshots.take(window, "walk")
         flip = window.flip()
         self._brightness.after_flip()
+        self.recording.note(flip, refresh, factor, self._brightness.reported())
         return flip
 
 

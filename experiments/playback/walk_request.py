@@ -1,23 +1,21 @@
-"""What `evenlight play SCENE --walk` is asked for, and what comes of it: the walk, its record and its log."""
+"""What `evenlight play SCENE --walk` is asked for, and what comes of it: the walk and its log."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import sha256_of_record
-from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.storage.tables import write_rows
-from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh, TuningReport
+from evenlight.data_schema.tracks.control import LiveRefresh, TuningReport
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor
+from evenlight.experiments.playback.live_record import LOG, live_control, with_budget, write_live
 from evenlight.experiments.playback.loss_meters import open_meter
 from evenlight.experiments.playback.play_options import (
     LiveOptions,
@@ -26,14 +24,10 @@ from evenlight.experiments.playback.play_options import (
     interrupted,
 )
 from evenlight.experiments.playback.play_video import rig_of
-from evenlight.experiments.playback.player import open_devices
+from evenlight.experiments.playback.player import Pass, open_devices, require_log_file, write_log
 from evenlight.experiments.playback.walk import (
     Walk,
     WalkResult,
-    between_answers,
-    budget_outcome,
-    over_time,
-    rate_ratio,
     walk_summary,
     write_path,
 )
@@ -41,14 +35,15 @@ from evenlight.hardware.presentation.simulated_input import SimulatedHeldKeys
 from evenlight.hardware.rig import open_held_keys, open_pointer
 from evenlight.method.choices import Device, LimitCurve
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings, steered_horizon
+from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.preset_files import load_power_model, load_rate_limit_for
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.commands import size_in
-from evenlight.stimuli.scenes.scene import SCENES
+from evenlight.stimuli.scenes.content.catalogue import SCENES
+from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
-LOG, RECORD = "live_control.csv", "live_control.json"
 DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
 RATE_LIMIT = POWER_MODEL = "surace2025"
 
@@ -92,7 +87,10 @@ class LiveRequest:
 
     def __post_init__(self) -> None:
         if not self.dims and self.out is not None:
-            raise InputError("--out keeps what a controller did: give --target-loss or --budget with it")
+            raise InputError(
+                "--out keeps what a controller did: give --target-loss or --budget with it, or --log FILE "
+                "for the frames alone"
+            )
         if self.target_loss is not None and not 0 <= self.target_loss <= 1:
             raise InputError(f"--target-loss must lie in 0 to 1, got {self.target_loss:g}")
 
@@ -150,6 +148,8 @@ class WalkRequest:
     screenshots: Path | None  # folder for a picture of the screen
     simulate: bool  # whether a simulated user walks straight ahead, in place of a person at the keys
     live: LiveRequest = field(default_factory=LiveRequest)  # what dims it, if the factor is not to stay
+    log: Path | None = None  # file for what each refresh showed
+    field_of_view: float | None = None  # that the window is to span [deg]; None for what is drawn by itself
 
     def __post_init__(self) -> None:
         if self.scene not in SCENES:
@@ -168,12 +168,27 @@ class WalkRequest:
             raise InputError(
                 f"--record {self.record}: there is no folder {self.record.parent}; make it first"
             )
+        if self.log is not None:
+            require_log_file(self.log)
+        if self.field_of_view is not None and not NARROWEST <= self.field_of_view <= WIDEST:
+            raise InputError(
+                f"--field-of-view must lie in {NARROWEST:g} to {WIDEST:g} degrees, got {self.field_of_view:g}"
+            )
         if self.rig is not None and self.size is not None:
             raise InputError("--size is of a window without a rig; the rig has a size of its own")
 
+    @property
+    def drawn_field_of_view(self) -> float | None:
+        """The angle that the window is to span [deg]; None at true size, where its pixels' angle is known."""
+        if self.field_of_view is None and self.rig is None and self.display is None:
+            return FIELD_OF_VIEW
+        return self.field_of_view
 
-def asked_walk(screen: ScreenOptions, walk: WalkOptions, live: LiveOptions) -> WalkRequest:
-    """Return what some options ask for.
+
+def asked_walk(
+    screen: ScreenOptions, walk: WalkOptions, live: LiveOptions, log: Path | None = None
+) -> WalkRequest:
+    """Return what some options ask for, with a log of the frames in a file or without.
 
     Raises
     ------
@@ -202,6 +217,8 @@ def asked_walk(screen: ScreenOptions, walk: WalkOptions, live: LiveOptions) -> W
         screenshots=screen.screenshots,
         simulate=screen.simulate,
         live=controlled,
+        log=log,
+        field_of_view=walk.field_of_view,
     )
 
 
@@ -222,7 +239,7 @@ def walk_as_asked(asked: WalkRequest) -> str:
             raise outcome.ended_by
         assert dimming is not None  # `LiveRequest` has seen to it
         limit = asked.live.limit_on(display), asked.live.limit_curve
-        seen = asked.scene, display, outcome.measured_by
+        seen = asked.scene, outcome.display, outcome.measured_by
         record = live_control(dimming.controller.settings, limit, seen, outcome.rows, asked.simulate)
         if asked.live.budget is not None:
             record = with_budget(record, asked.live.budget, outcome.rows)
@@ -235,7 +252,8 @@ def _ended(asked: WalkRequest, said: str, outcome: _Outcome) -> str:
     error = outcome.ended_by
     if error is None:
         return said
-    kept = asked.live.out is not None or (asked.record is not None and outcome.done.went)
+    logged = asked.log is not None and len(outcome.done.flip_times) > 0
+    kept = logged or asked.live.out is not None or (asked.record is not None and outcome.done.went)
     if isinstance(error, Exception | SystemExit) or not kept:
         raise error
     raise interrupted(error, said)
@@ -246,6 +264,7 @@ class _Outcome:
     """How a walk went, what the controller did, what measured the loss, and what cut it short, if any."""
 
     done: WalkResult
+    display: Display  # at the pixels per degree that were drawn
     rows: list[LiveRefresh]
     measured_by: str
     ended_by: BaseException | None
@@ -279,12 +298,12 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
     with ExitStack() as stack:
         opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
         devices = stack.enter_context(opened)
-        walk = Walk(devices, asked.scene, asked.factor or 1.0, asked.screenshots)
+        walk = Walk(devices, asked.scene, asked.factor or 1.0, asked.screenshots, asked.drawn_field_of_view)
         window = devices.window
         if dimming is not None:
             lowest, governor = dimming.controller.settings.lowest_factor, dimming.governor
             meter = open_meter(
-                window.context(), walk.pictures, display,
+                window.context(), walk.pictures, walk.display,
                 lowest_factor=lowest, device=asked.live.device, patient=asked.simulate,
             )  # fmt: skip
             stack.callback(meter.close)
@@ -303,85 +322,16 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
             walk.walk(held, pointer, asked.seconds)
         except BaseException as error:  # what there is of the walk is kept; then it goes on its way
             ended_by = error
-    outcome = _Outcome(walk.walked, [] if walk.dimmer is None else walk.dimmer.rows, measured_by, ended_by)
+    rows = [] if walk.dimmer is None else walk.dimmer.rows
+    outcome = _Outcome(walk.walked, walk.display, rows, measured_by, ended_by)
     said = walk_summary(asked.scene, outcome.done, outcome.rows, asked.live.budget)
+    width = field_of_view_on(walk.display, walk.pictures.size[0])
+    said += f"; {width:.3g}° wide{', at true size' if asked.drawn_field_of_view is None else ''}"
+    if asked.log is not None and outcome.done.flip_times:
+        shown = Pass(walk.recording.result(), ("walk",) * len(outcome.done.flip_times))
+        write_log(asked.log, [shown], devices.rig.refresh_rate, walk.display.pixels_per_degree)
+        said = f"{said}; the frames are in {asked.log}"
     if asked.record is not None and outcome.done.went:
         write_path(asked.record, asked.scene, outcome.done.way)
         said = f"{said}; the way is in {asked.record}"
     return said, outcome
-
-
-def live_control(
-    settings: ControllerSettings,
-    limit: tuple[RateLimit, LimitCurve],
-    seen: tuple[str, Display, str],
-    rows: list[LiveRefresh],
-    simulated: bool,
-) -> LiveControl:
-    """Return the record of a walk.
-
-    Parameters
-    ----------
-    settings : ControllerSettings
-        Of the controller.
-    limit : (RateLimit, LimitCurve)
-        The rate limit, and which of its curves.
-    seen : (str, Display, str)
-        The scene, the display that showed it, and what measured its loss.
-    rows : list of LiveRefresh
-        What the controller did.
-    simulated : bool
-        Whether the user was simulated.
-    """
-    (rate_limit, curve), (scene, display, measured_by) = limit, seen
-    inputs = {"display": sha256_of_record(display), "rate_limit": sha256_of_record(rate_limit)}
-    return LiveControl(
-        scene=scene,
-        display=display,
-        simulated=simulated,
-        target_loss=settings.target_loss,
-        proportional=settings.proportional,
-        integral=settings.integral,
-        derivative=settings.derivative,
-        gain_rate=settings.gain_rate,
-        lowest_factor=settings.lowest_factor,
-        highest_factor=settings.highest_factor,
-        rate_limit=rate_limit.name,
-        limit_curve=curve.value,
-        measured_by=measured_by,
-        mean_loss=over_time(rows, [row.contrast_loss for row in rows]),
-        mean_factor=over_time(rows, [row.factor for row in rows]),
-        max_rate_ratio=rate_ratio(rows),
-        provenance=provenance_now(inputs=inputs),
-        wide_band_accepted=bool(rate_limit.wide_band),
-    )
-
-
-def with_budget(record: LiveControl, budget: LiveBudget, rows: list[LiveRefresh]) -> LiveControl:
-    """Return the record of a walk with what a governor was to do, and how near it came."""
-    asked, met = budget.settings, budget_outcome(budget, rows)
-    targets = [row.target_loss for row in rows if row.target_loss is not None]
-    errors, passed = None if met is None else met.errors, between_answers(rows)
-    return replace(
-        record,
-        target_loss=targets[0] if targets else None,
-        final_target_loss=targets[-1] if targets else None,
-        budget=asked.budget,
-        budget_unit=asked.budget_unit,
-        horizon=asked.horizon,
-        power_model=None if asked.budget_unit is BudgetUnit.FACTOR else budget.model.name,
-        mean_power=None if met is None else met.mean_power,
-        horizon_error=None if errors is None else errors.either_way,
-        horizon_excess=None if errors is None else errors.above,
-        steered_horizon=None if passed is None else steered_horizon(asked, passed),
-        achieved=None if met is None else met.achieved,
-        share_budget_held=over_time(
-            rows, [None if row.budget_held is None else float(row.budget_held) for row in rows]
-        ),
-    )
-
-
-def write_live(folder: Path, record: LiveControl, rows: list[LiveRefresh]) -> None:
-    """Write what is kept of a walk: the record, and a row for each refresh."""
-    write_json_record(folder / RECORD, record)
-    write_rows(folder / LOG, LiveRefresh, rows)

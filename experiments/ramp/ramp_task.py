@@ -151,6 +151,11 @@ class RampTask:
         """Return the ramp to be shown next, or None at the end."""
         return self._schedule.next_trial()
 
+    @property
+    def n_left(self) -> int:
+        """Trials still to come, as far as is known."""
+        return self._schedule.n_left
+
     def take(self, trial: RampTrial) -> None:
         """Take an answered trial."""
         self._schedule.take(trial)

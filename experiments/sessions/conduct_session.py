@@ -15,7 +15,7 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
-from evenlight.experiments.sessions.dropped_frames import WHAT_TO_DO, too_many_flagged
+from evenlight.experiments.sessions.dropped_frames import WHAT_TO_DO, drop_counts, too_many_flagged
 from evenlight.experiments.sessions.key_test import try_keys
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore
@@ -210,11 +210,23 @@ class _Session:
                 detail = trial.flag.value
                 self.store.note(EventKind.TRIAL_FLAGGED, detail, place.trial_index, place.attempt)
                 self._require_frames()
+                self._warn_of_drops()
             return trial
+
+    def _warn_of_drops(self) -> None:
+        """Tell the experimenter of dropped frames: of the first trials flagged, and ever less often."""
+        counts = drop_counts(self._now_shown())
+        if counts and counts["flagged"].bit_count() == 1:  # 1, 2, 4, 8, ...
+            where = "in {flagged} of {answered} trials, {dropped} of {frames} in one".format(**counts)
+            print(f"evenlight: the display dropped too many frames {where}: {WHAT_TO_DO}", file=sys.stderr)
+
+    def _now_shown(self) -> list[Any]:
+        """Return the trials since the session began or went on."""
+        return self.store.trials[self._earlier :]
 
     def _require_frames(self) -> None:
         """Stop the session if its trials, since it began or went on, show that the display is too slow."""
-        flags = [t.flag is TrialFlag.DROPPED_FRAMES for t in self.store.trials[self._earlier :]]
+        flags = [t.flag is TrialFlag.DROPPED_FRAMES for t in self._now_shown()]
         if too_many_flagged(flags):
             self._shown_text(
                 "frames_dropped",
@@ -262,7 +274,10 @@ class _Session:
 
     def _text(self, name: str, **values: object) -> str:
         """Return a page with its numbers filled in, those of some pages handed in."""
-        task = self.parts.task
+        task, counts = self.parts.task, drop_counts(self._now_shown())
+        slow = self.parts.pages.text("slow_display", self.parts.keys, **counts) if counts else ""
+        # Another package's task may not know what is shown again.
+        left = getattr(task, "n_left", max(task.n_trials - self._usable(), 0))
         mark = "mark" if getattr(self.store.manifest.design, "fixation_mark", False) else "middle"
         return self.parts.pages.text(
             self.parts.pages.name_for(name, self.store.manifest.task),
@@ -270,8 +285,9 @@ class _Session:
             minutes=max(1, round(task.minutes)),
             seconds=f"{task.seconds:g}",
             look=self.parts.pages.text(f"look_{mark}", self.parts.keys),
-            trials=task.n_trials,
-            done=min(self._answered(), task.n_trials),
+            trials=self._answered() + left,
+            done=self._answered(),
+            slow=slow,
             trials_between_breaks=task.trials_between_breaks or task.n_trials,
             **values,
         )

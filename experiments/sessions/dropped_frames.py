@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy import special
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.experiments.stage import PausePressed
 
 MAX_FLAGGED_SHARE = 0.25  # of trials (choice)
@@ -133,6 +134,22 @@ def too_many_flagged(flags: Sequence[bool]) -> bool:
         n - flagged + 1, 1 - MAX_FLAGGED_SHARE
     )
     return bool(others - accepted > -math.log(ERROR_RATE))
+
+
+def drop_counts(trials: Sequence[Any]) -> dict[str, int]:
+    """Return how many trials were flagged for dropped frames, and the drops of the worst; empty if none.
+
+    Parameters
+    ----------
+    trials : sequence of trials
+        With a `flag`; with `frames_dropped` and `n_frames`, those shown, if they were counted.
+    """
+    flagged = [trial for trial in trials if trial.flag is TrialFlag.DROPPED_FRAMES]
+    if not flagged:
+        return {}
+    counts = [(getattr(t, "frames_dropped", 0) or 0, getattr(t, "n_frames", 0) or 0) for t in flagged]
+    dropped, shown = max(counts)
+    return {"flagged": len(flagged), "answered": len(trials), "dropped": dropped, "frames": dropped + shown}
 
 
 def most_repeats(n_trials: int) -> int:

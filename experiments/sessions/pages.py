@@ -33,7 +33,7 @@ GAP_PLACEHOLDERS = tuple(f"gap_{orientation}" for orientation in ORIENTATIONS)
 VALUE_PLACEHOLDERS = (
     "minutes", "trials", "done", "trials_between_breaks", "truth", "direction", "seconds",
     "look", "key", "meaning", "pressed",
-    "right", "wanted", "practised", "flagged", "answered",
+    "right", "wanted", "practised", "flagged", "answered", "slow", "dropped", "frames",
 )  # fmt: skip
 PLACEHOLDERS = KEY_PLACEHOLDERS + GAP_PLACEHOLDERS + VALUE_PLACEHOLDERS
 
@@ -78,7 +78,7 @@ class Pages:
     def longest(self, keys: Keys) -> tuple[list[str], list[str]]:
         """Return all pages and all questions as they may be filled at their longest, to see that they fit."""
         values = dict.fromkeys(VALUE_PLACEHOLDERS, "1000")
-        for value in ("direction", "truth", "meaning", "look"):
+        for value in ("direction", "truth", "meaning", "look", "slow"):
             parts = [name for name in self.texts if name.startswith(f"{value}_")]
             values[value] = max((self.text(name, keys, **values) for name in parts), key=len)
         filled = {name: self.text(name, keys, **values) for name in self.texts}

@@ -25,9 +25,11 @@ from evenlight.stimuli.field_renderer import FieldRenderer
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
 from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, LEVELS_16, PaintedRing, Ring, gap_pixels
 from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera, LookingAround, focal_length_of
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Vector, scene_named
+from evenlight.stimuli.scenes.content.catalogue import scene_named
+from evenlight.stimuli.scenes.engine.antialiasing import LIVE
+from evenlight.stimuli.scenes.engine.camera import Camera, LookingAround, focal_length_of
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 Presses = Callable[[], list[KeyPress]]
 OpenPointer = Callable[[], Pointer | None]
@@ -205,7 +207,7 @@ class SearchPlayer:
         """Return what draws a scene; each is made ready once, which takes its time."""
         if name not in self._scenes:
             window = self._on.window
-            renderer = SceneRenderer(window.context(), scene_named(name), window.size())
+            renderer = SceneRenderer(window.context(), scene_named(name), window.size(), antialiasing=LIVE)
             self._scenes[name] = RingScene(window.context(), renderer, self._on.display)
         return self._scenes[name]
 
@@ -248,7 +250,7 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
     """
 
     def __init__(self, display: Display, side: int = 0) -> None:
-        from evenlight.stimuli.scenes.graphics import offscreen_context
+        from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 
         self._display, self._side = display, side
         self._context = offscreen_context()

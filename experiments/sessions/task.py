@@ -13,7 +13,7 @@ from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.stage import Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus
-from evenlight.stimuli.scenes.camera import steps_to
+from evenlight.stimuli.scenes.engine.camera import steps_to
 
 READING_TIME = 0.5  # [s] a simulated participant looks at a page
 ANSWERING_TIME = (0.4, 0.9)  # [s] shortest, and mean of what comes on top (choice: practised people)

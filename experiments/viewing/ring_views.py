@@ -47,8 +47,8 @@ from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.contrast.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT, neighbourhood_mean
 from evenlight.stimuli.rings.landolt import Ring, covered, reachable_light
 from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE
-from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.scene import Vector, direction_of
+from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.scene import Vector, direction_of
 
 SUBSAMPLES = 4  # along each side of a pixel
 SIDE = 0.05  # share by which a location is brightened or dimmed, as the analysis of a search has it

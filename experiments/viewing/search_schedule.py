@@ -19,9 +19,10 @@ from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.stimuli.rings.landolt import Ring, Surroundings, painted, require_drawable, shown_contrast
 from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
-from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.graphics import PEAK
+from evenlight.stimuli.scenes.content.catalogue import path_named
+from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.graphics import PEAK
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 
 LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track

@@ -15,6 +15,7 @@ from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ClipLog, Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.playback.clip_player import require_room
 from evenlight.experiments.sessions.dropped_frames import (
     CHECK_SECONDS,
     FrameDemand,
@@ -38,6 +39,7 @@ LARGEST_SEED = 2**31
 READING = 120.0  # [s] consent, instructions, practice pages
 ANSWERING = 4.0  # [s] a question, and going on
 MAX_SHOWINGS = 3  # of a trial that is flagged each time
+FEWEST_SHOWINGS = 2  # one may be a hiccup of the computer
 SAME = 1e-9  # relative, of a number that was computed and written
 
 
@@ -82,19 +84,26 @@ class FixedOrder(Generic[Planned]):
         In their order.
     repeat_flagged : bool
         Whether a flagged trial is shown again, at most three times in all, until a quarter of the trials
-        was shown again.
+        was shown again; none is where every showing so far was flagged, for it would be flagged too.
     """
 
     def __init__(self, trials: Sequence[Planned], repeat_flagged: bool) -> None:
         self._queue: list[tuple[Planned, int]] = [(trial, 1) for trial in trials]
         self._repeat_flagged = repeat_flagged
-        self._place = 0
+        self._place = self._dropped = 0
         self._last_block = max((trial.block for trial in trials), default=0)
         self.n_trials = len(self._queue)
 
     def next_trial(self) -> Planned | None:
         """Return the trial that comes next, the same until `take` is called; None when all are done."""
-        return self._queued() if self._place < self.n_trials + most_repeats(self.n_trials) else None
+        return self._queued() if self.n_left else None
+
+    @property
+    def n_left(self) -> int:
+        """Trials still to come, as far as is known."""
+        hopeless = self._dropped == self._place >= FEWEST_SHOWINGS
+        most = self.n_trials + (0 if hopeless else most_repeats(self.n_trials))
+        return max(min(len(self._queue), most) - self._place, 0)
 
     def _queued(self) -> Planned | None:
         """Return the trial that is next in the queue, of which not all may be shown."""
@@ -120,6 +129,7 @@ class FixedOrder(Generic[Planned]):
         self._place += 1
         # What is left out for having been seen before would only be seen once more.
         dropped = trial.flag is TrialFlag.DROPPED_FRAMES
+        self._dropped += dropped
         if dropped and self._repeat_flagged and showings < MAX_SHOWINGS:
             again = dataclasses.replace(planned, block=self._last_block + 1)  # type: ignore[type-var] # a dataclass
             self._queue.append((again, showings + 1))
@@ -192,6 +202,11 @@ class ViewingTask(Generic[Planned]):
         """Return the trial that comes next, or None at the end."""
         return self._order.next_trial()
 
+    @property
+    def n_left(self) -> int:
+        """Trials still to come, as far as is known."""
+        return self._order.n_left
+
     def take(self, trial: Any) -> None:
         """Take an answered trial."""
         self._order.take(trial)
@@ -227,7 +242,7 @@ class ClipTask(ViewingTask[Clips]):
 
     def prepare(self, stage: Stage) -> None:
         """Refuse videos larger than the window, and a display that drops too many of their frames."""
-        require_room(self.stimuli.values(), stage)
+        require_rooms(self.stimuli.values(), stage)
         if not self._is_checked:
             return
         clips = [stimulus_clip(each, Version.OURS, 0, CHECK_SECONDS) for each in self.stimuli.values()]
@@ -333,20 +348,20 @@ def stimulus_clip(stimulus: LoadedStimulus, version: Version, noise_seed: int, s
         factors=stimulus.factors(version),
         noise_seed=noise_seed,
         seconds=seconds,
+        scale=None if stimulus.geometry is None else stimulus.geometry.scale,
     )
 
 
-def require_room(stimuli: Iterable[LoadedStimulus], stage: Stage) -> None:
-    """Refuse videos that are larger than the stage; they are shown pixel by pixel."""
+def require_rooms(stimuli: Iterable[LoadedStimulus], stage: Stage) -> None:
+    """Refuse videos that are shown as a whole, pixel by pixel, and are larger than the stage."""
     room = stage.room()
     for stimulus in stimuli:
-        if room is None or stimulus.size is None:
+        if room is None or stimulus.geometry is None or stimulus.geometry.scale is not None:
             continue
-        if stimulus.size[0] > room[0] or stimulus.size[1] > room[1]:
-            raise InputError(
-                f"{stimulus.folder}: the video has {stimulus.size[0]}x{stimulus.size[1]} pixels, and the "
-                f"window {room[0]}x{room[1]}: render it at --size {room[0]}x{room[1]}, or smaller"
-            )
+        try:
+            require_room(stimulus.geometry.size, room)
+        except InputError as error:
+            raise InputError(f"{stimulus.folder}: {error}") from error
 
 
 def clip_log(place: TrialPlace, interval: int, shown: ShownClip) -> ClipLog:

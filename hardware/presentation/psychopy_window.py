@@ -209,6 +209,12 @@ def _import_psychopy() -> tuple[Any, Any]:
     return visual, logging
 
 
+def require_display(rig: Rig) -> None:
+    """Raise `InputError` if PsychoPy, a display or the rig's screen are missing."""
+    _import_psychopy()
+    _require_screen(rig)
+
+
 def _require_screen(rig: Rig) -> None:
     """Refuse a screen that is not there; PsychoPy would take the first."""
     import pyglet

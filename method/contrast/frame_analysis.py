@@ -286,6 +286,13 @@ class FrameLight:
             return self._of_luma(pixel_values)
         return self._converted(pixel_values)[0]
 
+    def drawn(self, pixel_values: NDArray[Any], factor: float) -> Luminance:
+        """Return what pixels emit for a frame that they dim: `drawn_luminance`, reflections excluded."""
+        if self._order is PixelToLuminance.LUMA_FIRST:
+            dimmed = np.float32(factor) * self._of_luma(pixel_values)
+            return np.asarray(np.maximum(dimmed, np.float32(self._display.black_level)))
+        return self._converted(pixel_values, factor)[0]
+
     def luminance_and_means(self, pixel_values: NDArray[Any]) -> tuple[Luminance, NDArray[np.float64]]:
         """Return I, and the means of the linear R, G, B channels, (3,)."""
         if self._order is PixelToLuminance.LUMA_FIRST:
@@ -299,8 +306,10 @@ class FrameLight:
         np.copyto(luminance, wide, casting="same_kind")
         return luminance
 
-    def _converted(self, pixel_values: NDArray[Any]) -> tuple[Luminance, NDArray[np.float64]]:
-        """Return I and the channels' means of pixel values whose channels are linearized first."""
+    def _converted(
+        self, pixel_values: NDArray[Any], drawn_at: float | None = None
+    ) -> tuple[Luminance, NDArray[np.float64]]:
+        """Return I, or what pixels draw at a factor, and the channels' means, where these come first."""
         whole = np.issubdtype(pixel_values.dtype, np.integer)
         steps = int(np.iinfo(pixel_values.dtype).max) if whole else FLOAT_STEPS
         if steps not in self._linear:
@@ -309,8 +318,11 @@ class FrameLight:
         luminance = self._take(pixel_values.shape[:2], np.float32)
         black = np.float32(self._display.black_level)
         span = np.float32(self._display.peak_luminance - self._display.black_level)
+        linear = self._linear[steps]
+        if drawn_at is not None:  # each level as the one that is drawn for it
+            linear = np.maximum(np.float32(drawn_at) * (black + span * linear) - black, np.float32(0)) / span
         convert = convert_integers if whole else convert_floats
-        sums = convert(np.ascontiguousarray(pixel_values), self._linear[steps], black, span, luminance)
+        sums = convert(np.ascontiguousarray(pixel_values), linear, black, span, luminance)
         return luminance, np.array(sums) / luminance.size
 
 

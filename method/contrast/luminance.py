@@ -58,6 +58,25 @@ def dimmed_luminance(emitted: ArrayLike, factor: ArrayLike, display: Display) ->
     return np.asarray(factor) * np.asarray(emitted, dtype=np.float64) + display.reflected_luminance
 
 
+def drawn_luminance(emitted: ArrayLike, factor: ArrayLike, display: Display) -> NDArray[np.float64]:
+    """Return the luminance that reaches the eye where pixels dim: none makes less than L_black.
+
+    Decision (docs/decisions/pixel-floor.md): D = max(b · I, L_black) + L_refl, for each channel as if all
+    three had its level.
+
+    Parameters
+    ----------
+    emitted, factor, display : array_like, array_like, Display
+        As in `dimmed_luminance`.
+
+    >>> lab = Display("lab", 100.0, 1.0, 2.2, pixels_per_degree=60.0, reflected_luminance=4.0)
+    >>> drawn_luminance([1.0, 100.0], 0.5, lab).tolist()
+    [5.0, 54.0]
+    """
+    dimmed = np.asarray(factor) * np.asarray(emitted, dtype=np.float64)
+    return np.asarray(np.maximum(dimmed, display.black_level) + display.reflected_luminance)
+
+
 def emitted_luminance(
     pixel_values: NDArray[Any],
     display: Display,

@@ -168,22 +168,25 @@ def _count_visible(
     cells, between = np.empty(width, np.int32), np.empty(coarse.shape[1] + 2, np.float32)
     columns = np.minimum(np.arange(width) + 2, width - 1) - np.maximum(np.arange(width) - 2, 0) + 1
     counts = np.zeros(2)
+    first_at = 1 if tables.log_factor == 0 else 0  # at factor 1 both are the same
     for i in range(first, last + 2):
         new, ready = i % 5, (i - 2) % 5
         if i < last:
             expand_row(coarse, i, height, between, low)
             expand_row(adaptation, i, height, between, seen)
             _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[new]))
-            for at in range(2):
+            for at in range(first_at, 2):
                 _power_row(ratio, light, tables, (at, x, cells, power[at, new], sums[at, new]))
         else:
             sums[:, new] = 0
         if rows[0] <= i - 2 < rows[1]:
             n_rows = min(i, height - 1) - max(i - 4, 0) + 1
-            for at in range(2):
+            for at in range(first_at, 2):
                 counts[at] += _visible_in_row(
                     power[at, ready], sums[at], n_rows * columns, weight[ready], masks_itself
                 )
+    if first_at == 1:
+        counts[0] = counts[1]
     return counts
 
 

@@ -140,6 +140,7 @@ def summarize(
         modulated=request.modulated.value,
         lowest_factor=problem.lowest_factor,
         pixels_per_degree=curves.display.pixels_per_degree,
+        field_of_view=header.field_of_view,
         contrast_model=answer.contrast_model,
         simulated=request.rate_limit.simulated,
         rate_limit_procedure=request.rate_limit.procedure,

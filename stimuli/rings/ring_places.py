@@ -33,11 +33,12 @@ from evenlight.stimuli.rings.ring_scene import (
     RingPlaces,
     RingScene,
 )
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.camera_path import PATHS, CameraPath, path_named
-from evenlight.stimuli.scenes.graphics import PEAK, offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Floats, Patches, Scene, Vector, direction_of, scene_named, stream
+from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.graphics import PEAK, offscreen_context
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Floats, Patches, Scene, Vector, direction_of, stream
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 
 if TYPE_CHECKING:

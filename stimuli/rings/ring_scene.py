@@ -32,12 +32,12 @@ from evenlight.stimuli.rings.landolt import (
     require_drawable,
     surroundings_of,
 )
-from evenlight.stimuli.scenes import graphics
-from evenlight.stimuli.scenes.array_cache import scenes_sha256
-from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.camera_path import PATHS
-from evenlight.stimuli.scenes.graphics import WHOLE_VERTEX
-from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.content.catalogue import PATHS
+from evenlight.stimuli.scenes.engine import graphics
+from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
+from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 if TYPE_CHECKING:
     import moderngl

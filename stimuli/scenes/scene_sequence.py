@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
-from evenlight.stimuli.scenes.array_cache import scenes_sha256
-from evenlight.stimuli.scenes.camera_path import CameraPath, path_named
-from evenlight.stimuli.scenes.scene import SEED, Quality
+from evenlight.stimuli.scenes.content.catalogue import is_scene_file, path_named, scene_of
+from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.scene import SEED, Quality
+from evenlight.stimuli.scenes.gltf.gltf_file import sha256_of_gltf
 from evenlight.stimuli.sequence_format import SequenceFormat
 
 FRAMES_PER_SECOND = 25.0
@@ -32,11 +35,14 @@ class SceneSequence:
         The camera path.
     quality : Quality
         Of the scene's light.
+    scene : str
+        Name or file of the scene, in place of the path's own.
     """
 
     format: SequenceFormat
     path_name: str
     quality: Quality = Quality.FINE
+    scene: str = ""
 
     def __post_init__(self) -> None:
         path = self.path()
@@ -57,13 +63,23 @@ class SceneSequence:
         """How many frames there are."""
         return self.format.n_frames
 
+    @property
+    def field_of_view(self) -> float:
+        """Angle that the width is to span for the viewer [deg]."""
+        return self.format.field_of_view
+
     def path(self) -> CameraPath:
         """Return the camera path."""
-        return path_named(self.path_name)
+        return path_named(self.path_name, self.scene)
 
     def sha256(self) -> str:
         """Return the SHA-256 of the sequence's definition."""
-        definition = (scenes_sha256(), self.quality.name, SEED, self.path().text, self.format)
+        path = self.path()
+        definition: tuple[object, ...] = (scenes_sha256(), self.quality.name, SEED, path.text, self.format)
+        if is_scene_file(path.scene):
+            definition = (*definition, sha256_of_gltf(Path(path.scene)))
+        elif self.scene:
+            definition = (*definition, self.scene)
         return sha256_of_bytes(f"scene {definition!r}".encode())
 
     def frames(self) -> Iterator[Frame]:
@@ -74,22 +90,21 @@ class SceneSequence:
         InputError
             If the machine has no OpenGL, or the path leaves the scene.
         """
-        from evenlight.stimuli.scenes.camera_path import check_path
-        from evenlight.stimuli.scenes.graphics import offscreen_context
-        from evenlight.stimuli.scenes.renderer import SceneRenderer
-        from evenlight.stimuli.scenes.scene import scene_named
+        from evenlight.stimuli.scenes.engine.camera_path import check_path
+        from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+        from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
         path = self.path()
         with offscreen_context() as context:
-            scene = scene_named(path.scene)
+            scene = scene_of(path)
             check_path(path, scene)
             renderer = SceneRenderer(context, scene, (self.format.width, self.format.height), self.quality)
             for time, duration in self.format.times():
-                renderer.render(path.camera(time))
+                renderer.render(path.camera(time, self.field_of_view))
                 renderer.encode()
                 yield Frame(time, duration, renderer.pixel_values())
 
 
-def standard_format(path_name: str) -> SequenceFormat:
+def standard_format(path_name: str, scene: str = "") -> SequenceFormat:
     """Return the format of a sequence if nothing else is asked for: the whole path, 640 by 360 at 25 Hz."""
-    return SequenceFormat(duration=path_named(path_name).duration, frames_per_second=FRAMES_PER_SECOND)
+    return SequenceFormat(duration=path_named(path_name, scene).duration, frames_per_second=FRAMES_PER_SECOND)

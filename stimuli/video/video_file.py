@@ -7,6 +7,7 @@ here are lossless, FFV1 in Matroska, whole or not at all.
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from array import array
@@ -29,6 +30,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
 from evenlight.stimuli.video.video_source import (
@@ -53,6 +55,7 @@ STRICT_ALREADY = ("tiff",)
 FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
 # Version 3 with checksums: a damaged file is noticed. Every frame stands alone.
 FFV1_OPTIONS = {"level": "3", "slicecrc": "1", "g": "1"}
+FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +70,14 @@ class VideoFile:
         When its frames appear.
     pixel_aspect : Fraction
         Width of the file's pixels over their height; its frames come in square ones.
+    field_of_view : float or None
+        Angle that the width is to span for the viewer [deg]; None if the file does not say.
     """
 
     path: Path
     timeline: FrameTimes
     pixel_aspect: Fraction = SQUARE
+    field_of_view: float | None = None
 
     @property
     def name(self) -> str:
@@ -143,7 +149,7 @@ def open_video_file(path: Path) -> VideoFile:
     Raises
     ------
     InputError
-        If it is no video, ends before its time, or its pixels have a shape that none have.
+        If it is no video, ends before its time, or its pixels or its field of view cannot be.
     """
     try:
         if path.stat().st_size == 0:
@@ -152,7 +158,23 @@ def open_video_file(path: Path) -> VideoFile:
         raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
     with _opened(path) as container:
         aspect = pixel_aspect_of(path, _video_stream(path, container))
-        return VideoFile(path, _timeline(path, container), aspect)
+        return VideoFile(path, _timeline(path, container), aspect, _field_of_view(path, container))
+
+
+def _field_of_view(path: Path, container: InputContainer) -> float | None:
+    """Return the field of view that a file was rendered for [deg], None if it does not say."""
+    tag = container.metadata.get(FIELD_OF_VIEW)
+    if tag is None:
+        return None
+    try:
+        degrees = float(tag)
+    except ValueError:
+        degrees = math.nan
+    if not NARROWEST <= degrees <= WIDEST:
+        raise InputError(
+            f"{path}: its tag {FIELD_OF_VIEW} is {tag[:40]!r}; expected {NARROWEST:g} to {WIDEST:g} degrees"
+        )
+    return degrees
 
 
 def _opened(path: Path) -> InputContainer:
@@ -305,7 +327,11 @@ def decode_strictly(decoder: CodecContext) -> None:
 
 
 def write_video(
-    path: Path, frames: Iterable[Frame | NDArray[Any]], frames_per_second: float, bits: int | None = None
+    path: Path,
+    frames: Iterable[Frame | NDArray[Any]],
+    frames_per_second: float,
+    bits: int | None = None,
+    field_of_view: float | None = None,
 ) -> int:
     """Write frames without loss, and return how many there were.
 
@@ -321,6 +347,8 @@ def write_video(
         Bits a channel: 8, 10, 12 or 16; those of the first frame's type if not given. Fewer bits than
         the type holds are lossless only for values that lie on their grid, as those of the built-in
         sequences do for 10 bits.
+    field_of_view : float, optional
+        Angle that the width is to span for the viewer [deg]; the file's tag `FIELD_OF_VIEW`.
 
     Raises
     ------
@@ -339,6 +367,8 @@ def write_video(
         results_folder(path.parent) as folder,
         _matroska(folder / path.name) as container,
     ):
+        if field_of_view is not None:
+            container.metadata[FIELD_OF_VIEW] = f"{field_of_view:.17g}"
         stream = None
         for array in arrays:
             if stream is None:

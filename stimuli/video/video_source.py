@@ -48,6 +48,12 @@ class VideoSource(Protocol):
         """Return the SHA-256 of its content: of the file, of the folder, or of the sequence's definition."""
 
 
+def field_of_view_of(video: VideoSource) -> float | None:
+    """Return the horizontal angle that a video was rendered for [deg], None if that is not known."""
+    known: float | None = getattr(video, "field_of_view", None)
+    return known
+
+
 def size_of(video: VideoSource) -> tuple[int, int]:
     """Return width and height of a video [pixels], those of its first frame."""
     frames = video.frames()

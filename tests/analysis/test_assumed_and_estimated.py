@@ -9,10 +9,10 @@ from evenlight.analysis.comparison.comparison_findings import comparison_finding
 from evenlight.analysis.reproduction.published_effects import PublishedEffect, Verdict, published_effect
 from evenlight.analysis.reproduction.repeated_sets import repeated_effects
 from evenlight.analysis.reproduction.reproduction import ReproductionPlan
-from evenlight.analysis.reproduction.simulated_viewers import picture_degrees
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, CHOSEN_UNMASKED, RATED, AssumedEffect
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 from evenlight.method.preset_files import load_display
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 
 def chances(value: float) -> list[AssumedEffect]:
@@ -120,5 +120,5 @@ def test_a_chance_is_near_one_half_or_not_whatever_the_interval_of_17_answers_ho
 
 def test_a_sequence_of_640_pixels_is_a_picture_of_not_nine_degrees() -> None:
     # 72.28 pixels per degree in its middle: 320 pixels are atan(320 / (72.28 · 57.2958)) = 4.4184 degrees.
-    degrees = picture_degrees(ReproductionPlan(), load_display("varjo-xr3"))
+    degrees = field_of_view_on(load_display("varjo-xr3"), ReproductionPlan().picture_size[0])
     assert degrees == pytest.approx(8.8369, abs=1e-3)

@@ -14,7 +14,12 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, in_words, open_clip
+from evenlight.analysis.calibration.choices.choice_on_clip import (
+    compare_on_clip,
+    curves_of,
+    in_words,
+    open_clip,
+)
 from evenlight.analysis.calibration.choices.limit_choices import (
     FITTED,
     LOG_LOG_QUADRATIC,
@@ -47,6 +52,7 @@ from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at, require_same_display
+from evenlight.stimuli.sequences import built_in_sequence
 
 pytestmark = pytest.mark.slow
 
@@ -308,3 +314,8 @@ def test_a_single_frame_and_a_budget_of_full_brightness_have_nothing_to_gain(
         compared = compare_on_clip(choices, curves, budget, load_power_model("surace2025"))
         assert all(outcome.gain == 0 for outcome in compared.outcomes)
         assert "less than constant dimming" in in_words(choices, compared)
+
+
+def test_the_curves_of_a_clip_say_at_what_angle_it_was_seen() -> None:
+    clip = built_in_sequence("sunrise", (32, 24), 0.4, 5.0)
+    assert curves_of(clip, load_display("varjo-xr3"), lambda done, total: None).field_of_view == 90

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evenlight.stimuli.scenes.scene import Scene
+from evenlight.stimuli.scenes.engine.scene import Scene
 
 
 def place_at(scene: Scene, position: ArrayLike) -> str:

@@ -35,9 +35,9 @@ from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import KeypointRings
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.camera_path import path_named
-from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.content.catalogue import path_named
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 XR3, LIMIT = load_display("varjo-xr3"), load_rate_limit("surace2025")
 DESIGNS = {
@@ -194,9 +194,9 @@ def test_searches_follow_the_track_and_a_swapped_track_swaps_the_effect(
 
 
 def test_simulated_searchers_see_a_display_that_dims_as_the_model_has_it(shown) -> None:
-    # All of the basement at 0.2: pixels of a headset, no darker than 0.2 cd/m^2, would wash rings out there.
+    # All of the basement at 0.05: pixels of a headset, no darker than 0.2 cd/m^2, would wash rings out there.
     seconds = path_named("basement").duration
-    dark = shown(np.full(round(seconds * RATE), 0.2), 0.3)
+    dark = shown(np.full(round(seconds * RATE), 0.05), 0.3)
     about = dataclasses.replace(dark.stimulus, name="basement", duration=seconds)
     stimuli, design = (dataclasses.replace(dark, stimulus=about),), SearchDesign(sequences=("basement",))
     with pytest.raises(InputError, match="would be left"):

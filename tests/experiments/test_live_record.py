@@ -9,8 +9,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.control import LiveRefresh, LoopReport, TuningReport
+from evenlight.experiments.playback.live_record import live_control
 from evenlight.experiments.playback.walk import between_answers, over_time
-from evenlight.experiments.playback.walk_request import live_control, settings_of
+from evenlight.experiments.playback.walk_request import settings_of
 from evenlight.method.choices import LimitCurve
 from evenlight.method.preset_files import load_rate_limit
 

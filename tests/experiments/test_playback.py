@@ -149,4 +149,4 @@ def test_the_log_counts_what_was_dropped_before_each_refresh(tmp_path) -> None:
     write_log(tmp_path / "log.csv", [Pass(shown, ("ours",) * 3)], 50.0)
     lines = (tmp_path / "log.csv").read_text().splitlines()
     assert lines[0] == ",".join(LOG_COLUMNS)
-    assert lines[1:] == ["1,ours,0,0.0,0,0,0.9,", "1,ours,1,0.02,0,0,0.9,", "1,ours,2,0.08,2,2,0.8,"]
+    assert lines[1:] == ["1,ours,0,0.0,0,0,0.9,,", "1,ours,1,0.02,0,0,0.9,,", "1,ours,2,0.08,2,2,0.8,,"]

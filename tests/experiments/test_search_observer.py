@@ -31,8 +31,8 @@ from evenlight.method.contrast.pyramid import (
     laplacian_bands,
 )
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=24.0)
 PEOPLE = SearchPopulation()

@@ -26,8 +26,8 @@ from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 
 SIZE = (96, 72)
 LAB = Display("lab", 100.0, 0.1, 2.0, pixels_per_degree=12.0)
@@ -49,7 +49,7 @@ class Pattern:
     made = 0
     cameras: list[Camera]
 
-    def __init__(self, context, scene: object, size: tuple[int, int]) -> None:
+    def __init__(self, context, scene: object, size: tuple[int, int], **_: object) -> None:
         type(self).made += 1
         self.size, type(self).cameras = size, []
         self.codes = context.texture(size, 4, dtype="u2")

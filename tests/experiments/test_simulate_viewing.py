@@ -28,8 +28,8 @@ from evenlight.experiments.viewing.search_schedule import SearchPoint
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import KeypointRings
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from evenlight.experiments.experiment_kinds import EXPERIMENTS
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import as_searched, load_stimuli
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.content.catalogue import path_named
 
 DOCS = Path(evenlight.__file__).parents[1] / "docs"
 RAMPS = design_names()

@@ -24,8 +24,8 @@ from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Vie
 from evenlight.hardware.rig_files import load_rig
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import KeypointRings
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.scene import Vector
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.scene import Vector
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=24.0)
 DESIGN = SearchDesign(sequences=("library",), practice_trials=3)

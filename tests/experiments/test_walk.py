@@ -10,9 +10,9 @@ import pytest
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.walk import EYE_HEIGHT, SPEED, Walker, moved, start_in, write_path
 from evenlight.experiments.playback.walk_request import WalkRequest
-from evenlight.stimuli.scenes.camera_path import path_named
-from evenlight.stimuli.scenes.model import SceneModel
-from evenlight.stimuli.scenes.scene import Material, Scene
+from evenlight.stimuli.scenes.content.catalogue import path_named
+from evenlight.stimuli.scenes.engine.model import SceneModel
+from evenlight.stimuli.scenes.engine.scene import Material, Scene
 
 NOTHING = (0.0, 0.0)
 

@@ -30,7 +30,7 @@ from evenlight.hardware import measure_command
 from evenlight.hardware.luminance_table import read_table
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.typesetting import require_font
 from evenlight.stimuli.video.video_file import write_video
@@ -122,13 +122,22 @@ def test_options_with_which_nothing_can_be_done(command, tmp_path, monkeypatch, 
     assert everything(tmp_path) == []
 
 
-@pytest.mark.parametrize("degrees", ["1e-308", "0.01"])
-def test_a_field_of_view_that_leaves_too_few_pixels(command, tmp_path, make_video, degrees) -> None:
-    """0.01 degrees at the display's pixels per degree are less than one pixel."""
-    make_video(tmp_path / "v.mkv", [0.5, 0.6], (32, 24), 10.0)
+@pytest.mark.parametrize(
+    ("degrees", "size", "said"),
+    [
+        ("1e-308", (32, 24), "--field-of-view must lie in 0.1 to 175"),
+        ("0.1", (32, 32), "shows 7 pixels of the width of v, and at least 8 are needed"),
+        ("0.2", (32, 16), "shows 7 pixels of the height of v, and at least 8 are needed"),
+    ],
+)
+def test_a_field_of_view_that_leaves_too_few_pixels(
+    command, tmp_path, make_video, degrees, size, said
+) -> None:
+    """At 72.28 pixels per degree 0.1 of them are 7.2 pixels, 0.2 are 14.5: 14 of 32, and 7 of 16."""
+    make_video(tmp_path / "v.mkv", [0.5, 0.6], size, 10.0)
     words = ("optimize", tmp_path / "v.mkv", "--budget", 0.5, "--field-of-view", degrees, "--quiet")
     line = refused(command, *words, "--out", tmp_path / "out")
-    assert "pixels of the width of v, and at least 8 are needed" in line
+    assert said in line
     assert everything(tmp_path) == ["v.mkv"]
 
 

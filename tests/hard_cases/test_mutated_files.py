@@ -73,7 +73,7 @@ from evenlight.method.preset_files import (
     load_power_model,
     load_rate_limit,
 )
-from evenlight.stimuli.scenes import camera_path
+from evenlight.stimuli.scenes.content import catalogue
 from evenlight.stimuli.sequences import open_video
 
 MUTANTS = int(os.environ.get("EVENLIGHT_MUTANTS", "1000"))
@@ -224,7 +224,7 @@ def kinds(tmp_path_factory, make_stimulus, make_video) -> dict[str, Kind]:
         (root / name).write_text(text)
     (root / "brightness.csv").write_text(brightness_table())
     shutil.copytree(pages.SHIPPED / "de", root / "pages")
-    shutil.copy(camera_path.PATHS / "gym.json", root / "path.json")
+    shutil.copy(catalogue.PATHS / "gym.json", root / "path.json")
     write_power(root / "power")
     limit = load_rate_limit("surace2025")
     design = design_files.load_design("quick")
@@ -324,7 +324,7 @@ def kinds_in(root: Path) -> dict[str, Kind]:
         "brightness.csv": Kind(root, read_backlight_curve),
         "pages/question_yes_no.txt": Kind(root, lambda path: load_pages("en", path.parent), 2),
         "pages/keys.toml": Kind(root, lambda path: load_pages("en", path.parent), 2),
-        "path.json": Kind(root, lambda path: camera_path.path_named(str(path))),
+        "path.json": Kind(root, lambda path: catalogue.path_named(str(path))),
         "clip.mkv": Kind(root, frames_of, 2),
         "arrays/frame.npy": Kind(root, lambda path: frames_of(path.parent)),
         "pictures/a.png": Kind(root, lambda path: frames_of(path.parent)),

@@ -21,7 +21,7 @@ from evenlight.hardware.rig import open_window
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.scenes.camera import Camera
+from evenlight.stimuli.scenes.engine.camera import Camera
 
 LAB = Display("lab", 100.0, 0.2, 2.2, pixels_per_degree=12.0, reflected_luminance=0.5)
 SIZE, SIDE = (320, 240), 40
@@ -40,7 +40,7 @@ VIEW = SearchView(
 class Gray:
     """A scene that is gray everywhere, in the stead of one whose light would have to be baked."""
 
-    def __init__(self, context: Any, scene: object, size: tuple[int, int]) -> None:
+    def __init__(self, context: Any, scene: object, size: tuple[int, int], **_: object) -> None:
         self.size, self.codes = size, context.texture(size, 4, dtype="u2")
 
     def render(self, camera: Camera) -> None:

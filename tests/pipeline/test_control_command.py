@@ -12,7 +12,7 @@ from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.control import TargetRow
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.experiments.playback.clip_feeds import load_track, require_fit
+from evenlight.experiments.playback.loaded_track import load_track, require_fit
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings

@@ -164,7 +164,7 @@ def test_more_pixels_than_the_display_shows_in_its_field_are_averaged_to_as_many
     told = command("optimize", clip, "--budget", 0.5, "--field-of-view", 0.32, "--out", out)
     # 48 pixels in 0.32 degrees are 150 to the degree, where the headset shows 72.28: room for 23.
     assert told.code == 0
-    assert "48 x 36 pixels are more than 'varjo-xr3' shows in 0.32 degrees; averaged to 23 x 17" in told.err
+    assert "at 0.32°, 71.9 pixels/°, averaged to the 23 x 17 pixels that 'varjo-xr3' shows" in told.err
     curves, display = read_loss_curves(out / "loss_curves.npz"), load_display("varjo-xr3")
     assert curves.display.pixels_per_degree == pytest.approx(150 * 23 / 48, rel=1e-4)
     frames = coarser(open_video(str(clip)).frames(), (17, 23), display.gamma)

@@ -97,7 +97,7 @@ def test_a_negative_seed(command, tmp_path, clip, solver) -> None:
 @pytest.mark.parametrize("degrees", ["0", "-1", "179.9999999", "180"])
 def test_a_field_of_view_that_no_flat_screen_has(command, tmp_path, clip, degrees) -> None:
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--field-of-view", degrees)
-    assert "--field-of-view must lie above 0 and not above 175 degrees" in line
+    assert "--field-of-view must lie in 0.1 to 175, got" in line
 
 
 @pytest.mark.parametrize("form", ["ln_rate", "log_log", "rate"])

@@ -3,9 +3,11 @@
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +18,16 @@ from PIL import Image
 import evenlight
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
     TrackHeader,
+    read_track,
     write_track,
 )
-from evenlight.experiments.playback.clip_feeds import mean_factor
+from evenlight.experiments.playback.loaded_track import floor_note, mean_factor
+from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.video.video_file import write_video
 
@@ -74,6 +79,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def played(made: Path, virtual_screen: Callable[[], str]) -> dict[str, Any]:
     """What a process on a virtual screen says of it all."""
     video, track = str(made / "8.mkv"), str(made / "track")
+    short = str(write_a_track(made / "short", n=5))
     small = ["--rig", "simulated", "--simulate"]
     commands = [
         [
@@ -97,7 +103,7 @@ def played(made: Path, virtual_screen: Callable[[], str]) -> dict[str, Any]:
             str(made / "log.jsonl"),
             *small,
         ],
-        ["play", "checkerboard", track, "--size", "700x480", *small],
+        ["play", "checkerboard", short, "--size", "700x480", *small, "--log", str(made / "board.csv")],
         ["play", "checkerboard", track, "--size", "64x48", "--version", "full", "--simulate", "--quiet"],
         ["play", video, track, "--version", "baseline"],
     ]
@@ -173,13 +179,29 @@ def test_a_sequence_is_rendered_at_the_tracks_rate_and_length(played: dict[str, 
     assert played["commands"][3] == {"code": 0, "out": "", "err": ""}
 
 
-def test_a_video_larger_than_the_window_is_refused_in_one_line(played: dict[str, Any]) -> None:
-    refused = played["commands"][2]
-    assert refused["code"] == 2
-    assert (
-        "the video has 700x480 pixels, and the window 640x480: render it at --size 640x480" in refused["err"]
+def test_a_sequence_is_seen_at_its_true_size_the_middle_that_fits(played: dict[str, Any], made: Path) -> None:
+    """72.28 pixels per degree are 4141 from the eye; 350 there are 90 degrees: 11.8 times as large.
+
+    Of them 640 fit, and 480 upright: 2 atan(320 / 4141) = 8.84 degrees, 2 atan(240 / 4141) = 6.63.
+    """
+    done = played["commands"][2]
+    assert (done["code"], done["err"]) == (0, "")
+    shown = (
+        "checkerboard: 90° wide; the window shows the middle 8.84° × 6.63° at true size, scaled 11.8 times"
     )
-    assert refused["err"].count("\n") == 1
+    assert shown in done["out"]
+    assert re.search(r"read back 12 times, off by 0\.00\d+ cd", done["out"])
+    with (made / "board.csv").open(newline="") as file:
+        degrees = {row["pixels_per_degree"] for row in csv.DictReader(file)}
+    assert float(degrees.pop()) == pytest.approx(350 * np.radians(1))
+    assert not degrees
+
+
+def test_without_a_rig_it_is_said_to_be_a_look_only(played: dict[str, Any], made: Path) -> None:
+    assert "8: a look only, at no known angle; a --rig or --display" in played["commands"][0]["out"]
+    with (made / "log.csv").open(newline="") as file:
+        assert {row["pixels_per_degree"] for row in csv.DictReader(file)} == {""}
+    assert "10: pixel for pixel, 72.3 pixels per degree" in played["commands"][1]["out"]
 
 
 def test_in_real_time_it_takes_its_time(played: dict[str, Any]) -> None:
@@ -215,6 +237,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
     few = write_a_track(tmp_path / "few", n=29)
     fast = write_a_track(tmp_path / "fast", rate=30.0)
     other = write_a_track(tmp_path / "other", display_name="desk", display_fingerprint="0" * 16)
+    fine = write_a_track(tmp_path / "fine", pixels_per_degree=38.0)
     cut = tmp_path / "cut.mkv"
     cut.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
     there, way = tmp_path / "there.csv", tmp_path / "way.json"
@@ -236,6 +259,21 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         (("house", "--walk", "--record", way), "way.json: is there already; give another name"),
         ((video, track, "--loop", "--simulate"), "--loop goes on until someone presses escape"),
         (("nothing", track), "no video 'nothing'"),
+        (
+            (video, fine, "--rig", "simulated"),
+            "seen at 38 pixels per degree, and 'varjo-xr3' shows it at 72.3, pixel for pixel: make the track",
+        ),
+        (
+            ("sunrise", fine, "--rig", "simulated"),
+            "make the track again with --field-of-view 90, or accept that with --other-geometry-ok",
+        ),
+        (
+            ("house", "--walk", "--field-of-view", 0.05),
+            "--field-of-view must lie in 0.1 to 175 degrees, got 0.05",
+        ),
+        (("house", "--walk", "--log", there), "there.csv: is there already; give another name"),
+        (("house", "--walk", "--other-geometry-ok"), "--walk takes no --other-geometry-ok"),
+        ((video, track, "--field-of-view", 90), "--field-of-view is for walks through a scene"),
         *[
             ((video, track, option, value), f"{option} is for walks through a scene: give it with --walk")
             for option, value in [
@@ -251,7 +289,6 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
                 ("--version", "ours"),
                 ("--label",),
                 ("--other-display-ok",),
-                ("--log", "log.csv"),
                 ("--loop",),
             ]
         ],
@@ -267,6 +304,17 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         assert outcome.code == 2, says
         assert says in outcome.err
         assert outcome.err.count("\n") == 1
+
+
+def test_a_track_for_a_backlight_says_on_pixels_what_it_may_be_off(tmp_path: Path) -> None:
+    """0.0234 more is lost where pixels dim; nothing is said of a backlight, nor where next to nothing is."""
+    rig, _ = load_rig("simulated")
+    off = read_track(write_a_track(tmp_path / "off", loss_added_by_pixels=0.0234) / "track.csv")
+    assert "in some frames at least 0.023 more of the visible contrast is lost" in floor_note(off, rig)
+    assert floor_note(off, replace(rig, actuator=Actuator.BACKLIGHT, backlight="simulated")) == ""
+    for little in (0.0004, None):
+        track = read_track(write_a_track(tmp_path / "good", loss_added_by_pixels=little) / "track.csv")
+        assert floor_note(track, rig) == ""
 
 
 def test_without_a_screen_one_line_says_so(made: Path, command: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,3 +109,26 @@ def test_no_command_has_a_bar_of_its_own_that_only_a_terminal_shows() -> None:
     files = (path for folder in folders for path in (ROOT / folder).glob("**/*.py"))
     own = {p.name for p in files if "rich.progress" in p.read_text() or ".status(" in p.read_text()}
     assert own <= OTHER_BARS
+
+
+def test_work_within_a_step_is_told_and_then_the_step_again(told, clock) -> None:
+    lines, said = told
+    lines.step("curves", 40)
+    lines.at(3)
+    with lines.aside("light", 64) as at:
+        at(16)
+        clock.now += 10.0
+        lines.tell_if_due()
+    clock.now += 10.0
+    lines.tell_if_due()
+    assert said == ["evenlight: 10 s: light, 16 of 64", "evenlight: 20 s: curves, 3 of 40"]
+
+
+def test_long_work_deep_within_is_told_by_the_command_alone(monkeypatch, capsys) -> None:
+    """In a program that uses the Python interface nothing is written; in a command, after `INTERVAL`."""
+    monkeypatch.setattr(progress_module, "INTERVAL", 0.0)
+    for told_by_default in (False, True):
+        monkeypatch.setattr(progress_module, "told_by_default", told_by_default)
+        with progress_module.aside("light", 64) as at:
+            at(1)
+        assert ("light" in capsys.readouterr().err) == told_by_default

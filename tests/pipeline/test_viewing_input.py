@@ -1,5 +1,6 @@
 """What a viewing session is refused for: one line that says what is wrong, and what was answered is kept."""
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -14,10 +15,16 @@ import numpy as np
 import pytest
 from warm_evenlight import Run
 
-from evenlight.data_schema.recordings.viewing import RatingDesign
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.recordings.viewing import RatingDesign, Version
 from evenlight.data_schema.storage.text_files import write_toml_record
+from evenlight.experiments.run_session import session_notes
+from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
+from evenlight.experiments.viewing.viewing_task import stimulus_clip
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
+from evenlight.stimuli.video.video_file import write_video
 
 NAMES = ("bright", "dark")
 N = 10
@@ -85,6 +92,69 @@ def test_a_track_that_was_made_for_another_display_is_refused(
     refused(run("rating", "--stimuli", stimuli, rig=tmp_path / "bench.rig.toml"), "'varjo-xr3'", "'bench'")
 
 
+def test_a_stimulus_is_shown_at_the_angle_its_track_was_made_for_or_refused(stimuli: Path) -> None:
+    """96 pixels of 90 degrees have 48 tan 1 of them per degree in their middle, and the display 72.28."""
+    display = load_display("varjo-xr3")
+
+    def loaded(**known: float | None) -> LoadedStimulus:
+        for name in NAMES:
+            header = stimuli / name / "track.json"
+            header.write_text(json.dumps(json.loads(header.read_text()) | known))
+        return load_stimuli(stimuli, NAMES, display, with_video=True)[0]
+
+    wide = loaded(field_of_view_deg=90.0, pixels_per_degree=48 * np.radians(1))
+    assert wide.stimulus.pixels_per_degree == pytest.approx(48 * np.radians(1))
+    assert stimulus_clip(wide, Version.OURS, 1, None).scale == pytest.approx(72.28 / (48 * np.radians(1)))
+    plain = loaded(field_of_view_deg=None, pixels_per_degree=72.28)
+    assert plain.stimulus.pixels_per_degree == 72.28
+    assert stimulus_clip(plain, Version.OURS, 1, None).scale is None
+    with pytest.raises(InputError, match="bright: the track was made for a video seen at 38 pixels"):
+        loaded(field_of_view_deg=None, pixels_per_degree=38.0)
+
+
+@pytest.mark.parametrize(
+    ("angle", "video", "says"),
+    [
+        (90.0, None, ""),
+        (91.0, None, ""),
+        (17.0, 17.0, ""),  # rendered for a monitor
+        (90.0, 17.0, ""),
+        (None, None, "was made pixel for pixel, and the search shows the path at its true size, 90° wide"),
+        (40.0, None, "was made at 40°, and"),
+        (40.0, 17.0, "90° or 17° wide; make it again with `evenlight optimize library --budget B"),
+    ],
+)
+def test_a_search_takes_tracks_made_at_true_size(
+    tmp_path: Path,
+    make_stimulus: Callable[..., None],
+    angle: float | None,
+    video: float | None,
+    says: str,
+) -> None:
+    folder = tmp_path / "library"
+    make_stimulus(folder, np.full(2, 0.5))
+    header = folder / "track.json"
+    header.write_text(json.dumps(json.loads(header.read_text()) | {"field_of_view_deg": angle}))
+    if video is not None:
+        frames = (Frame(0.2 * k, 0.2, np.zeros((16, 16, 3), np.uint8)) for k in range(2))
+        write_video(folder / "video.mkv", frames, 5.0, field_of_view=video)
+    loaded = load_stimuli(tmp_path, ["library"], load_display("varjo-xr3"), with_video=False)
+    with pytest.raises(InputError, match=says) if says else contextlib.nullcontext():
+        assert as_searched(loaded)[0].stimulus.video_sha256
+
+
+def test_a_session_on_pixels_says_what_a_track_for_a_backlight_does_not_count(
+    stimuli: Path,
+) -> None:
+    header = stimuli / "dark" / "track.json"
+    header.write_text(json.dumps(json.loads(header.read_text()) | {"loss_added_by_pixels": 0.02}))
+    loaded = load_stimuli(stimuli, NAMES, load_display("varjo-xr3"), with_video=False)
+    rig = load_rig("simulated")[0]
+    (said,) = session_notes(loaded, rig, (640, 480))
+    assert "the track of dark was made for a backlight" in said
+    assert not list(session_notes(loaded, rig, None))  # nothing is shown
+
+
 def test_a_session_goes_on_only_with_the_stimuli_it_began_with(
     run: Callable[..., Any], stimuli: Path, make_stimulus: Callable[..., None], tmp_path: Path
 ) -> None:
@@ -113,7 +183,7 @@ def test_a_search_that_cannot_be_shown_is_refused_before_it_begins(
     text: str,
     words: tuple[str, ...],
 ) -> None:
-    make_stimulus(tmp_path / "walks" / "library", np.full(350, 0.5))  # 70 s, as long as the path
+    make_stimulus(tmp_path / "walks" / "library", np.full(375, 0.5))  # 75 s, as long as the path
     path = tmp_path / "my.search.design.toml"
     path.write_text(f'sequences = ["library"]\n{text}\n')
     refused(run("search", "--stimuli", tmp_path / "walks", "--design", path), *words)
@@ -123,11 +193,11 @@ def test_a_search_that_cannot_be_shown_is_refused_before_it_begins(
 def test_a_track_that_ends_before_its_path_is_refused(
     run: Callable[..., Any], make_stimulus: Callable[..., None], tmp_path: Path
 ) -> None:
-    make_stimulus(tmp_path / "walks" / "library", np.full(100, 0.5))  # 20 of 70 s
+    make_stimulus(tmp_path / "walks" / "library", np.full(100, 0.5))  # 20 of 75 s
     path = tmp_path / "my.search.design.toml"
     path.write_text('sequences = ["library"]\n')
     outcome = run("search", "--stimuli", tmp_path / "walks", "--design", path)
-    refused(outcome, "its track lasts 20 s, and the path library 70 s")
+    refused(outcome, "its track lasts 20 s, and the path library 75 s")
 
 
 class Screen:

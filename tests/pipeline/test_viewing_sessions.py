@@ -17,12 +17,12 @@ from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDes
 from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.content.catalogue import path_named
 
 NAMES = ("bright", "dark")
 SIZE = (160, 96)
 FRAMES_PER_SECOND = 10.0
-KEYPOINTS = ("library/lockers", "library/schoolyard", "library/window bay")
+KEYPOINTS = ("library/lockers", "library/schoolyard", "library/reading hall")
 DESIGNS: dict[str, Any] = {
     "rating": RatingDesign(NAMES, adaptation_duration=0.1, practice_trials=1, practice_duration=0.5),
     "comparison": ComparisonDesign(

@@ -1,5 +1,6 @@
 """`evenlight play SCENE --walk` on a window under a virtual screen, dimmed online; its way renders."""
 
+import csv
 import json
 import os
 import re
@@ -18,7 +19,7 @@ from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
-from evenlight.stimuli.scenes.camera_path import path_named
+from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.sequences import open_video
 
 SPEED = 1.4  # [m/s] of somebody who walks straight on
@@ -48,6 +49,9 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     rows = read_rows(LiveRefresh, log / "live_control.csv")
     kept = read_json_record(LiveControl, log / "live_control.json")
     assert (kept.scene, kept.simulated, kept.target_loss) == ("house", True, 0.5)
+    # Without a rig or a display the window is a headset's view, 90 degrees wide, and is measured so.
+    assert kept.display.pixels_per_degree == pytest.approx(32 * np.radians(1))
+    assert "; 90° wide; the way is in" in said
     assert (kept.proportional, kept.limit_curve) == (0.2, "fitted")
     assert (kept.budget, kept.budget_unit, kept.horizon) == (0.5, BudgetUnit.POWER, 0.5)
     # In a second it falls by some 2 % of full power: the first half of it is the most above half of that.
@@ -83,6 +87,41 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     pictures = [frame.pixel_values.copy() for frame in open_video(str(video)).frames()]
     assert [picture.shape for picture in pictures] == [(36, 64, 3)] * 25
     assert (pictures[0] != pictures[-1]).mean() > 0.5  # the view has changed
+
+
+def test_a_walk_without_a_controller_logs_its_frames_and_is_seen_at_true_size_with_a_display(
+    virtual_screen: Callable[[], str], tmp_path: Path
+) -> None:
+    """64 pixels at 72.28 per degree, 4141 from the eye, are 2 atan(32 / 4141) = 0.885 degrees."""
+    log = tmp_path / "frames.csv"
+    words = [
+        "play",
+        "house",
+        "--walk",
+        "--simulate",
+        "--seconds",
+        "0.1",
+        "--size",
+        "64x36",
+        "--factor",
+        "0.8",
+    ]
+    words += ["--display", "varjo-xr3", "--log", str(log)]
+    run = Run(words, os.environ | {"DISPLAY": virtual_screen()})
+    out, err = run.communicate(timeout=200)
+    assert run.returncode == 0, err
+    assert re.search(rf"dropped; 0\.885° wide, at true size; the frames are in {log}", out)
+    with log.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["video_frame"]) for row in rows] == list(range(len(rows)))
+    assert len(rows) in (7, 8)  # 0.1 s at 60 Hz: 6 after the first, or 7 if rounding puts that before 0.1 s
+    assert {(row["version"], row["factor"], row["refreshes_dropped"]) for row in rows} == {
+        ("walk", "0.8", "0")
+    }
+    assert {row["pixels_per_degree"] for row in rows} == {"72.28"}
+    np.testing.assert_allclose(
+        [float(row["flip_time_s"]) for row in rows], np.arange(len(rows)) / 60, atol=1e-8
+    )
 
 
 def test_what_was_walked_until_an_interruption_is_kept(

@@ -183,10 +183,13 @@ def test_text_over_an_image_covers_its_share_of_the_light(context) -> None:
     assert 0.45 < shown[20:40].mean() < 0.55  # 1940 pixels, half of 128 / 255: 0.5 +- 0.011
 
 
-def test_an_image_larger_than_the_window_is_refused(context) -> None:
-    frame = np.zeros((WINDOW[1] + 1, 10, 3), np.uint8)
-    with pytest.raises(ValueError, match="an image of 10x64 pixels does not fit into 97x63"):
-        drawn(context, lambda r: DimmedImage(r.image(frame), 0.5, 10.0), LAB, Dither.NONE)
+def test_of_an_image_larger_than_the_window_the_middle_is_shown(context) -> None:
+    """4 columns and 2 rows more than 97 x 63: 2 and 1 of them on each side are left out."""
+    frame = np.random.default_rng(5).integers(0, 256, (WINDOW[1] + 2, WINDOW[0] + 4, 3)).astype(np.uint8)
+    codes = drawn(context, lambda r: DimmedImage(r.image(frame), 1.0, 10.0), LAB, Dither.NONE)
+    middle = drawn(context, lambda r: DimmedImage(r.image(frame[1:-1, 2:-2]), 1.0, 10.0), LAB, Dither.NONE)
+    assert (codes == middle).all()
+    assert np.ptp(codes) > 200
 
 
 def test_what_a_10_bit_file_holds_is_known_and_other_16_bits_are_not_rounded() -> None:

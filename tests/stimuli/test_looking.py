@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.stimuli.scenes.camera import LookingAround, eased, steps_to
+from evenlight.stimuli.scenes.engine.camera import LookingAround, eased, steps_to
 
 
 def test_a_turn_is_slow_at_both_ends_and_never_goes_back() -> None:

@@ -19,11 +19,12 @@ from evenlight.stimuli.rings.ring_scene import (
     RingScene,
     ring_places,
 )
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.camera_path import Keypoint, path_named
-from evenlight.stimuli.scenes.graphics import offscreen_context
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import direction_of, scene_named
+from evenlight.stimuli.scenes.content.catalogue import path_named, scene_named
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.camera_path import Keypoint
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import direction_of
 
 pytestmark = pytest.mark.slow
 

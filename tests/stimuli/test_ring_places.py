@@ -24,11 +24,11 @@ from evenlight.stimuli.rings.ring_places import (
     seen_along,
 )
 from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.graphics import offscreen_context
-from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Scene, direction_of
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.model import Material, SceneModel
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Scene, direction_of
 
 pytestmark = pytest.mark.slow
 

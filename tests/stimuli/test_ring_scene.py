@@ -17,8 +17,8 @@ from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
 from evenlight.stimuli.rings.landolt import PaintedRing, Ring
 from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.scenes.camera import Camera, focal_length_of
-from evenlight.stimuli.scenes.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 
 SIZE = (400, 300)
 HERE = (1.0, 2.0, 1.65)

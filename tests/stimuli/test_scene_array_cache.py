@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import evenlight
-from evenlight.stimuli.scenes.array_cache import (
+from evenlight.stimuli.scenes.engine.array_cache import (
     OLD,
     cache_folder,
     cached_array,
@@ -53,7 +53,7 @@ def test_a_second_process_waits_until_the_first_has_made_it_and_then_finds_it() 
     """The first holds the lock until it is told; the second is started meanwhile and must not make it too."""
     source = (
         "import sys; import numpy as np\n"
-        "from evenlight.stimuli.scenes.array_cache import cached_array, store_array, one_at_a_time\n"
+        "from evenlight.stimuli.scenes.engine.array_cache import cached_array, store_array, one_at_a_time\n"
         "print('asks', flush=True)\n"
         "with one_at_a_time('light'):\n"
         "    print('found' if cached_array('light-a') is not None else 'makes', flush=True)\n"

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.graphics import offscreen_context
-from evenlight.stimuli.scenes.model import SceneModel
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import direction_of
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.model import SceneModel
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import direction_of
 
 SIZE = (320, 180)
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.graphics import PEAK, offscreen_context, shown_share
-from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.renderer import SceneRenderer
-from evenlight.stimuli.scenes.scene import Quality
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.graphics import PEAK, offscreen_context, shown_share
+from evenlight.stimuli.scenes.engine.model import Material, SceneModel
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.scene import Quality
 
 pytestmark = pytest.mark.slow
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes import renderer
-from evenlight.stimuli.scenes.camera import Camera
-from evenlight.stimuli.scenes.graphics import offscreen_context
-from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine import renderer
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.model import Material, SceneModel
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
 SIZE = (320, 180)
 CODE = 65535 / 1023  # pixel values per code of 10 bits

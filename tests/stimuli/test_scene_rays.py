@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenlight.stimuli.scenes.light.ray_tree import CHOSEN, DEPTH, LEAF, blocked, nearest, ray_tree
-from evenlight.stimuli.scenes.scene import Patches
+from evenlight.stimuli.scenes.engine.light.ray_tree import CHOSEN, DEPTH, LEAF, blocker, nearest, ray_tree
+from evenlight.stimuli.scenes.engine.scene import Patches
 
 N_RAYS = 1500
 EDGE = 1e-4  # share of a patch's side: whether so near its edge a ray hits is up to rounding
@@ -59,13 +59,17 @@ def met(patches, start, direction):
 
 def found(tree, start, direction, own=-1):
     """Patch and distance of the nearest hit by the tree: -1 and infinity for none."""
-    k, far, _, _ = nearest(tree, *start, *direction, own, 0, np.empty(DEPTH, np.int32))
+    k, far, _, _ = nearest(tree, *start, *direction, own, 0, np.empty((2, DEPTH)))
     return (int(tree.patch[k]) if k >= 0 else -1), float(far)
 
 
 def stopped(tree, start, direction, far, own=-1, other=-1):
-    stack = np.empty(DEPTH, np.int32)
-    return bool(blocked(tree, *start, *direction, np.float32(far), own, other, 0, stack))
+    ray = *start, *direction, np.float32(far), own, other, 0
+    first = blocker(tree, *ray, -1, np.empty((2, DEPTH)))
+    # What is tried first changes nothing, be it that which stops the ray or anything else.
+    for guess in (first, 0):
+        assert (blocker(tree, *ray, guess, np.empty((2, DEPTH))) >= 0) == (first >= 0)
+    return first >= 0
 
 
 def levels(tree):
@@ -196,9 +200,9 @@ def test_rays_between_patches_that_grow_find_what_a_look_at_every_patch_finds():
 
 
 def test_patches_in_one_place_are_halved_until_they_are_few():
-    """None is told apart from another by its place: 2^10 patches in leaves of 4 make 8 levels."""
+    """None is told apart from another by its place: 2^10 patches in leaves of 2 make 9 levels."""
     one = np.array([[-1.0, 3, -1]]), np.array([[2.0, 0, 0]]), np.array([[0, 0, 2.0]])
     patches = patches_of(*(np.repeat(row, 1024, axis=0) for row in one), np.zeros(1024, dtype=bool))
     tree = tree_of(patches)
-    assert levels(tree) == 8
+    assert levels(tree) == 9
     assert found(tree, np.zeros(3, np.float32), np.array([0, 1, 0], np.float32))[1] == 3.0

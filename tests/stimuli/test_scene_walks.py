@@ -8,16 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.camera_path import (
-    PATHS,
-    check_path,
-    on_ground,
-    path_from_text,
-    path_named,
-    walked,
-)
-from evenlight.stimuli.scenes.model import Material, SceneModel
-from evenlight.stimuli.scenes.scene import scene_named
+from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
+from evenlight.stimuli.scenes.engine.camera_path import check_path, on_ground, walked
+from evenlight.stimuli.scenes.engine.camera_path_file import path_from_text
+from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.sequences import WALKS
 
 POINTS = [

@@ -18,13 +18,15 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import SolverName
-from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.optimizer.optimize import Problem, optimize, pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.method.rate_limit import allowed_rate, modulation_rate
 from evenlight.stimuli.sequences import built_in_sequence, open_video
-from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.video_analysis import VideoAnalysis
+from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
+from evenlight.stimuli.video.viewing_geometry import seen_video
 
 # The clip that serves where no other is given: the sun rises and sets again, as in the paper's timelapse.
 DEFAULT_CLIP, DEFAULT_SIZE, DEFAULT_DURATION, DEFAULT_FPS = "sunrise", (384, 216), 20.0, 10.0
@@ -137,7 +139,8 @@ def curves_of(source: VideoSource, display: Display, report: Callable[[int, int 
             yield frame
             report(done, source.n_frames)
 
-    return analyze_frames(watched(), source.name, display)
+    frames, geometry = seen_video(watched(), display, field_of_view_of(source), source.name)
+    return VideoAnalysis().curves(frames, geometry, source.name)
 
 
 def _problem(curves: LossCurves, budget: float, limit: RateLimit, power_model: PowerModel) -> Problem:

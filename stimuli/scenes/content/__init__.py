@@ -1,0 +1,1 @@
+"""What is built with the engine: places, the things in them, their surfaces, and walks through them."""

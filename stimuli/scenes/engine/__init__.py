@@ -1,0 +1,1 @@
+"""What builds, lights and draws any scene; it knows none of them."""

@@ -1,0 +1,96 @@
+"""Arrays that take long to make, in the user's cache between runs, and the sources that they are made from.
+
+The cache may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from filelock import FileLock, Timeout
+from numpy.typing import NDArray
+
+from evenlight.stimuli import fractal_noise, sequence_format
+
+OLD = 14 * 86400.0  # [s]
+LONGEST_WAIT = 300.0  # [s] for another process that makes the same
+SCENES = Path(__file__).parents[1]
+
+
+def cache_folder() -> Path:
+    """Return where the arrays are stored."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evenlight"
+
+
+def cached_array(name: str) -> NDArray[Any] | None:
+    """Return the array that was stored under a name, or None if there is none that can be read."""
+    try:
+        array: NDArray[Any] = np.load(cache_folder() / f"{name}.npy", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return array
+
+
+@contextlib.contextmanager
+def one_at_a_time(group: str) -> Iterator[None]:
+    """Let one process at a time make what is stored under the names of a group; the next finds it made.
+
+    Where there can be no lock, or the other takes too long, both make it.
+    """
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError, Timeout):
+            cache_folder().mkdir(parents=True, exist_ok=True)
+            lock = FileLock(cache_folder() / f"{group}.lock")
+            lock.acquire(timeout=LONGEST_WAIT)
+            stack.callback(lock.release)
+        yield
+
+
+def store_array(name: str, array: NDArray[Any], instead_of: str) -> None:
+    """Store an array under a name, whole or not at all, and delete old ones with names of a pattern.
+
+    Where that fails, the array is made again next time.
+    """
+    folder = cache_folder()
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, suffix=".part", delete=False) as part:
+            try:
+                np.save(part, array)
+                part.close()
+                Path(part.name).chmod(0o644)
+                Path(part.name).replace(folder / f"{name}.npy")
+            except BaseException:
+                Path(part.name).unlink(missing_ok=True)
+                raise
+        for old in folder.glob(f"{instead_of}.npy"):
+            # Another version of Evenlight may be in use beside this one, and keep its own.
+            if time.time() - old.stat().st_mtime > OLD:
+                old.unlink(missing_ok=True)
+
+
+@cache
+def scenes_sha256() -> str:
+    """Return the SHA-256 of the scenes' source: geometry, textures, light, drawing, encoding.
+
+    What other packages do, and the graphics driver, is not in it: provenance has their versions.
+    """
+    digest = hashlib.sha256()
+    for file in [*sorted(SCENES.rglob("*.py")), Path(fractal_noise.__file__), Path(sequence_format.__file__)]:
+        name = file.relative_to(SCENES.parent).as_posix()
+        digest.update(name.encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
+def light_sources() -> list[Path]:
+    """Return the source files that compute the light: light that is stored is valid for these alone."""
+    return sorted((SCENES / "engine" / "light").glob("*.py"))

@@ -1,0 +1,202 @@
+"""Where one looks from, how directions become pixels, and how mouse and keys turn the view on the spot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evenlight.data_schema.display import Display
+from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
+from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
+
+NEAR, FAR = 0.05, 400.0  # [m] nothing nearer or farther is drawn
+EYE_HEIGHT = 1.65  # [m]
+STEP = 10.0  # [deg] that a press of a key turns the view
+TURNING = 0.25  # [s] that it takes
+HIGHEST = 60.0  # [deg] altitude of a view that is turned, up and down
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """An eye in a scene.
+
+    Attributes
+    ----------
+    position : (float, float, float)
+        x east, y north, z up [m].
+    azimuth, altitude : float
+        Where it looks: clockwise from north, and up [degrees].
+    field_of_view : float
+        Horizontal, from edge to edge of the picture [degrees].
+    focal_length : float or None
+        Distance of the picture plane in pixels; if given, it rules instead of `field_of_view`.
+    """
+
+    position: Vector
+    azimuth: float
+    altitude: float = 0.0
+    field_of_view: float = FIELD_OF_VIEW
+    focal_length: float | None = None
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.position, self.azimuth]).all():
+            raise ValueError(f"need a finite position and azimuth, got {self.position} and {self.azimuth:g}")
+        if not -90 <= self.altitude <= 90:
+            raise ValueError(f"need an altitude from -90 to 90 degrees, got {self.altitude:g}")
+        if not NARROWEST <= self.field_of_view <= WIDEST:
+            raise ValueError(
+                f"need a field of view from {NARROWEST:g} to {WIDEST:g} degrees, got {self.field_of_view:g}"
+            )
+        if self.focal_length is not None and not self.focal_length > 0:
+            raise ValueError(f"need a focal length above 0 pixels, got {self.focal_length:g}")
+
+    def focal_pixels(self, width: int) -> float:
+        """Return the distance of the picture plane for a picture of some width [pixels].
+
+        >>> round(Camera((0.0, 0.0, 0.0), 0.0, field_of_view=90.0).focal_pixels(1280), 9)
+        640.0
+        """
+        if self.focal_length is not None:
+            return self.focal_length
+        return width / 2 / math.tan(math.radians(self.field_of_view) / 2)
+
+    def axes(self) -> Floats:
+        """Return the unit vectors to the right, up and forward, as rows."""
+        forward = direction_of(self.azimuth, self.altitude)
+        right = direction_of(self.azimuth + 90, 0.0)
+        return np.stack([right, np.cross(right, forward), forward])
+
+    def project(self, points: ArrayLike, size: tuple[int, int]) -> Floats:
+        """Return where points appear, (n, 2): pixels from the upper left corner, x right, y down.
+
+        Parameters
+        ----------
+        points : array_like, (n, 3)
+            In the scene [m]; what lies behind the eye becomes nan.
+        size : (int, int)
+            Width and height of the picture [pixels]. The middle of the first pixel is at (0.5, 0.5).
+
+        >>> Camera((0.0, 0.0, 0.0), 0.0).project([[1.0, 2.0, 0.0]], (1280, 720)).round(6).tolist()
+        [[960.0, 360.0]]
+        """
+        right, up, ahead = ((np.asarray(points, dtype=float) - self.position) @ self.axes().T).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(ahead > 0, self.focal_pixels(size[0]) / ahead, np.nan)
+        return np.stack([size[0] / 2 + scale * right, size[1] / 2 - scale * up], axis=1)
+
+    def matrix(self, size: tuple[int, int]) -> Floats:
+        """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
+        focal = self.focal_pixels(size[0])
+        view = np.eye(4)
+        view[:3, :3] = self.axes()
+        view[:3, 3] = -self.axes() @ self.position
+        lens = np.zeros((4, 4))
+        lens[0, 0], lens[1, 1] = 2 * focal / size[0], 2 * focal / size[1]
+        lens[2, 2], lens[2, 3] = (FAR + NEAR) / (FAR - NEAR), -2 * FAR * NEAR / (FAR - NEAR)
+        lens[3, 2] = 1.0
+        return lens @ view
+
+
+def focal_length_of(display: Display) -> float:
+    """Return the focal length with which a display shows a scene at its true size [pixels].
+
+    One pixel in the middle of the picture covers the angle that the display's `pixels_per_degree` says, so
+    that what lies an angle off in the scene lies as far off on the visual field.
+
+    >>> lab = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
+    >>> round(focal_length_of(lab) * math.tan(math.radians(1 / 60)), 3)
+    1.0
+    """
+    return display.pixels_per_degree * 180.0 / math.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A turn by the keys: when it began [s], and by how much azimuth and altitude change [deg]."""
+
+    begun: float
+    azimuth: float
+    altitude: float
+
+
+class LookingAround:
+    """The direction of view of someone who turns on the spot.
+
+    Parameters
+    ----------
+    altitude : float
+        Of the first view [deg].
+    field_of_view : float
+        How far one may turn from the first azimuth, to each side [deg].
+    pixels_per_degree : float
+        Of the display; a movement of the mouse by some pixels turns the view by as many in its middle.
+
+    >>> looking = LookingAround(altitude=0.0, field_of_view=15.0, pixels_per_degree=20.0)
+    >>> looking.moved(right=40, up=-10)
+    >>> looking.direction(now=0.0)
+    (2.0, -0.5)
+    >>> looking.turn(right=1, up=0, now=0.0)
+    >>> looking.direction(now=0.125), looking.direction(now=0.25)
+    ((7.0, -0.5), (12.0, -0.5))
+    >>> looking.turn(right=1, up=0, now=1.0)  # as far as the field of view goes
+    >>> looking.direction(now=2.0)
+    (15.0, -0.5)
+    """
+
+    def __init__(self, altitude: float, field_of_view: float, pixels_per_degree: float) -> None:
+        self._widest, self._pixels_per_degree = field_of_view, pixels_per_degree
+        # A first view beyond the limits may be kept.
+        self._lowest, self._highest = min(-HIGHEST, altitude), max(HIGHEST, altitude)
+        self._azimuth, self._altitude = 0.0, altitude  # where the view will be when all turns are over
+        self._turns: list[Turn] = []
+
+    def moved(self, right: float, up: float) -> None:
+        """Turn the view at once, by a movement of the mouse [pixels]."""
+        self._go(right / self._pixels_per_degree, up / self._pixels_per_degree)
+
+    def turn(self, right: int, up: int, now: float) -> None:
+        """Begin to turn the view by steps of `STEP`, to the right and up, at a time [s]."""
+        azimuth, altitude = self._go(right * STEP, up * STEP)
+        self._turns.append(Turn(now, azimuth, altitude))
+
+    def direction(self, now: float) -> tuple[float, float]:
+        """Return the direction of view at a time [s]: azimuth from the first one, and altitude [deg]."""
+        self._turns = [turn for turn in self._turns if now - turn.begun < TURNING]
+        left = [(turn, 1 - eased((now - turn.begun) / TURNING)) for turn in self._turns]
+        azimuth = self._azimuth - sum(share * turn.azimuth for turn, share in left)
+        altitude = self._altitude - sum(share * turn.altitude for turn, share in left)
+        # A mouse that moves back while a turn lasts could leave the limits for a moment.
+        return (
+            min(max(azimuth, -self._widest), self._widest),
+            min(max(altitude, self._lowest), self._highest),
+        )
+
+    def _go(self, right: float, up: float) -> tuple[float, float]:
+        """Change where the view will be, as far as the limits allow, and return by how much [deg]."""
+        azimuth = min(max(self._azimuth + right, -self._widest), self._widest)
+        altitude = min(max(self._altitude + up, self._lowest), self._highest)
+        change = azimuth - self._azimuth, altitude - self._altitude
+        self._azimuth, self._altitude = azimuth, altitude
+        return change
+
+
+def eased(share: float) -> float:
+    """Return how much of a turn is done after a share of its time: slow at both ends.
+
+    >>> eased(-0.1), eased(0.5), eased(1.0)
+    (0.0, 0.5, 1.0)
+    """
+    share = min(max(share, 0.0), 1.0)
+    return share * share * (3 - 2 * share)
+
+
+def steps_to(azimuth: float, altitude: float, first_altitude: float = 0.0) -> tuple[int, int]:
+    """Return how often the keys turn right and up until the view is nearest to a direction [deg].
+
+    >>> steps_to(azimuth=-23.0, altitude=12.0)
+    (-2, 1)
+    """
+    return round(azimuth / STEP), round((altitude - first_altitude) / STEP)

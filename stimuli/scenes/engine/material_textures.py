@@ -1,0 +1,124 @@
+"""The textures of a scene's materials, made once per scene."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.stimuli.scenes.engine.array_cache import cached_array, scenes_sha256, store_array
+from evenlight.stimuli.scenes.engine.scene import Floats, Material, Scene, stream
+
+SIZE = 512  # [texels] of each texture
+LEVELS = 255  # of the 8-bit textures
+CUTOFF = 0.45  # coverage of a texel below which it counts as a hole
+SCENES_PACKAGE = "evenlight.stimuli.scenes."
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialTextures:
+    """Textures of 8 bits whose full scale is the highest albedo of each material.
+
+    Attributes
+    ----------
+    codes : array of uint8, (m, size, size, 4)
+        Share of the scale, and coverage; row 0 at the bottom.
+    scale : array, (m, 3)
+        Albedo of code 255.
+    albedo : array, (m, 3)
+        Mean albedo of what is there.
+    coverage : array, (m,)
+        Mean coverage, 1 without holes.
+    cutoffs : array, (m, levels)
+        Coverage below which a texel of each smaller copy counts as a hole, so that as much is left of it.
+    """
+
+    codes: NDArray[np.uint8]
+    scale: Floats
+    albedo: Floats
+    coverage: Floats
+    cutoffs: Floats
+
+
+def material_textures(scene: Scene, size: int = SIZE) -> MaterialTextures:
+    """Return the textures of all materials, (size, size) texels each.
+
+    Those of a scene whose materials are all defined within `stimuli.scenes` go into the user's cache.
+    """
+    name = _name(scene, size)
+    made = cached_array(name) if name else None
+    if made is None or made.shape != (len(scene.materials), _bytes(size)) or made.dtype != np.uint8:
+        made = np.stack([_packed(*_texture(scene, material, size)) for material in scene.materials])
+        if name:
+            store_array(name, made, instead_of=f"textures-{scene.name}-{size}-*")
+    n = len(made)
+    codes = made[:, : 4 * size * size].reshape(n, size, size, 4)
+    figures = np.ascontiguousarray(made[:, 4 * size * size :]).view(np.float64)
+    cutoffs = np.full((n, size.bit_length()), CUTOFF)
+    for k in np.flatnonzero(figures[:, 6] < 1):
+        cutoffs[k] = _cutoffs(codes[k, ..., 3])
+    return MaterialTextures(codes, figures[:, :3], figures[:, 3:6], figures[:, 6], cutoffs)
+
+
+def _cutoffs(coverage: NDArray[np.uint8]) -> Floats:
+    """Return below which coverage each smaller copy of a texture has its holes, (levels,).
+
+    Averaged, thin leaves would vanish and dense ones close up: the same share of texels is kept instead.
+    """
+    copy = coverage / LEVELS
+    kept = float((copy >= CUTOFF).mean())
+    cutoffs = [CUTOFF]
+    while len(copy) > 1:
+        copy = (copy[::2, ::2] + copy[1::2, ::2] + copy[::2, 1::2] + copy[1::2, 1::2]) / 4
+        cutoffs.append(float(np.quantile(copy, 1 - kept)))
+    return np.clip(cutoffs, 0.02, 0.98)
+
+
+def _bytes(size: int) -> int:
+    """Return the bytes that a texture takes: its codes and 7 numbers."""
+    return 4 * size * size + 7 * 8
+
+
+def _packed(codes: NDArray[np.uint8], *figures: Floats) -> NDArray[np.uint8]:
+    """Return a texture's codes and numbers in one row."""
+    numbers = np.concatenate([np.ravel(figure) for figure in figures])
+    return np.concatenate([codes.ravel(), numbers.view(np.uint8)])
+
+
+def _name(scene: Scene, size: int) -> str:
+    """Return a name that changes with all that textures are made from; empty if they are made elsewhere."""
+    if not all(material.texture.__module__.startswith(SCENES_PACKAGE) for material in scene.materials):
+        return ""
+    digest = hashlib.sha256(repr((size, scene.seed, np.__version__, scenes_sha256())).encode())
+    for material in scene.materials:
+        digest.update(material.name.encode() + b"\0")
+    return f"textures-{scene.name}-{size}-{digest.hexdigest()}"
+
+
+def _texture(
+    scene: Scene, material: Material, size: int
+) -> tuple[NDArray[np.uint8], Floats, Floats, NDArray[np.float64]]:
+    """Return codes, scale, mean albedo and coverage of one material."""
+    picture = np.asarray(material.texture(stream(scene.seed, material.name), size), dtype=np.float32)
+    depth = 4 if material.cutout else 3
+    if picture.shape != (size, size, depth):
+        raise ValueError(
+            f"texture of {material.name}: need shape ({size}, {size}, {depth}), got {picture.shape}"
+        )
+    if not (np.isfinite(picture).all() and picture.min() >= 0 and picture.max() <= 1):
+        raise ValueError(f"texture of {material.name}: need albedo in [0, 1]")
+    there = picture[..., 3] if material.cutout else np.ones((size, size), dtype=np.float32)
+    colour = picture[..., :3]
+    weight = there / max(there.sum(), 1e-9)
+    mean = (colour * weight[..., None]).sum(axis=(0, 1), dtype=np.float64)
+    if material.cutout:  # blurred into the holes, where small copies of the texture would show it
+        colour = np.where(there[..., None] > 0.5, colour, mean.astype(np.float32))
+    scale = np.maximum(colour.max(axis=(0, 1)), 1e-3).astype(np.float64)
+    # Rounded at random, so that dark textures keep their mean in the smaller copies too.
+    rounding = stream(scene.seed, f"rounding of {material.name}").random((size, size, 1), dtype=np.float32)
+    codes = np.empty((size, size, 4), dtype=np.uint8)
+    codes[..., :3] = np.minimum(colour / scale.astype(np.float32) * LEVELS + rounding, LEVELS)
+    codes[..., 3] = np.rint(there * LEVELS)
+    return codes[::-1], scale, mean, np.asarray(there.mean(dtype=np.float64))

@@ -1,0 +1,367 @@
+"""Draws a scene in linear light, and encodes the picture for a display.
+
+Sharp shadows are looked up in a depth picture of what the sun sees, made once.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.stimuli.scenes.engine import graphics
+from evenlight.stimuli.scenes.engine.antialiasing import NONE, OFFLINE, Antialiasing, average_fragment, tiles
+from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
+from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
+from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
+from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
+from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
+from evenlight.stimuli.scenes.engine.sun_shadow import (
+    SHADOW_SIZE,
+    empty_shadow_map,
+    lookup_matrix,
+    sun_matrix,
+    texel_size,
+)
+from evenlight.stimuli.scenes.engine.surface_detail import detail_tiles
+from evenlight.stimuli.scenes.engine.vertices import (
+    ATTRIBUTES,
+    LAYOUT,
+    SHRUNK,
+    blocks_of,
+    faces_of,
+    in_view,
+    not_hidden,
+    occluders,
+    shown_first_to_last,
+    vertices_of,
+)
+from evenlight.stimuli.sequence_format import ENCODING_GAMMA, codes_on_grid
+
+if TYPE_CHECKING:
+    import moderngl
+
+DEPTH_TEST = 2  # of moderngl, which is imported by those who make a context
+BRIGHTEST = 150.0  # [cd/m^2] brighter light is drawn like this: a display shows 99 % of its peak for it, and
+# the edges of lamps could not be smoothed
+ALBEDO, LIGHT, SHADOW, MATERIALS, DETAIL, CUTOFFS = 0, 1, 2, 3, 4, 5  # texture units
+
+
+class SceneRenderer:
+    """Draws one scene into pictures of one size.
+
+    Nothing is kept of the graphics state that it finds, and what it changes for drawing is switched off
+    again afterwards, so that it shares a window's context with others.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of a window, or `offscreen_context()`.
+    scene : Scene
+        What is drawn.
+    size : (int, int)
+        Width and height of the pictures [pixels].
+    quality : Quality or None
+        Of its light: how long the first renderer of a scene takes; later ones find it in the cache.
+    antialiasing : Antialiasing
+        Samples of each pixel: `OFFLINE` for pictures that are kept, `LIVE` where a display waits for them.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        size: tuple[int, int],
+        quality: Quality | None = Quality.FINE,
+        antialiasing: Antialiasing = OFFLINE,
+    ) -> None:
+        self._context, self.size = context, size
+        self._graphics = GraphicsScene(context, scene, quality)
+        self._antialiasing, self._tiles = antialiasing, tiles(size, antialiasing)
+        drawn = self._tiles[0].drawn_size(antialiasing)
+        self._samples = context.texture(drawn, 4, dtype="f2")
+        self._drawn = context.framebuffer(self._samples, context.depth_renderbuffer(drawn))
+        self.texture = context.texture(size, 4, dtype="f2")
+        self._averaged = context.framebuffer(self.texture)
+        self.codes = context.texture(size, 4, dtype="u2")
+        self._encoded = context.framebuffer(self.codes)
+        for texture in (self.texture, self.codes):
+            texture.filter = graphics.NEAREST, graphics.NEAREST
+        self._average = self._pass(average_fragment(antialiasing), drawn=0)
+        self._encoder = self._pass(
+            graphics.ENCODE_FRAGMENT, light=0, peak=PEAK, knee=KNEE, gamma=ENCODING_GAMMA
+        )
+
+    def render(self, camera: Camera) -> None:
+        """Draw the scene's linear RGB luminance [cd/m^2] into `texture`."""
+        with graphics.own(self._context):
+            self._graphics.choose(camera, self.size, self._antialiasing)
+            for tile in self._tiles:
+                self._drawn.use()
+                self._drawn.clear()
+                self._graphics.draw(camera, self.size, tile.placing(self.size, self._antialiasing))
+                self._context.disable(DEPTH_TEST)
+                self._averaged.use()
+                self._averaged.viewport = tile.left, tile.bottom, tile.width, tile.height
+                set_uniforms(self._average, origin=tile.origin(self._antialiasing))
+                self._samples.use(0)
+                self._average.render(vertices=3)
+
+    def luminance(self) -> NDArray[np.float32]:
+        """Return what `texture` holds, (height, width, 3), row 0 on top [cd/m^2]."""
+        width, height = self.size
+        data = np.frombuffer(self._averaged.read(components=4, dtype="f2"), dtype=np.float16)
+        return data.reshape(height, width, 4)[::-1, :, :3].astype(np.float32)
+
+    def encode(self) -> None:
+        """Draw the codes for what `texture` holds, 0 to 1023 for a display of gamma 2.2, into `codes`."""
+        with graphics.own(self._context):
+            self._encoded.use()
+            self.texture.use(0)
+            self._encoder.render(vertices=3)
+
+    def pixel_values(self) -> NDArray[np.uint16]:
+        """Return what `codes` holds, over the 16-bit range, (height, width, 3), row 0 on top."""
+        width, height = self.size
+        data = np.frombuffer(self.codes.read(), dtype=np.uint16).reshape(height, width, 4)
+        return codes_on_grid(data[::-1, :, :3])
+
+    def _pass(self, fragment: str, **uniforms: float) -> moderngl.VertexArray:
+        """Return a triangle over the whole picture with a program."""
+        program = self._context.program(vertex_shader=graphics.WHOLE_VERTEX, fragment_shader=fragment)
+        whole = self._context.vertex_array(program, [])
+        set_uniforms(whole, **uniforms)
+        return whole
+
+
+class GraphicsScene:
+    """Draws a scene into the framebuffer that is bound.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Where.
+    scene : Scene
+        What.
+    quality : Quality or None
+        Of its light.
+    """
+
+    def __init__(self, context: moderngl.Context, scene: Scene, quality: Quality | None) -> None:
+        self._context, self._scene = context, scene
+        charts = charts_of(scene.patches, scene.holed())
+        self._faces = faces_of(scene.patches)
+        self._blocks = blocks_of(scene, self._faces)
+        self._vertices = context.buffer(vertices_of(scene, charts, self._faces).tobytes())
+        self._indices = context.buffer(reserve=6 * 4 * len(scene.patches), dynamic=True)  # of what is drawn
+        self._walls = context.buffer(occluders(scene, self._faces).tobytes())
+        textures = material_textures(scene, SIZE if quality is Quality.FINE else SIZE // 2)
+        self._upload(textures, light_picture(scene, charts, textures, quality))
+        self._solid = self._surface(graphics.SURFACE_VERTEX, graphics.SURFACE_FRAGMENT)
+        self._holed = self._surface(graphics.SURFACE_VERTEX, graphics.with_holes(graphics.SURFACE_FRAGMENT))
+        self._sky_program = context.program(
+            vertex_shader=graphics.SKY_VERTEX, fragment_shader=graphics.SKY_FRAGMENT
+        )
+        self._sky_whole = context.vertex_array(self._sky_program, [])
+        self._cast_shadows()
+        self._hiding = self._depth_only(self._walls)
+        self._small: moderngl.Framebuffer | None = None
+
+    def choose(self, camera: Camera, size: tuple[int, int], antialiasing: Antialiasing) -> None:
+        """Choose what a camera sees, which is what `draw` draws: the nearest first."""
+        set_uniforms(self._holed, numbering=antialiasing.numbering())
+        matrix = camera.matrix(size)
+        blocks = self._in_sight(matrix, size)
+        holed = self._blocks.cutout[blocks]
+        solid, cutout = (
+            shown_first_to_last(self._faces, self._blocks, chosen, matrix, camera.position)
+            for chosen in (blocks[~holed], blocks[holed])
+        )
+        self._write(solid, cutout)
+
+    def draw(self, camera: Camera, size: tuple[int, int], placing: Floats) -> None:
+        """Draw what was chosen: what is solid, then the sky around it, then what has holes.
+
+        `placing` is the matrix, (3, 3), from the picture to where it is drawn, both from -1 to 1 each way.
+        """
+        import moderngl
+
+        context, matrix = self._context, camera.matrix(size)
+        for surface in (self._solid, self._holed):
+            set_uniforms(surface, view=matrix, eye=camera.position, placing=placing)
+        self._use_textures()
+        context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        for edge in graphics.CLIP_DISTANCES:
+            context.enable_direct(edge)
+        self._draw_chosen(self._solid, holed=False)
+        context.disable(moderngl.CULL_FACE)
+        self._draw_sky(camera, size, placing)
+        self._use_textures()  # the sky took one's place
+        self._draw_chosen(self._holed, holed=True)
+        for edge in graphics.CLIP_DISTANCES:
+            context.disable_direct(edge)
+
+    def _use_textures(self) -> None:
+        """Bind the textures of surfaces."""
+        self._albedo.use(ALBEDO)
+        self._light.use(LIGHT)
+        self._shadow.use(SHADOW)
+        self._materials.use(MATERIALS)
+        self._detail.use(DETAIL)
+        self._cutoffs.use(CUTOFFS)
+
+    def _in_sight(self, matrix: Floats, size: tuple[int, int]) -> NDArray[np.int64]:
+        """Return the blocks that are in view and not hidden behind walls, nearest first."""
+        import moderngl
+
+        context = self._context
+        width, height = (-(-side // SHRUNK) for side in size)
+        if self._small is None or self._small.size != (width, height):
+            self._depth = context.depth_texture((width, height))
+            self._small = context.framebuffer(depth_attachment=self._depth)
+        context.enable(moderngl.DEPTH_TEST)
+        self._small.use()
+        self._small.clear()
+        set_uniforms(self._hiding, view=matrix)
+        self._hiding.render()
+        depth = np.frombuffer(self._depth.read(), dtype=np.float32)
+        chosen = in_view(self._blocks, matrix)
+        return not_hidden(self._blocks, chosen, matrix, depth.reshape(height, width))
+
+    def _write(self, solid: NDArray[np.int64], cutout: NDArray[np.int64]) -> None:
+        """Put the indices of patches into the graphics processor's memory, those with holes last."""
+        first, last = self._faces.indices(solid), self._faces.indices(cutout)
+        self._counts = len(first), len(last)
+        self._indices.orphan()
+        self._indices.write(np.concatenate([first, last]).tobytes())
+
+    def _draw_chosen(self, surface: moderngl.VertexArray, holed: bool) -> None:
+        """Draw what was chosen, with holes or without."""
+        if self._counts[holed]:
+            surface.render(vertices=self._counts[holed], first=self._counts[0] if holed else 0)
+
+    def _draw_sky(self, camera: Camera, size: tuple[int, int], placing: Floats) -> None:
+        """Draw the sky wherever nothing is in front of it."""
+        right, up, ahead = camera.axes()
+        focal = camera.focal_pixels(size[0])
+        set_uniforms(
+            self._sky_whole,
+            placing=placing,
+            brightest=BRIGHTEST,
+            right=right * (size[0] / 2 / focal),
+            up=up * (size[1] / 2 / focal),
+            ahead=ahead,
+        )
+        self._sky.use(0)
+        self._sky_whole.render(vertices=3)
+
+    def _upload(self, textures: MaterialTextures, light: np.ndarray) -> None:
+        """Put textures, light and sky into the graphics processor's memory."""
+        context, scene = self._context, self._scene
+        layers, size = textures.codes.shape[:2]
+        self._albedo = context.texture_array((size, size, layers), 4, textures.codes.tobytes())
+        self._albedo.build_mipmaps()
+        self._albedo.filter = graphics.LINEAR_MIPMAP_LINEAR, graphics.LINEAR
+        tiles, detail = detail_tiles(scene.materials)
+        self._detail = context.texture_array(
+            (*tiles.shape[:0:-1], len(tiles)), 1, (tiles / 255).astype("f2").tobytes(), dtype="f2"
+        )
+        self._detail.build_mipmaps()
+        # One copy is enough for what is so faint: a second one costs 5 % of a frame on a CPU.
+        self._detail.filter = graphics.LINEAR_MIPMAP_NEAREST, graphics.LINEAR
+        gloss = [[m.gloss] for m in scene.materials]
+        table = np.concatenate([textures.scale, gloss, detail, np.zeros_like(detail)], axis=1).astype("f4")
+        self._materials = context.texture((2, layers), 4, table.tobytes(), dtype="f4")
+        self._materials.filter = graphics.NEAREST, graphics.NEAREST
+        self._cutoffs = context.texture(
+            textures.cutoffs.shape[::-1], 1, textures.cutoffs.astype("f4").tobytes(), dtype="f4"
+        )
+        self._cutoffs.repeat_x = False
+        height, width = light.shape[:2]
+        four = np.ones((height, width, 4), dtype="f2")
+        four[..., :3] = light
+        self._light = context.texture((width, height), 4, four.tobytes(), dtype="f2")
+        picture = sky_picture(scene)
+        self._sky = context.texture(
+            picture.shape[1::-1], 3, picture.astype("f2").tobytes(), dtype="f2", alignment=2
+        )
+        self._sky.repeat_x, self._sky.repeat_y = True, False
+
+    def _surface(self, vertex: str, fragment: str) -> moderngl.VertexArray:
+        """Return the scene's vertices with a program for surfaces."""
+        program = self._context.program(vertex_shader=vertex, fragment_shader=fragment)
+        surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
+        set_uniforms(
+            surface, brightest=BRIGHTEST, albedo=ALBEDO, light=LIGHT, shadow=SHADOW, materials=MATERIALS,
+            detail=DETAIL, cutoffs=CUTOFFS,
+        )  # fmt: skip
+        return surface
+
+    def _cast_shadows(self) -> None:
+        """Draw the sun's view of the scene, and tell the programs about the sun."""
+        import moderngl
+
+        sun = self._scene.sun
+        self._shadow = empty_shadow_map(self._context)
+        if sun is None:
+            for surface in (self._solid, self._holed):
+                set_uniforms(surface, sun=(0.0, 0.0, 0.0), sun_direction=(0.0, 0.0, 1.0), to_shadow=np.eye(4))
+            return
+        matrix = sun_matrix(self._scene)
+        self._shadow = self._context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
+        self._shadow.compare_func = "<="
+        self._shadow.repeat_x = self._shadow.repeat_y = False
+        target = self._context.framebuffer(depth_attachment=self._shadow)
+        with graphics.own(self._context):
+            target.use()
+            target.clear()
+            self._context.enable(moderngl.DEPTH_TEST)
+            self._use_textures()
+            cutout = self._scene.holed()
+            self._write(np.flatnonzero(~cutout), np.flatnonzero(cutout))
+            for holed in (False, True):
+                caster = self._caster(holed)
+                set_uniforms(caster, view=matrix)
+                self._draw_chosen(caster, holed)
+        for surface in (self._solid, self._holed):
+            set_uniforms(
+                surface,
+                sun=sun.luminance(),
+                sun_direction=sun.direction(),
+                to_shadow=lookup_matrix(matrix),
+                shadow_texel=texel_size(matrix),
+            )
+
+    def _caster(self, holed: bool) -> moderngl.VertexArray:
+        """Return the scene's vertices with a program that draws depth only."""
+        if not holed:
+            return self._depth_only(self._indices)
+        program = self._context.program(
+            vertex_shader=graphics.SHADOW_VERTEX,
+            fragment_shader=graphics.with_holes(graphics.SHADOW_FRAGMENT),
+        )
+        content = [(self._vertices, "3f4 8x1 2f4 28x1 1f4", "position", "uv", "material")]
+        caster = self._context.vertex_array(program, content, self._indices)
+        set_uniforms(caster, albedo=ALBEDO, cutoffs=CUTOFFS, numbering=NONE.numbering())
+        return caster
+
+    def _depth_only(self, indices: moderngl.Buffer) -> moderngl.VertexArray:
+        """Return some of the scene's triangles with a program that draws depth, holes not regarded."""
+        program = self._context.program(
+            vertex_shader=graphics.SHADOW_VERTEX, fragment_shader=graphics.SHADOW_FRAGMENT
+        )
+        return self._context.vertex_array(program, [(self._vertices, "3f4 48x1", "position")], indices)
+
+
+def set_uniforms(surface: moderngl.VertexArray, **values: Any) -> None:
+    """Set uniforms of a program, those that it uses; matrices are given for columns."""
+    for name, value in values.items():
+        if name not in surface.program:
+            continue
+        uniform: Any = surface.program[name]
+        if isinstance(value, np.ndarray) and value.ndim == 2:
+            uniform.write(value.T.astype("f4").tobytes())
+        else:
+            uniform.value = tuple(np.asarray(value).tolist()) if np.ndim(value) else value

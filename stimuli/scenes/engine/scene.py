@@ -1,0 +1,210 @@
+"""A finished scene: its surfaces, materials, lights and the ground one may walk on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Vector = tuple[float, float, float]
+REC_709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green and blue
+Texture = Callable[[np.random.Generator, int], NDArray[np.float32]]
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a surface is made of.
+
+    Attributes
+    ----------
+    name : str
+        Of its own: two different materials of a scene have different names.
+    texture : function of (rng, size)
+        Returns linear albedo in [0, 1], (size, size, 3), row 0 on top, which repeats without seams; with
+        `cutout` (size, size, 4), where the last channel says what is there (1) and what is not (0). Its
+        attribute `detail`, if it has one, is what it looks like from near (`surface_detail.Detail`).
+    tile : float
+        What one repeat of the texture covers [m].
+    gloss : float
+        Strength of the reflection of the surroundings, 0 matt to 1 like a mirror at grazing angles.
+    cutout : bool
+        Whether the texture has holes (foliage, nets, fences); such surfaces are seen from both sides.
+    """
+
+    name: str
+    texture: Texture
+    tile: float
+    gloss: float = 0.0
+    cutout: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.tile > 0:
+            raise ValueError(f"material {self.name}: need a tile larger than 0 m, got {self.tile:g}")
+        if not 0 <= self.gloss <= 1:
+            raise ValueError(f"material {self.name}: need a gloss from 0 to 1, got {self.gloss:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Flat pieces of surface: parallelograms and triangles, each with its own row in every array.
+
+    Attributes
+    ----------
+    origin, along, across : arrays, (n, 3)
+        A corner, and the edges from it [m]; along x across points to the visible side.
+    triangle : array of bool, (n,)
+        Whether the piece is the half of the parallelogram that is next to the origin.
+    normals : array, (n, 3, 3)
+        Unit normals at the origin and at the ends of the two edges (smooth surfaces are not flat).
+    uvs : array, (n, 3, 2)
+        Texture coordinates there, in repeats; v points up in the texture.
+    material : array of int, (n,)
+        Index into the materials of the scene.
+    tint : array, (n, 3)
+        Factor of the texture's albedo, in [0, 1].
+    emission : array, (n, 3)
+        Luminance that the piece sends out itself, linear RGB [cd/m^2].
+    """
+
+    origin: Floats
+    along: Floats
+    across: Floats
+    triangle: NDArray[np.bool_]
+    normals: Floats
+    uvs: Floats
+    material: NDArray[np.int64]
+    tint: Floats
+    emission: Floats
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+
+@dataclass(frozen=True, slots=True)
+class Sun:
+    """The sun: azimuth clockwise from north and altitude [degrees], illuminance [lx] and colour (RGB)."""
+
+    azimuth: float
+    altitude: float
+    illuminance: float
+    colour: Vector = (1.0, 1.0, 1.0)
+
+    def direction(self) -> Floats:
+        """Return the unit vector that points to the sun."""
+        return direction_of(self.azimuth, self.altitude)
+
+    def luminance(self) -> Floats:
+        """Return the luminance of white paper that faces it, linear RGB, (3,) [cd/m^2]."""
+        colour = np.asarray(self.colour)
+        return np.asarray(colour / (colour @ REC_709) * self.illuminance / math.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class Sky:
+    """The sky: linear RGB luminance at the zenith and at the horizon [cd/m^2]."""
+
+    zenith: Vector = (0.0, 0.0, 0.0)
+    horizon: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A rectangle that one may walk on: corners [m], height at the lower corner [m], slope along x and y."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    floor: float
+    slope: tuple[float, float] = (0.0, 0.0)
+
+    def contains(self, x: float, y: float, margin: float = 0.0) -> bool:
+        """Return whether a point is over it, its edges included."""
+        return (
+            self.low[0] - margin <= x <= self.high[0] + margin
+            and self.low[1] - margin <= y <= self.high[1] + margin
+        )
+
+    def height(self, x: float, y: float) -> float:
+        """Return the height of the floor at a point [m].
+
+        >>> Ground((0.0, 0.0), (4.0, 2.0), -3.0, slope=(0.5, 0.0)).height(4.0, 1.0)
+        -1.0
+        """
+        return self.floor + self.slope[0] * (x - self.low[0]) + self.slope[1] * (y - self.low[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A named region, such as a room: its lower and higher corner [m]."""
+
+    name: str
+    low: Vector
+    high: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All there is in a place.
+
+    Attributes
+    ----------
+    name : str
+        Of the scene.
+    seed : int
+        Of all that is random in it, textures included.
+    patches : Patches
+        Its surfaces.
+    materials : tuple of Material
+        What they are made of.
+    windows : array, (n, 4, 3)
+        Openings through which rooms see the sky, as parallelograms [m]; light is looked for there first.
+    sun : Sun or None
+        If it shines.
+    sky : Sky
+        Seen wherever there is no surface.
+    walkable : tuple of Ground
+        Where one may walk.
+    places : tuple of Place
+        Its regions.
+    """
+
+    name: str
+    seed: int
+    patches: Patches
+    materials: tuple[Material, ...]
+    windows: Floats
+    sun: Sun | None
+    sky: Sky
+    walkable: tuple[Ground, ...]
+    places: tuple[Place, ...]
+
+    def holed(self) -> NDArray[np.bool_]:
+        """Return which patches have holes, (n,)."""
+        return np.array([material.cutout for material in self.materials])[self.patches.material]
+
+
+def direction_of(azimuth: float, altitude: float) -> Floats:
+    """Return the unit vector of a direction: azimuth clockwise from north (y), altitude up [degrees].
+
+    >>> direction_of(90.0, 0.0).round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    a, h = math.radians(azimuth), math.radians(altitude)
+    return np.array([math.sin(a) * math.cos(h), math.cos(a) * math.cos(h), math.sin(h)])
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Return a generator of its own for a name, so that a new object leaves the others as they are."""
+    return np.random.default_rng([seed, *name.encode()])
+
+
+class Quality(Enum):
+    """How carefully light is computed: rays over all samples, and per sample at the least and the most."""
+
+    COARSE = (1_000_000, 6, 32)
+    FINE = (12_000_000, 32, 256)

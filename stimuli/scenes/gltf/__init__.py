@@ -1,0 +1,1 @@
+"""Scenes as glTF files: a lab's own come in, the built-in ones go out."""

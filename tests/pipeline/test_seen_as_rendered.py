@@ -1,0 +1,149 @@
+"""A sequence is analysed as large as it was rendered to be seen: by commands and functions, and as a file."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from optimized_videos import frames_of, texture
+
+import evenlight
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.stimuli.sequences import built_in_sequence, open_video
+from evenlight.stimuli.video.video_file import write_video
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+PANEL = evenlight.load_display("varjo-xr3")
+# 96 pixels over 90 degrees: the picture plane is 48 pixels away, and a degree is 48 · π / 180 pixels there.
+DENSITY = 48 * np.pi / 180
+FORMAT = ("--size", "96x54", "--duration", 1, "--fps", 5, "--quiet")
+
+
+@pytest.fixture(scope="module")
+def sequence():
+    return built_in_sequence("checkerboard", (96, 54), 1.0, 5.0)
+
+
+@pytest.fixture
+def rendered(command, tmp_path):
+    """The same sequence as a file."""
+    path = tmp_path / "board.mkv"
+    assert command("render", "checkerboard", "--out", path, *FORMAT).code == 0
+    return path
+
+
+def test_a_sequence_is_analysed_at_its_field_of_view_unless_another_is_given(sequence) -> None:
+    own, asked = evenlight.loss_curves(sequence), evenlight.loss_curves(sequence, field_of_view=90)
+    assert (own.field_of_view, own.display.pixels_per_degree) == (90, pytest.approx(DENSITY))
+    np.testing.assert_array_equal(own.loss, asked.loss)
+    narrow = evenlight.loss_curves(sequence, field_of_view=1.4)
+    assert narrow.display.pixels_per_degree == pytest.approx(96 / 1.4, rel=1e-3)
+    assert np.abs(narrow.loss - own.loss).max() > 0.01
+
+
+def test_frames_of_which_nothing_is_known_are_taken_pixel_for_pixel(sequence) -> None:
+    made = evenlight.optimize(list(sequence.frames()), 0.5)
+    assert made.track.header.field_of_view is None
+    assert made.track.header.pixels_per_degree == PANEL.pixels_per_degree
+
+
+def test_the_file_of_a_sequence_gives_its_track(sequence, rendered) -> None:
+    of_file, of_sequence = evenlight.optimize(rendered, 0.5), evenlight.optimize(sequence, 0.5)
+    np.testing.assert_array_equal(of_file.factors, of_sequence.factors)
+    for made in (of_file, of_sequence):
+        assert made.track.header.field_of_view == made.summary.field_of_view == 90
+        assert made.track.header.pixels_per_degree == pytest.approx(DENSITY)
+
+
+def test_what_is_rendered_for_a_display_is_pixel_for_pixel_on_it(command, tmp_path) -> None:
+    path = tmp_path / "board.mkv"
+    assert command("render", "checkerboard", "--display", "varjo-xr3", "--out", path, *FORMAT).code == 0
+    curves = evenlight.loss_curves(path)
+    assert curves.display == PANEL
+    # 48 pixels from the middle to the edge, on a plane 72.28 · 180 / π pixels away.
+    half = np.arctan(48 / (PANEL.pixels_per_degree * 180 / np.pi))
+    assert curves.field_of_view == pytest.approx(np.degrees(2 * half))
+
+
+@pytest.mark.parametrize(("degrees", "read"), [(72.5, 72.5), (1 / 3 + 60, 1 / 3 + 60), (None, None)])
+def test_a_file_keeps_its_field_of_view(tmp_path, degrees, read) -> None:
+    write_video(tmp_path / "v.mkv", frames_of([texture(1)] * 2), 5.0, field_of_view=degrees)
+    assert open_video(str(tmp_path / "v.mkv")).field_of_view == read
+
+
+@pytest.mark.parametrize("tag", [b"wide", b"-9.5", b"1e99", b" nan"])
+def test_a_damaged_field_of_view_is_named(command, tmp_path, tag) -> None:
+    path = tmp_path / "v.mkv"
+    write_video(path, frames_of([texture(1)] * 2), 5.0, field_of_view=72.5)
+    whole = path.read_bytes()
+    assert whole.count(b"72.5") == 1
+    path.write_bytes(whole.replace(b"72.5", tag))
+    with pytest.raises(InputError, match=r"v\.mkv: its tag FIELD_OF_VIEW is .* expected 0\.1 to 175 degrees"):
+        open_video(str(path))
+
+
+@pytest.mark.slow
+def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command, rendered, tmp_path) -> None:
+    told = command("optimize", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
+    assert "board: analysed at 90°, 0.838 pixels/°" in told.err
+    narrow = command(
+        "optimize", rendered, "--budget", 0.5, "--field-of-view", 1.4, "--out", tmp_path / "narrow"
+    )
+    assert "board: analysed at 1.4°, 68.6 pixels/°" in narrow.err
+    summary = json.loads((tmp_path / "narrow" / "summary.json").read_text())
+    assert summary["field_of_view_deg"] == 1.4
+    assert read_track(tmp_path / "narrow" / "track.csv").header.field_of_view == 1.4
+    refused = command(
+        "optimize", rendered, "--budget", 0.5, "--curves", tmp_path / "narrow" / "loss_curves.npz",
+        "--out", tmp_path / "again", "--quiet",
+    )  # fmt: skip
+    assert refused.code == 2
+    assert "made for 'varjo-xr3' at 1.4°, 68.6 pixels/°, asked is 'varjo-xr3' at 90°" in refused.err
+
+
+def test_the_controller_sees_what_the_optimizer_sees(command, rendered, tmp_path) -> None:
+    assert command("control", rendered, "--target-loss", 0.05, "--out", tmp_path / "pid", "--quiet").code == 0
+    curves = read_loss_curves(tmp_path / "pid" / "loss_curves.npz")
+    assert curves.field_of_view == read_track(tmp_path / "pid" / "track.csv").header.field_of_view == 90
+    assert curves.display.pixels_per_degree == pytest.approx(DENSITY)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 0.5])
+def test_a_render_loop_names_the_field_of_view_of_its_frames(sequence, degrees) -> None:
+    """At 90 degrees the display has more pixels than the frame; at 0.5 it has 36 of its 96."""
+    frames = [frame.pixel_values for frame in sequence.frames()]
+    curves = evenlight.loss_curves(frames, frames_per_second=5.0, field_of_view=degrees, tolerance=0)
+    knot = len(curves.factors) // 2
+    online = evenlight.OnlineController(0.05, field_of_view=degrees, start_factor=curves.factors[knot])
+    for _ in range(2):  # the first frame's loss is read from its curve, the second's measured at the factor
+        online.step(frames[0])
+        assert online.loss == pytest.approx(curves.loss[0, knot], abs=1e-6)
+
+
+def test_a_render_loops_frames_keep_their_size() -> None:
+    online = evenlight.OnlineController(0.05, field_of_view=0.5)
+    online.step(np.zeros((54, 96, 3), dtype=np.uint8))
+    with pytest.raises(InputError, match="expected a frame of the shape"):
+        online.step(np.zeros((60, 96, 3), dtype=np.uint8))
+
+
+def test_a_track_of_an_earlier_version_has_no_field_of_view(sequence, tmp_path) -> None:
+    made = evenlight.optimize(sequence, 0.5)
+    made.save(tmp_path)
+    sidecar = tmp_path / "track.json"
+    header = json.loads(sidecar.read_text())
+    assert header.pop("field_of_view_deg") == 90
+    sidecar.write_text(json.dumps(header))
+    assert read_track(tmp_path / "track.csv").header == replace(made.track.header, field_of_view=None)
+
+
+def test_a_picture_has_one_size(command, tmp_path) -> None:
+    both = ("--display", "varjo-xr3", "--field-of-view", 60)
+    told = command("render", "checkerboard", *both, "--out", tmp_path / "v.mkv")
+    assert (told.code, told.err.count("\n")) == (2, 1)
+    assert "--field-of-view and --display" in told.err
+    too_wide = command("render", "checkerboard", "--field-of-view", 180, "--out", tmp_path / "v.mkv")
+    assert "need a field of view from 0.1 to 175 degrees, got 180" in too_wide.err
+    assert list(tmp_path.iterdir()) == []
