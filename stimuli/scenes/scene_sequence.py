@@ -14,6 +14,7 @@ from pathlib import Path
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.stimuli.scenes.content.catalogue import is_scene_file, path_named, scene_of
+from evenlight.stimuli.scenes.engine.antialiasing import OFFLINE, Antialiasing
 from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
 from evenlight.stimuli.scenes.engine.scene import SEED, Quality
@@ -37,12 +38,15 @@ class SceneSequence:
         Of the scene's light.
     scene : str
         Name or file of the scene, in place of the path's own.
+    antialiasing : Antialiasing
+        Samples of each pixel.
     """
 
     format: SequenceFormat
     path_name: str
     quality: Quality = Quality.FINE
     scene: str = ""
+    antialiasing: Antialiasing = OFFLINE
 
     def __post_init__(self) -> None:
         path = self.path()
@@ -75,7 +79,8 @@ class SceneSequence:
     def sha256(self) -> str:
         """Return the SHA-256 of the sequence's definition."""
         path = self.path()
-        definition: tuple[object, ...] = (scenes_sha256(), self.quality.name, SEED, path.text, self.format)
+        kind = self.quality.name, self.antialiasing
+        definition: tuple[object, ...] = (scenes_sha256(), *kind, SEED, path.text, self.format)
         if is_scene_file(path.scene):
             definition = (*definition, sha256_of_gltf(Path(path.scene)))
         elif self.scene:
@@ -98,7 +103,8 @@ class SceneSequence:
         with offscreen_context() as context:
             scene = scene_of(path)
             check_path(path, scene)
-            renderer = SceneRenderer(context, scene, (self.format.width, self.format.height), self.quality)
+            size = self.format.width, self.format.height
+            renderer = SceneRenderer(context, scene, size, self.quality, self.antialiasing)
             for time, duration in self.format.times():
                 renderer.render(path.camera(time, self.field_of_view))
                 renderer.encode()
