@@ -8,8 +8,8 @@ from scene_places import place_at
 
 from evenlight.stimuli.scenes.content.catalogue import path_named, scene_named
 from evenlight.stimuli.scenes.content.school import building
-from evenlight.stimuli.scenes.content.school.furniture import book_row
 from evenlight.stimuli.scenes.content.school.school import school
+from evenlight.stimuli.scenes.content.school.shelves import book_row
 from evenlight.stimuli.scenes.content.textures.school import SPINE_ROWS, faded_spines, library_spines
 from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.scene import SEED, Material

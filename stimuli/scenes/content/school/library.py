@@ -20,10 +20,7 @@ from evenlight.stimuli.scenes.content.school.building import (
     wall,
 )
 from evenlight.stimuli.scenes.content.school.furniture import (
-    CASE_WIDTH,
     bench,
-    book_trolley,
-    bookcase,
     card_catalogue,
     chair,
     closed_books,
@@ -33,10 +30,10 @@ from evenlight.stimuli.scenes.content.school.furniture import (
     reading_table,
     school_bag,
     service_desk,
-    stack_row,
     wall_clock,
     waste_bin,
 )
+from evenlight.stimuli.scenes.content.school.shelves import CASE_WIDTH, book_trolley, bookcase, stack_row
 from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.shapes import rectangle
 
