@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
     from evenlight.data_schema.tracks.loss_curves import LossCurves
     from evenlight.hardware.backlights import restore_and_release
-    from evenlight.hardware.driver_table import Driver, LinkKind
+    from evenlight.hardware.driver import Driver, LinkKind
     from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
     from evenlight.hardware.protocols import (
         Backlight,
@@ -69,7 +69,7 @@ _PLACES = {
         ("Backlight", "ContextDevice", "Fault", "InstrumentError", "LuminanceMeter", "PowerMeter", "Reading"),
         "evenlight.hardware.protocols",
     ),
-    **dict.fromkeys(("Driver", "LinkKind"), "evenlight.hardware.driver_table"),
+    **dict.fromkeys(("Driver", "LinkKind"), "evenlight.hardware.driver"),
     "restore_and_release": "evenlight.hardware.backlights",
     **dict.fromkeys(("PowerSample", "ClockPing"), "evenlight.data_schema.recordings.instrument_logs"),
     **dict.fromkeys(("SerialLink", "LineSettings"), "evenlight.hardware.drivers.serial_link"),

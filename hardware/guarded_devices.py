@@ -16,7 +16,7 @@ from typing import Any
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
 from evenlight.hardware.backlights import restore_and_release
-from evenlight.hardware.driver_table import NamedDriver
+from evenlight.hardware.driver import NamedDriver
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.plausibility import require_luminance, require_power
 from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading

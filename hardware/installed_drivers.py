@@ -14,15 +14,8 @@ import sys
 from collections.abc import Mapping
 from importlib import metadata
 
-from evenlight.hardware.driver_table import (
-    BACKLIGHTS,
-    LUMINANCE_METERS,
-    POWER_METERS,
-    SIMULATED,
-    Driver,
-    NamedDriver,
-    named_driver,
-)
+from evenlight.hardware.driver import SIMULATED, Driver, NamedDriver, named_driver
+from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS
 
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
 

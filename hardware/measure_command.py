@@ -14,7 +14,8 @@ from typing import Annotated, Protocol
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.driver_table import LIGHT_SAMPLERS, TRIGGERS, Driver
+from evenlight.hardware.driver import Driver
+from evenlight.hardware.driver_table import LIGHT_SAMPLERS, TRIGGERS
 from evenlight.hardware.installed_drivers import InstrumentKind, known_drivers
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal

@@ -14,7 +14,7 @@ from typing import Any, cast
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
 from evenlight.data_schema.storage.append_log import AppendedRows
-from evenlight.hardware.driver_table import SIMULATED, Driver, NamedDriver, named_driver
+from evenlight.hardware.driver import SIMULATED, Driver, NamedDriver, named_driver
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 from evenlight.hardware.power_average import PowerAverage, averaged, sampled
 from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, Reading, ZeroedMeter

@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import SLOWEST_DISPLAY, Rig
-from evenlight.hardware.driver_table import (
-    BOARD,
-    IMPORTED,
-    LIGHT_SAMPLERS,
-    NO_BACKLIGHT,
-    SIMULATED,
-    TRIGGERS,
-    NamedDriver,
-    named_driver,
-    own_simulation,
-)
+from evenlight.hardware.driver import SIMULATED, NamedDriver, named_driver, own_simulation
+from evenlight.hardware.driver_table import BOARD, IMPORTED, LIGHT_SAMPLERS, NO_BACKLIGHT, TRIGGERS
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import (

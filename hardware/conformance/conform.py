@@ -12,7 +12,7 @@ from pathlib import Path
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.conformance import faults, interface, working
 from evenlight.hardware.conformance.subject import BrokenPromiseError, Subject, promised
-from evenlight.hardware.driver_table import SIMULATED
+from evenlight.hardware.driver import SIMULATED
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 
 MANUAL = "manual"

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import Any
 
 from evenlight.hardware.conformance.subject import Subject, promised
-from evenlight.hardware.driver_table import Driver
+from evenlight.hardware.driver import Driver
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import Backlight, LuminanceMeter, PowerMeter
 

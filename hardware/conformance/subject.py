@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from evenlight.hardware import rig
-from evenlight.hardware.driver_table import SIMULATED, LinkKind, NamedDriver
+from evenlight.hardware.driver import SIMULATED, LinkKind, NamedDriver
 from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan
 from evenlight.hardware.guarded_devices import GUARDS, GuardedDevice
 from evenlight.hardware.installed_drivers import InstrumentKind

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
 import sys
 import tempfile
 from contextlib import AbstractContextManager
@@ -97,8 +98,10 @@ class EmulatedSpotread(AbstractContextManager["EmulatedSpotread"]):
         port = self._link.url.rpartition(":")[2]
         # -I -S: it needs nothing that is installed, and starts in a third of the time without.
         command = shlex.join([sys.executable, "-I", "-S", str(PROGRAM), port])
-        script.write_text(f'#!/bin/sh\nexec {command} "$@"\n')
-        script.chmod(0o700)
+        # By a process of its own: a file that this one has open for writing may be so in a child that another
+        # thread starts meanwhile, and cannot be run as long.
+        write = ["sh", "-c", 'cat > "$0" && chmod 700 "$0"', str(script)]
+        subprocess.run(write, input=f'#!/bin/sh\nexec {command} "$@"\n', text=True, check=True)
         self.url = f"{NUMBER}@{script}"
 
     def __exit__(self, *_: object) -> None:

@@ -27,7 +27,7 @@ from evenlight.hardware.conformance.conform import (
 from evenlight.hardware.conformance.faults import Breakable, require_told_not_restored
 from evenlight.hardware.conformance.interface import import_failure
 from evenlight.hardware.conformance.subject import Subject, warm_white_panel
-from evenlight.hardware.driver_table import SIMULATED, NamedDriver
+from evenlight.hardware.driver import SIMULATED, NamedDriver
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import Fault, InstrumentError

@@ -12,7 +12,7 @@ import evenlight
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.conformance.conform import PROMISES, broken, conform, subject_named
 from evenlight.hardware.conformance.subject import Subject
-from evenlight.hardware.driver_table import NamedDriver
+from evenlight.hardware.driver import NamedDriver
 from evenlight.hardware.installed_drivers import InstrumentKind
 
 EXAMPLE = Path(evenlight.__file__).parents[1] / "examples" / "evenlight-instruments"

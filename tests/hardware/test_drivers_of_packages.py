@@ -13,7 +13,7 @@ import pytest
 
 from evenlight import ClockPing, ContextDevice, Driver, Fault, InstrumentError, PowerSample, Reading
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.driver_table import NamedDriver
+from evenlight.hardware.driver import NamedDriver
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 from evenlight.hardware.rig import open_backlight, open_luminance_meter

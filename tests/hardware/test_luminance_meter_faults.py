@@ -24,7 +24,8 @@ import numpy as np
 import pytest
 import serial
 
-from evenlight.hardware.driver_table import LUMINANCE_METERS, LinkKind
+from evenlight.hardware.driver import LinkKind
+from evenlight.hardware.driver_table import LUMINANCE_METERS
 from evenlight.hardware.drivers import serial_link, serial_meter
 from evenlight.hardware.drivers.colorcal import ColorCal
 from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110

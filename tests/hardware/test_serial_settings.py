@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import serial
 
-from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS, Driver, LinkKind
+from evenlight.hardware.driver import Driver, LinkKind
+from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS
 from evenlight.hardware.drivers.serial_link import SerialLink
 from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation

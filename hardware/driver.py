@@ -1,0 +1,180 @@
+"""What a driver is: where it is, what it drives, how it is tried; and what the name of an instrument says.
+
+Which drivers there are: `hardware.driver_table`, and of packages `hardware.installed_drivers`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import enum
+import importlib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from evenlight.data_schema.errors import InputError
+
+if TYPE_CHECKING:
+    from evenlight.hardware.simulated.panel import Simulation
+
+SIMULATED = "simulated"  # by itself, an instrument in this process; before a driver's name, an emulated one
+
+
+class LinkKind(enum.Enum):
+    """How a driver reaches an emulated instrument."""
+
+    SOCKET = "socket"  # a port of any setting
+    TERMINAL = "terminal"  # a serial port of 8N1
+    OWN = "own"  # the emulator is no dialogue, and makes what the driver opens
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """A driver: its class, what `measure list` says of it, and the emulated instrument to try it on.
+
+    A package declares one for each instrument that it brings, in an entry point (docs/drivers.md).
+
+    Attributes
+    ----------
+    place : type
+        The class, of the arguments `address, clock, timeout=None`. Of Evenlight's own drivers its module and
+        name in `evenlight.hardware`, "drivers.power_board:BoardPowerMeter"; empty where no device is opened.
+    instrument, address, settings, note : str
+        What it drives; the form of its address, which begins with its name ("ls100:PORT"); settings of line
+        and instrument, and what else to know, in words.
+    usb_ids : tuple of (int, int)
+        Vendor and product numbers that the instrument has on USB, where they are known.
+    emulator : type, optional
+        The emulated instrument, made of a `Simulation`, with `receive(data)` and `stream()`.
+    link : LinkKind
+        How the driver reaches that: a socket (which is the default) or a serial port.
+    emulated_address : str
+        Its address there, with `{url}`, or `{host}` and `{port}`, for where the link is.
+    needs_address : bool
+        Whether the driver needs to know where the instrument is.
+    sample_rate : float
+        Of a power meter, where `measure power` is given no other [Hz].
+    """
+
+    place: str | type[Any]
+    instrument: str = ""  # what it drives; a driver without it is not listed
+    address: str = ""  # the form of its address, e.g. "ls100:PORT"
+    settings: str = ""  # of the line and of the instrument, in words
+    note: str = ""  # what else to know: an extra or a program to install, what is not confirmed
+    # vendor and product numbers that the instrument has on USB, where they are known
+    usb_ids: tuple[tuple[int, int], ...] = ()
+    emulator: str | type[Any] = ""  # class of the emulated instrument; empty where there is none
+    link: LinkKind = LinkKind.SOCKET  # how the driver reaches that
+    # of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it
+    emulated_address: str = "{url}"
+    # module and function that open the driver on an emulated instrument, where its class does not
+    on_link: str = ""
+    needs_address: bool = True  # whether the driver needs to know where the instrument is
+    sample_rate: float = 100.0
+    package: str = ""  # that it comes from, which is noted when it is found; empty for our own
+
+    def load(self) -> Any:
+        """Return the class of the driver."""
+        return self.place if isinstance(self.place, type) else _named(self.place)
+
+    def load_emulator(self) -> Any:
+        """Return the class of the emulated instrument."""
+        return self.emulator if isinstance(self.emulator, type) else _named(self.emulator)
+
+    def guarded(self) -> bool:
+        """Return whether what the driver gives is another's, and checked: a package's or a program's."""
+        return bool(self.package) or self.address.startswith("exec:")
+
+    def open_at(self, url: str, clock: Callable[[], float], timeout: float | None = None) -> Any:
+        """Return the driver, opened at what the link to an emulated instrument made."""
+        opener, where = _named(self.on_link) if self.on_link else self.load(), urlsplit(url)
+        return opener(
+            self.emulated_address.format(url=url, host=where.hostname, port=where.port), clock, timeout
+        )
+
+    def open_emulated(self, clock: Callable[[], float], simulation: Simulation) -> tuple[Any, Any]:
+        """Return the driver on an emulated instrument, and the link between them; both are open."""
+        from evenlight.hardware.emulators.link import EmulatedLink
+
+        emulator = self.load_emulator()(simulation)
+        if self.link is LinkKind.OWN:
+            link = emulator
+        else:
+            link = EmulatedLink(emulator, pseudo_terminal=self.link is LinkKind.TERMINAL)
+        try:
+            return self.open_at(link.url, clock), link
+        except BaseException:
+            link.__exit__(None, None, None)
+            raise
+
+
+def _named(place: str) -> Any:
+    """Return what a module of `evenlight.hardware` has under a name."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(f"evenlight.hardware.{module}"), name)
+
+
+@dataclass(frozen=True, slots=True)
+class NamedDriver:
+    """What the name of an instrument says."""
+
+    name: str  # of the driver
+    driver: Driver  # where it is
+    address: str  # of the instrument
+    emulated: bool  # whether the instrument is an emulated one
+
+
+def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDriver:
+    """Return what the name of an instrument says.
+
+    Parameters
+    ----------
+    name : str
+        DRIVER:ADDRESS, or "simulated:DRIVER".
+    drivers : mapping of str to Driver
+        What there is.
+    what : str
+        What kind of instrument they drive, as messages name it.
+
+    Raises
+    ------
+    InputError
+        If there is no such driver, or the name does not say where the instrument is.
+
+    >>> from evenlight.hardware.driver_table import LUMINANCE_METERS
+    >>> named_driver("ls100:COM3", LUMINANCE_METERS, "luminance meter").address
+    'COM3'
+    >>> named_driver("simulated:ls100", LUMINANCE_METERS, "luminance meter").emulated
+    True
+    """
+    driver, _, address = name.partition(":")
+    emulated = driver == SIMULATED and bool(address)
+    if emulated:
+        driver, address = address, ""
+    offered = [each for each in drivers if (drivers[each].emulator if emulated else drivers[each].place)]
+    if driver not in offered:
+        kind = f"emulated {what}" if emulated else what
+        raise InputError(f"{name}: there is no {kind} {driver!r}; {_offer(driver, offered)}")
+    if drivers[driver].needs_address and not (address or emulated):
+        raise InputError(
+            f"{name}: where is it? Give {driver}:ADDRESS; `evenlight measure list` shows its form"
+        )
+    return NamedDriver(driver, drivers[driver], address, emulated)
+
+
+def own_simulation(clock: Callable[[], float]) -> Simulation:
+    """Return something to look at for a simulated instrument that was handed nothing: a panel of its own."""
+    import time
+
+    import numpy as np
+
+    from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+
+    return Simulation(SimulatedPanel(PanelPhysics(), clock), np.random.default_rng(1), clock, time.sleep)
+
+
+def _offer(driver: str, drivers: Collection[str]) -> str:
+    """Return what was meant perhaps, and what there is."""
+    hint = difflib.get_close_matches(driver, drivers, n=1)
+    return (f"did you mean {hint[0]!r}? There" if hint else "there") + f" is {', '.join(drivers)}"
