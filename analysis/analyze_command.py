@@ -31,6 +31,12 @@ def analyze(
     slowing: Annotated[
         float, typer.Option(help="Search: times longer by less than this share count as no slowing.")
     ] = 0.25,
+    fit_measure: Annotated[
+        bool, typer.Option("--fit-measure", help="Rating: fit the measure of loss to the ratings.")
+    ] = False,
+    stimuli: Annotated[
+        Path | None, typer.Option(help="--fit-measure: the folder of the stimuli that were rated.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of what is drawn at random.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
 ) -> None:
@@ -46,8 +52,18 @@ def analyze(
         if name not in TASKS:
             raise InputError(f"--task must be one of {', '.join(TASKS)}, got {name!r}")
     require_apart(out, dataset)
+    if fit_measure != (stimuli is not None):
+        raise InputError(
+            "--fit-measure and --stimuli FOLDER go together: the videos and tracks that were rated"
+        )
+    if fit_measure and task and "rating" not in task:
+        raise InputError("--fit-measure is about ratings; leave out --task, or add --task rating")
     options = AnalysisOptions(
-        seed=seed, margin=margin, slowing=slowing, tasks=tuple(dict.fromkeys(task or ()))
+        seed=seed,
+        margin=margin,
+        slowing=slowing,
+        tasks=tuple(dict.fromkeys(task or ())),
+        rated=stimuli,
     )
     before = earlier_files(out / SUMMARY)
     with results_folder(out) as folder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,7 @@ from evenlight.analysis.track_options import (
     LimitCurveOption,
     MinFactorOption,
     ModulatedOption,
+    NoCacheOption,
     OtherDisplayOption,
     PowerModelOption,
     QuietOption,
@@ -60,12 +62,22 @@ def control(
         float | None,
         typer.Option(help="Seconds over which the mean is to meet the budget.", show_default="60"),
     ] = None,
-    proportional: Annotated[float, typer.Option(help="Gain K_p.")] = 0.2,
-    integral: Annotated[float, typer.Option(help="Gain K_i, per frame of 1 / --gain-rate.")] = 0.01,
-    derivative: Annotated[float, typer.Option(help="Gain K_d, likewise.")] = 0.05,
+    lookahead: Annotated[
+        float | None,
+        typer.Option(
+            help="Plan ahead: so many seconds of the video to come are known, 0 for none; in place of the "
+            "PID controller and its gains."
+        ),
+    ] = None,
+    proportional: Annotated[float | None, typer.Option(help="Gain K_p.", show_default="0.2")] = None,
+    integral: Annotated[
+        float | None, typer.Option(help="Gain K_i, per frame of 1 / --gain-rate.", show_default="0.01")
+    ] = None,
+    derivative: Annotated[float | None, typer.Option(help="Gain K_d, likewise.", show_default="0.05")] = None,
     gain_rate: Annotated[
-        float, typer.Option(help="Frame rate that the gains are for [Hz]; 0: that of the video.")
-    ] = 90.0,
+        float | None,
+        typer.Option(help="Frame rate that the gains are for [Hz]; 0: that of the video.", show_default="90"),
+    ] = None,
     start_factor: Annotated[
         float | None, typer.Option(help="Factor of the first frame; else where it has the target loss.")
     ] = None,
@@ -92,9 +104,10 @@ def control(
     device: DeviceOption = Device.CPU,
     other_display_ok: OtherDisplayOption = False,
     accept_wide_band: AcceptWideBandOption = False,
+    no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Dim a video online: hold a contrast loss, or a power budget, knowing nothing of the frames to come."""
+    """Dim a video online: hold a contrast loss, or a power budget, knowing little of the frames to come."""
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
     from evenlight.analysis.tracks.control_run import ControlJob
     from evenlight.analysis.tracks.optimization_job import OptimizationJob
@@ -103,6 +116,7 @@ def control(
     from evenlight.method.choices import AnalysisEffort
     from evenlight.method.online.controller import ControllerSettings
     from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
+    from evenlight.method.online.lookahead import LOOKAHEADS, LookaheadSettings
     from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
         load_contrast_model,
@@ -119,13 +133,20 @@ def control(
         if value is not None:
             require_between(name, value, (0.0 if name == "--target-loss" else min_factor, 1.0))
     require_curves_to_compute(curves, jobs, device)
-    for name, gain in (
-        ("--proportional", proportional), ("--integral", integral), ("--derivative", derivative),
-        ("--gain-rate", gain_rate),
-    ):  # fmt: skip
-        require_between(name, gain, (0.0, 1e6))
+    asked_gains = {
+        "proportional": proportional, "integral": integral, "derivative": derivative, "gain_rate": gain_rate,
+    }  # fmt: skip
+    gains = {name: gain for name, gain in asked_gains.items() if gain is not None}
+    for name, gain in gains.items():
+        require_between(f"--{name.replace('_', '-')}", gain, (0.0, 1e6))
     if budget is None and (horizon is not None or budget_unit is not None):
         raise InputError("--horizon and --budget-unit are for --budget, which is not given")
+    if lookahead is not None:
+        require_between("--lookahead", lookahead, LOOKAHEADS)
+        of_gains = [*(["tune"] if tune else []), *(["sweep"] if sweep else []), *gains]
+        if of_gains:
+            name = of_gains[0].replace("_", "-")
+            raise InputError(f"--{name} is for the PID controller; --lookahead does without: leave one")
     unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
     require_between("--horizon", seconds, HORIZONS)
     panel = load_display(display)
@@ -151,16 +172,13 @@ def control(
         field_of_view=field_of_view,
         actuator=actuator,
         curves=curves,
+        cached=not no_cache,
         quiet=quiet,
         effort=effort,
     )
-    settings = ControllerSettings(
-        target_loss=target_loss or 0.0,
-        proportional=proportional,
-        integral=integral,
-        derivative=derivative,
-        gain_rate=gain_rate or None,
-        lowest_factor=min_factor,
+    settings = replace(
+        ControllerSettings(target_loss or 0.0, lowest_factor=min_factor),
+        **(gains if gain_rate != 0 else {**gains, "gain_rate": None}),
     )
     asked = ControlJob(
         work=work,
@@ -170,6 +188,7 @@ def control(
         target_is_given=target_loss is not None,
         tuned=tune,
         sweep=targets_in(sweep),
+        lookahead=None if lookahead is None else LookaheadSettings(lookahead, seconds),
     )
     with results_folder(out) as folder:
         done, rows = run_control(asked, folder)

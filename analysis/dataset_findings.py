@@ -48,6 +48,8 @@ class AnalysisOptions:
         Which tasks; empty for all that there are.
     compared : RateLimit or None
         A rate limit that is drawn beside that of a calibration.
+    rated : Path or None
+        Folder of the stimuli that were rated, to fit the measure of loss to the ratings.
     """
 
     seed: int = 1
@@ -55,6 +57,7 @@ class AnalysisOptions:
     slowing: float = DEFAULT_SLOWING
     tasks: tuple[str, ...] = ()
     compared: RateLimit | None = None
+    rated: Path | None = None
 
     def __post_init__(self) -> None:
         require_seed(self.seed)
@@ -106,6 +109,7 @@ ANALYSES = {
     "comparison": TaskAnalysis("Noticing the modulation", _comparison),
     "search": TaskAnalysis("Finding things", _search),
 }
+MEASURE = "measure"  # the findings that are about ratings too, and have files of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +202,12 @@ def find_in_dataset(
         result.findings[task] = findings
         result.simulated[task], result.inputs[task] = data.simulated, data.sha256
         result.participants[task] = len(data.participant_ids)
+        if task == "rating" and options.rated is not None:
+            from evenlight.analysis.rating.measure_findings import measure_findings
+
+            result.findings[MEASURE] = measure_findings(
+                data, options.rated, lambda name: report(f"what {name} loses, by each measure")
+            )
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
     return replace(result, roll=roll)
@@ -300,9 +310,12 @@ def _files(found: DatasetFindings) -> dict[str, str]:
     """Return the files that were written, with what they hold."""
     files = {}
     for task, findings in found.findings.items():
-        files[f"{findings.name}_statistics.csv"] = f"every number of {ANALYSES[task].title.lower()}"
+        about = "the fit of the measure" if task == MEASURE else ANALYSES[task].title.lower()
+        files[f"{findings.name}_statistics.csv"] = f"every number of {about}"
         for drawing in findings.drawings:
             files[f"{drawing.name}.png, {drawing.name}_points.csv"] = drawing.caption
+        for name in findings.presets:
+            files[name] = "the best measure, for `evenlight optimize --contrast-model`"
     if "ramp" in found.findings:
         files["thresholds.csv"] = "thresholds of each participant and level, with 95 % credible intervals"
         files["rate_limit.json"] = "the fitted rate limit, for `evenlight optimize --rate-limit`"

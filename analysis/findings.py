@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from evenlight.analysis.integrity.concern import Concern, cautious
 from evenlight.analysis.report import Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
 from evenlight.data_schema.storage.tables import write_rows
+from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.data_schema.storage.whole_files import write_whole
 
 
@@ -59,6 +62,8 @@ class Findings:
         What is wrong but does not forbid the use.
     concerns : tuple of Concern
         What is wrong with the trials themselves; the warnings begin with them.
+    presets : mapping of str to record
+        Files that other commands take as presets, by name.
     """
 
     name: str
@@ -68,6 +73,7 @@ class Findings:
     sections: tuple[Section, ...]
     warnings: tuple[str, ...] = ()
     concerns: tuple[Concern, ...] = ()
+    presets: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def cautious_lead(self) -> str:
@@ -84,6 +90,8 @@ def write_findings(folder: Path, findings: Findings) -> None:
     write_statistics(folder, findings)
     for drawing in findings.drawings:
         write_drawing(folder, drawing)
+    for name, record in findings.presets.items():
+        write_toml_record(folder / name, record)
 
 
 def write_statistics(folder: Path, findings: Findings) -> None:

@@ -21,6 +21,7 @@ from evenlight.analysis.track_options import (
     LimitCurveOption,
     MinFactorOption,
     ModulatedOption,
+    NoCacheOption,
     OtherDisplayOption,
     PowerModelOption,
     QuietOption,
@@ -35,10 +36,18 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, SolverName
+from evenlight.method.choices import (
+    DEFAULT_CALM,
+    Device,
+    LimitCurve,
+    ModulatedLuminance,
+    ObjectiveName,
+    SolverName,
+)
+from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
 
 if TYPE_CHECKING:
-    from evenlight.data_schema.tracks.brightness_track import OptimizationSummary
+    from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
 def optimize(
@@ -80,11 +89,36 @@ def optimize(
         Path | None, typer.Option(help="Track of an earlier result to start from, or its folder.")
     ] = None,
     calm: Annotated[
-        float, typer.Option(help="Share of the gain to give up for a calmer track, e.g. 0.02.")
-    ] = 0.0,
+        float, typer.Option(help="Share of the gain to give up for a calmer track; 0 for the exact optimum.")
+    ] = DEFAULT_CALM,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Minimize the worst spread by several measures of loss (--measures); without --curves, "
+            "--with, --device, --start, --contrast-model, --objective.",
+        ),
+    ] = False,
+    measures: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Those of --robust, with commas: {', '.join(MEASURES)}.", show_default=",".join(ROBUST)
+        ),
+    ] = None,
+    objective: Annotated[
+        ObjectiveName,
+        typer.Option(
+            help="What to minimize: differences of loss between frames, these and the mean loss, "
+            "or the largest loss of any frame."
+        ),
+    ] = ObjectiveName.SPREAD,
+    level_weight: Annotated[
+        float | None, typer.Option(help="Weight of the mean loss in spread+mean, e.g. 0.5.")
+    ] = None,
     other_display_ok: OtherDisplayOption = False,
     accept_wide_band: AcceptWideBandOption = False,
     seed: Annotated[int, typer.Option(help="Seed of the solver's start (slsqp).")] = 1,
+    no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
@@ -93,8 +127,10 @@ def optimize(
     from evenlight.analysis.tracks.track_results import run_optimization
     from evenlight.data_schema.storage.tables import read_rows
     from evenlight.data_schema.storage.whole_files import results_folder
-    from evenlight.data_schema.tracks.brightness_track import AllowanceSection, WeightSection
+    from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
     from evenlight.method.choices import AnalysisEffort
+    from evenlight.method.contrast.measures import measure_named
+    from evenlight.method.optimizer.objective import objective_named
     from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
         load_contrast_model,
@@ -112,6 +148,14 @@ def optimize(
         raise InputError(
             f"--tolerance must lie in 0 (count all of every frame) to below 1, got {tolerance:g}"
         )
+    judged = _robust_measures(robust, measures)
+    if judged:
+        given = {"--curves": curves, "--with": with_, "--device": device is not Device.CPU, "--start": start,
+                 "--contrast-model": contrast_model != "default",
+                 "--objective": objective is not ObjectiveName.SPREAD}  # fmt: skip
+        refused = [name for name, is_given in given.items() if is_given]
+        if refused:
+            raise InputError(f"--robust analyses one video by each measure; leave out {', '.join(refused)}")
     require_seed(seed)
     require_there("--start", start, "a track.csv, or the folder of an earlier result")
     require_there("--weights", weights, "a csv table start_s,end_s,weight")
@@ -124,18 +168,19 @@ def optimize(
         budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
         weights=() if weights is None else tuple(read_rows(WeightSection, weights)),
         allowances=() if allowances is None else tuple(read_rows(AllowanceSection, allowances)),
+        minimized=objective_named(objective, level_weight),
     )  # fmt: skip
     require_possible(request, min_factor)
     if curves is not None and with_:
         raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
     source, *others = open_videos([video, *(with_ or ())], fps)
-    model = load_contrast_model(contrast_model)
+    model = measure_named(judged[0]) if judged else load_contrast_model(contrast_model)
     work = OptimizationJob(
         source=source,
         display=panel,
         request=request,
         model=model,
-        model_name=contrast_model,
+        model_name=judged[0] if judged else contrast_model,
         solver=solver,
         seed=seed,
         min_factor=min_factor,
@@ -150,6 +195,8 @@ def optimize(
         effort=AnalysisEffort(
             tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)
         ),
+        cached=not no_cache,
+        robust=judged,
         quiet=quiet,
     )
     with results_folder(out) as folder:
@@ -160,24 +207,34 @@ def optimize(
         _print_result(summary, out)
 
 
+def _robust_measures(robust: bool, measures: str | None) -> tuple[str, ...]:
+    """Return the measures of a robust track; none if it is not to be one."""
+    if measures is not None and not robust:
+        raise InputError(f"--measures {measures} is for --robust, which is missing")
+    if not robust:
+        return ()
+    if measures is None:
+        return ROBUST
+    return measures_named([name for item in measures.split(",") if (name := item.strip())])
+
+
 def _print_result(summary: OptimizationSummary, out: Path) -> None:
     """Print what was achieved, in a few lines."""
-    less = 1 - summary.objective / summary.objective_baseline if summary.objective_baseline > 0 else 0.0
+    from evenlight.analysis.tracks.objective_words import minimized_in_words, spread_in_words
+    from evenlight.analysis.wording import detection_in_words, percent
+
     weighted = "weighted by --weights, " if summary.weighted else ""
-    certified = (
-        f"no track does better than {summary.lower_bound:.4g}" if summary.lower_bound > 0 else "not certified"
-    )
+    minimized = minimized_in_words(summary)
     asked = "" if summary.rate_limit_procedure is None else f" ({summary.rate_limit_procedure.value})"
     accepted = ", whose wide or missing band was accepted" if summary.wide_band_accepted else ""
     typer.echo(
         f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
-        f"{summary.mean_power / summary.full_power:.1%} of full power, "
+        f"{percent(summary.mean_power / summary.full_power)} of full power, "
         f"mean factor {summary.mean_factor:.4g}\n"
-        f"{weighted}contrast loss differs by {summary.objective:.4g} between two frames, "
-        f"{summary.objective_baseline:.4g} at constant dimming ({less:.1%} less; "
-        f"{certified})\n"
-        f"fastest change {summary.max_rate_ratio:.1%} of the rate limit {summary.rate_limit!r}{asked}"
+        f"{minimized and minimized + chr(10)}{weighted}{spread_in_words(summary)}\n"
+        f"fastest change {percent(summary.max_rate_ratio)} of the rate limit {summary.rate_limit!r}{asked}"
         f"{accepted}{beyond_the_fitted(summary)}\n"
+        f"{detection_in_words(summary)}\n"
         f"results in {out}"
     )
 

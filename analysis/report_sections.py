@@ -8,11 +8,18 @@ from dataclasses import replace
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.wording import first_few
+from evenlight.analysis.tracks.objective_words import less_or_more, minimized_in_words
+from evenlight.analysis.wording import detection_in_words, first_few
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.stimuli.video.viewing_geometry import geometry_words
+
+CLAIM = (
+    "What is made equal is the loss of visible contrast. Whether frames that lose the same share of it look "
+    "equally good, only viewers can say: docs/validity.md tells what is known."
+)
 
 
 def introduction_section() -> Section:
@@ -58,7 +65,7 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
         )
     return Section(
         f"Brightness track of {summary.video}",
-        (meaning_of(summary),),
+        (meaning_of(summary), CLAIM),
         (_summary_table(summary),),
         (Picture(track_png, caption),),
         notes,
@@ -76,11 +83,16 @@ def meaning_of(summary: OptimizationSummary) -> str:
     )
     if summary.frames_without_contrast == summary.frames:
         words += "Nothing is visible in any frame, so there is no contrast to lose. "
+    elif minimized := minimized_in_words(summary):
+        words += (
+            f"{minimized[0].upper()}{minimized[1:]}. Two frames picked at random differ by {short(ours)} in "
+            f"the share of visible contrast that they lose, under constant dimming by {short(constant)}. "
+        )
     elif constant > 0:
         words += (
             "It spreads the lost contrast more evenly: two frames picked at random differ by "
             f"{short(ours)} in the share of visible contrast that they lose, "
-            f"{100 * (1 - ours / constant):.0f} % less than under constant dimming ({short(constant)}). No "
+            f"{less_or_more(1 - ours / constant)} than under constant dimming ({short(constant)}). No "
             f"track within the limits gets below {short(summary.lower_bound)}. "
         )
     else:
@@ -90,7 +102,7 @@ def meaning_of(summary: OptimizationSummary) -> str:
     kept = "stays within" if ratio <= 1 + 1e-6 else "goes beyond"
     return words + (
         f"The fastest change reaches {100 * ratio:.0f} % of the rate limit and {kept} "
-        "what the calibration allows."
+        f"what the calibration allows; {detection_in_words(summary)}."
     )
 
 
@@ -120,6 +132,10 @@ def _summary_table(summary: OptimizationSummary) -> Table:
              summary.objective_baseline, "1"),
             ("lower bound of that difference", summary.lower_bound, None, "1"),
             ("fastest change, share of the rate limit", summary.max_rate_ratio, 0.0, "1"),
+            ("share of the time at the rate limit", summary.share_at_limit, 0.0, "1"),
+            ("share of the time above 0.9 of it", summary.share_near_limit, 0.0, "1"),
+            ("reversals of the brightness", summary.reversals_per_s, 0.0, "1/s"),
+            ("detectability of its changes, d′", summary.detectability, 0.0, "1"),
             ("length", summary.duration, summary.duration, "s"),
             ("frames", summary.frames, summary.frames, "1"),
             ("time for loss curves", summary.curves_s, None, "s"),

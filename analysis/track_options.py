@@ -27,7 +27,11 @@ DisplayOption = Annotated[str, typer.Option(help="Display: a preset or a toml fi
 PowerModelOption = Annotated[str, typer.Option(help="Power model: a preset or a toml file.")]
 RateLimitOption = Annotated[str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")]
 ContrastModelOption = Annotated[
-    str, typer.Option(help="Choices of the contrast model: a preset or a toml file.")
+    str,
+    typer.Option(
+        help="Choices of the contrast model: a toml file, or default, as-printed, soft, castle, absolute, "
+        "suprathreshold."
+    ),
 ]
 LimitCurveOption = Annotated[
     LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
@@ -60,6 +64,9 @@ OtherDisplayOption = Annotated[
 ]
 AcceptWideBandOption = Annotated[
     bool, typer.Option("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
+]
+NoCacheOption = Annotated[
+    bool, typer.Option("--no-cache", help="Neither use nor keep loss curves in the user's cache.")
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+
 
 def in_words(name: str) -> str:
     """Return the name of a sequence as it is written in a title.
@@ -70,3 +72,31 @@ def first_few(names: Sequence[str], most: int = 8) -> str:
     """
     shown = ", ".join(names[:most])
     return f"{shown} and {len(names) - most} others" if len(names) > most else shown
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, for a sentence.
+
+    >>> percent(0.9377)
+    '93.8 %'
+    """
+    return f"{100 * share:.1f} %"
+
+
+def detection_in_words(summary: OptimizationSummary) -> str:
+    """Return how near to its limit a track changes, and how well that can be detected, for a sentence."""
+    if summary.share_near_limit is None or summary.reversals_per_s is None:
+        return "how long it is near the limit is not known (an older file)"
+    words = (
+        f"{100 * summary.share_near_limit:.0f} % of the time above 0.9 of the rate limit, turning back "
+        f"{summary.reversals_per_s:.2f} times a second; "
+    )
+    if summary.detectability is None:
+        return f"{words}how detectable that is, a limit of `evenlight fit` tells"
+    words += f"to a watcher of a plain screen d' = {summary.detectability:.2g} over all of it"
+    if summary.windows_noticed is None:
+        return words
+    return (
+        f"{words}, a change reported in {summary.windows_noticed:.1f} of {summary.windows} windows, false "
+        "alarms included"
+    )

@@ -1,4 +1,4 @@
-"""How fast loss curves are, and how far every saving errs: of a frame, of a video, over pixels; memory."""
+"""How fast loss curves are, and how far every saving errs: of frames, files, videos, over pixels; memory."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from benchmarks.chart import duration
+from benchmarks.decoding_points import decoding_claims, decoding_points
 from benchmarks.frame_points import (
     EVERY,
     GROWTH,
@@ -34,7 +35,7 @@ def measure(settings: RunSettings) -> SubjectResults:
     display = load_display("varjo-xr3")
     frames = [*frame_points(settings, display), *curve_points(settings, frame_task, display)]
     knots, sizes = knot_points(settings, display), growth_points(settings, display)
-    refused = {}
+    files, refused = decoding_points(settings, display), {}
     try:
         videos, errors = video_points(settings, display)
     except InputError as error:
@@ -44,10 +45,11 @@ def measure(settings: RunSettings) -> SubjectResults:
         name="curves",
         title="Loss curves",
         lead=_lead(frames, videos),
-        points=(*frames, *knots, *sizes, *videos),
+        points=(*frames, *knots, *sizes, *files, *videos),
         charts=_charts(tasks, knots, videos),
         claims=(
             *_frame_claims(frames),
+            *decoding_claims(files),
             *_video_claims(videos),
             *default_claims(errors),
             *memory_claims(settings),
@@ -128,7 +130,7 @@ def _lead(frames: Points, videos: Points) -> str:
 def _notes() -> tuple[str, ...]:
     """Return what a reader should know."""
     return (
-        "Frames are in memory: decoding, which runs beside the analysis, is not part of these times.",
+        "Frames are in memory, but for those of H.264 files: there the steps are timed apart, and together.",
         "The definition dims the frame, rebuilds the pyramids and compares, in float64, for each factor.",
         "The one pass in NumPy takes the same steps, one expression over the image after the other: its time "
         "shows what the compiled loops save, its error in double precision what the one approximation costs.",

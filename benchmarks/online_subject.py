@@ -20,6 +20,7 @@ from benchmarks.online_frames import (
     layered_points,
     step_point,
 )
+from benchmarks.online_lookahead import lookahead_points
 from benchmarks.online_walk import (
     BUDGET,
     DIRECT,
@@ -55,11 +56,12 @@ def measure(settings: RunSettings) -> SubjectResults:
         house_curves(display, settings.quick), controller, limit, load_power_model("surace2025")
     )
     walked, tuned, off = walk_points(walk, settings)
+    looked, ahead_claims = lookahead_points(walk, display, settings)
     on_gpu, gpu_claims = online_points(settings)
-    claims = [*gpu_claims, *hard_claims(controller, display, settings, rng)]
+    claims = [*gpu_claims, *ahead_claims, *hard_claims(controller, display, settings, rng)]
     if not settings.quick:
         claims += _walk_claims(walked, off)
-    points = (*frames, *layered, *on_gpu, *latency, step, cited_point(), *walked)
+    points = (*frames, *layered, *on_gpu, *latency, step, cited_point(), *walked, *looked)
     whole = tuple(p for p in frames if p.approach == WHOLE)
     return SubjectResults(
         name="online",

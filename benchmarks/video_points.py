@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -43,7 +43,7 @@ class _Clip:
     @property
     def task(self) -> str:
         """What is done with it."""
-        height, width, _ = self.frames[0].pixel_values.shape
+        height, width = self.frames[0].shape
         return f"{self.name}: {len(self.frames)} frames of {width} x {height}"
 
 
@@ -82,7 +82,7 @@ def _clips(settings: RunSettings) -> Iterator[_Clip]:
 def _sunrise(size: tuple[int, int], n: int) -> _Clip:
     """Return the first frames of a rendered sequence."""
     frames = itertools.islice(built_in_sequence("sunrise", size).frames(), n)
-    return _Clip("sunrise", [replace(f, pixel_values=f.pixel_values.copy()) for f in frames])
+    return _Clip("sunrise", [Frame(f.time, f.duration, f.pixel_values.copy()) for f in frames])
 
 
 def film(width: int, height: int, n: int, seed: int) -> Iterator[Frame]:

@@ -33,6 +33,7 @@ class SensitivityModel(enum.Enum):
     BARTEN = "barten"  # full form, pupil from luminance and field size
     SIMPLIFIED = "simplified"  # closed form of the 2003 paper
     AUTHORS = "authors"  # full form with a fixed pupil, at the mean luminance of the level
+    CASTLE = "castle"  # castleCSF's achromatic form, fitted to many data sets (Ashraf et al. 2024)
 
 
 class MaskingNeighbourhood(enum.Enum):
@@ -47,6 +48,15 @@ class Visibility(enum.Enum):
 
     BOTH_POLARITIES = "both_polarities"  # |C_t| > 1: dark detail is seen as well as bright detail
     POSITIVE_ONLY = "positive_only"  # C_t > 1, as printed
+    SOFT = "soft"  # as likely as it is to be detected, both polarities
+
+
+class LossForm(enum.Enum):
+    """What of the visible contrast is counted as lost."""
+
+    RELATIVE = "relative"  # the share of visible contrast that vanishes (Eq. 5)
+    ABSOLUTE = "absolute"  # the share of all pixels whose contrast vanishes
+    SUPRATHRESHOLD = "suprathreshold"  # the share of perceived contrast above threshold that is lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +84,27 @@ class ContrastModel:
     masking: MaskingNeighbourhood = described(
         "which pixels mask a pixel", default=MaskingNeighbourhood.WITH_CENTRE
     )
+    masking_strength: float = quantity(
+        "1",
+        "what the masking of Eq. 3 is multiplied by; 0: none",
+        minimum=0.0,
+        maximum=4.0,
+        default=1.0,
+        later=True,
+    )
+    threshold: float = quantity(
+        "1",
+        "contrast that a lone pattern needs to be visible, in multiples of what S_CSF says",
+        minimum=1e-3,
+        maximum=1e3,
+        default=1.0,
+        later=True,
+    )
     visibility: Visibility = described(
         "which perceived contrasts C_t count as visible", default=Visibility.BOTH_POLARITIES
+    )
+    loss: LossForm = described(
+        "what of the visible contrast is counted as lost", default=LossForm.RELATIVE, later=True
     )
     epsilon: float = quantity(
         "cd/m^2",

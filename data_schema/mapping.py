@@ -41,8 +41,12 @@ def plain_value(value: Any) -> Any:
 
 def sha256_of_record(record: Any) -> str:
     """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
-    content = json.dumps(mapping_from_record(record), sort_keys=True)
-    return sha256_of_bytes(content.encode())
+    content = mapping_from_record(record)
+    for field in dataclasses.fields(record):
+        if field.metadata.get("later") and getattr(record, field.name) == field.default:
+            del content[file_key(field)]
+    text = json.dumps(content, sort_keys=True)
+    return sha256_of_bytes(text.encode())
 
 
 def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:

@@ -48,6 +48,7 @@ def quantity(
     min_items: int = 0,
     key: str | None = None,
     shape: tuple[str, ...] = (),
+    later: bool = False,
 ) -> Any:
     """Return a dataclass field for a physical quantity.
 
@@ -68,18 +69,23 @@ def quantity(
         Its key in files, where it is not the attribute's name with the unit's suffix.
     shape : tuple of str, optional
         Of an array: the name of each axis, or its length, e.g. ("N", "3").
+    later : bool, optional
+        As in `described`.
     """
     limits = {"above": above, "minimum": minimum, "maximum": maximum, "min_items": min_items}
-    metadata = {"unit": unit, "doc": doc, "key": key, "shape": shape, **limits}
+    metadata = {"unit": unit, "doc": doc, "key": key, "shape": shape, "later": later, **limits}
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def described(doc: str, *, default: Any = dataclasses.MISSING, pattern: str | None = None) -> Any:
+def described(
+    doc: str, *, default: Any = dataclasses.MISSING, pattern: str | None = None, later: bool = False
+) -> Any:
     """Return a dataclass field without a unit: a name, a choice, a flag.
 
-    A `pattern` is a regular expression that the whole text, or each text of a list, must match.
+    A `pattern` is a regular expression that the whole text, or each text of a list, must match. A field that
+    a record got `later` leaves its hash as it was while it has its default, so that older files stay usable.
     """
-    return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern})
+    return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern, "later": later})
 
 
 def as_in(record: type[Any], name: str) -> Any:

@@ -25,6 +25,7 @@ BAND_SLACK = 0.02  # share of the rate: coefficients copied with three digits
 FARTHEST_POINTS = math.log(3.0)  # mean distance from thresholds to the band, or to a curve without one
 POINTS_BEYOND = 1.1  # times the luminances measured: a display measured again joins levels 5 % apart
 MEND = "take the file as `evenlight fit` wrote it, or fit again"
+MOST_GUESSES, MOST_LAPSES = 0.74, 0.24  # with more, no rate is detected in 75 % of the trials
 SAMPLES = 201  # positions at which the polynomial is looked at: finer than a polynomial of degree 20 bends
 # Upper over lower edge: as far as thresholds of 95 % of people reach (SD 0.35 of ln: e^(2 · 1.96 · 0.35)).
 # A wider band tells no more of the median than one person picked at random (docs/decisions/wide-bands.md).
@@ -131,6 +132,28 @@ class RateLimit:
         "true if the curve was kept from falling with luminance, and its band narrowed to such curves if it "
         "holds any",
         default=False,
+    )
+
+    width: float | None = quantity(
+        "1",
+        "width of the median participant's psychometric function: ln(rate) from 5 % to 95 % of its rise; "
+        "null if not known",
+        above=0.0,
+        default=None,
+    )
+    guess_rate: float | None = quantity(
+        "1",
+        "their guess rate: P(yes) with nothing to see, or chance of two intervals; null if not known",
+        minimum=0.0,
+        maximum=MOST_GUESSES,
+        default=None,
+    )
+    lapse_rate: float | None = quantity(
+        "1",
+        "their lapse rate: P(no) with everything to see; null if not known",
+        minimum=0.0,
+        maximum=MOST_LAPSES,
+        default=None,
     )
 
     def __post_init__(self) -> None:
@@ -244,6 +267,11 @@ class RateLimit:
                 raise ValueError(
                     f"coefficients give a rate of {worst:.4g} cd/m^2/s within luminance_range_cd_m2; "
                     f"need at most {LARGEST_RATE:g}"
+                )
+            if worst < 0:
+                raise ValueError(
+                    f"coefficients give a rate below 0 at all of luminance_range_cd_m2, at most {worst:.4g} "
+                    "cd/m^2/s: no change would be slow enough; need one of 0 or more somewhere"
                 )
         elif not abs(worst) <= LARGEST_LN_RATE:
             raise ValueError(

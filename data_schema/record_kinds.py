@@ -50,13 +50,7 @@ from evenlight.data_schema.recordings.sweep import (
 )
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import (
-    AllowanceSection,
-    BrightnessTrack,
-    OptimizationSummary,
-    TrackHeader,
-    WeightSection,
-)
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
 from evenlight.data_schema.tracks.control import (
     ControlSummary,
     LiveControl,
@@ -64,7 +58,10 @@ from evenlight.data_schema.tracks.control import (
     TargetRow,
     TuningReport,
 )
+from evenlight.data_schema.tracks.judgement import Judgement, MeasureAgreement, MeasuredTrack
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 
 
 class FileFormat(enum.Enum):
@@ -211,6 +208,9 @@ KINDS = (
     RecordKind(BenchmarkSummary, _JSON, "benchmark.json", "`evenlight bench`"),
     RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),
     RecordKind(AllowanceSection, _CSV, "allowances.csv *.allowances.csv", "someone who knows the video"),
+    RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),
+    RecordKind(MeasuredTrack, _CSV, "judgement.csv", "`evenlight judge`"),
+    RecordKind(MeasureAgreement, _CSV, "agreement.csv", "`evenlight judge`"),
     RecordKind(ControlSummary, _JSON, "control.json", "`evenlight control`"),
     RecordKind(TargetRow, _CSV, "target_sweep.csv", "`evenlight control --sweep`"),
     RecordKind(TuningReport, _JSON, "tuning.json", "`evenlight control --tune`"),

@@ -22,6 +22,7 @@ from evenlight.analysis import (
     audit_command,
     control_command,
     fit_commands,
+    judge_command,
     optimize_command,
     plan_command,
     reproduce_command,
@@ -152,6 +153,7 @@ app.command()(fit_commands.fit)
 app.command()(analyze_command.analyze)
 app.command()(optimize_command.optimize)
 app.command()(control_command.control)
+app.command()(judge_command.judge)
 app.command()(audit_command.audit)
 app.command("reproduce")(reproduce_command.reproduce_command((_simulate, _repeat_viewing)))
 app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))

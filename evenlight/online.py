@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -15,6 +16,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.inputs import (
     LOWEST_FACTORS,
     Named,
@@ -28,10 +30,11 @@ from evenlight.inputs import (
     power_model_of,
     rate_limit_of,
 )
-from evenlight.method.choices import LimitCurve
+from evenlight.method.choices import Device, LimitCurve
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.contrast.frame_analysis import FrameLight
-from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.contrast.frame_analysis import FrameAnalyzer
+from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors, make_frame_analysis
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.online.controller import (
     Controller,
@@ -40,6 +43,7 @@ from evenlight.method.online.controller import (
     FrameMeasurement,
     SteeredTarget,
 )
+from evenlight.method.online.gain import GainMonitor, gain_warning
 from evenlight.method.online.governor import (
     HORIZON,
     HORIZONS,
@@ -49,6 +53,13 @@ from evenlight.method.online.governor import (
     GovernorState,
     first_factor,
     governor_of,
+)
+from evenlight.method.online.lookahead import (
+    LOOKAHEADS,
+    ForeseenFrame,
+    LookaheadController,
+    LookaheadSettings,
+    PlannedFrame,
 )
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.power import power_per_factor
@@ -62,6 +73,10 @@ class OnlineController:
     Each frame is analysed before it is shown; its contrast loss at the brightness of the frame before is what
     a PID controller holds at the target. No step is faster than the rate limit. With a budget, a governor
     moves the target so that the mean over the horizon meets it.
+
+    With `lookahead` another algorithm plans over the player's buffer, even one of 0 s, where only statistics
+    of what came tell what comes: `push` takes frames before they are shown and returns the factors of those
+    that are due, `finish` the rest.
 
     Parameters
     ----------
@@ -92,6 +107,8 @@ class OnlineController:
         The fitted rate limit, or the lower edge of its band.
     accept_wide_band : bool
         Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
+    lookahead : float, optional
+        How much of what is to come is known [s], 0 for nothing; it has no gains. None: the PID controller.
 
     Attributes
     ----------
@@ -101,6 +118,8 @@ class OnlineController:
         Its contrast loss, at the factor of the frame before.
     target_loss : float
         c_r now.
+    warnings : tuple of str
+        Whether nothing was gained over the last horizon, by an estimate; empty before one has passed.
 
     Raises
     ------
@@ -139,6 +158,7 @@ class OnlineController:
         gain_rate: float = 90.0,
         limit_curve: str = "fitted",
         accept_wide_band: bool = False,
+        lookahead: float | None = None,
     ) -> None:
         if target_loss is None and budget is None:
             raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
@@ -149,14 +169,13 @@ class OnlineController:
         self._power = power_model_of(power_model)
         limit = rate_limit_of(rate_limit, self._display, accept_wide_band=accept_wide_band)
         lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
-        unit, curve = (
-            choice("budget_unit", budget_unit, BudgetUnit),
-            choice("limit_curve", limit_curve, LimitCurve),
-        )
+        unit = choice("budget_unit", budget_unit, BudgetUnit)
+        curve = choice("limit_curve", limit_curve, LimitCurve)
+        over = number("horizon", horizon, *HORIZONS)
         self._budget: GovernorSettings | None = None
         if budget is not None:
             require_possible(Request(number("budget", budget), unit, self._power, limit), lowest)
-            self._budget = GovernorSettings(budget, unit, number("horizon", horizon, *HORIZONS))
+            self._budget = GovernorSettings(budget, unit, over)
         settings = ControllerSettings(
             target_loss=0.0 if target_loss is None else number("target_loss", target_loss, 0.0, 1.0),
             proportional=number("proportional", proportional, 0.0, 1e6),
@@ -178,6 +197,11 @@ class OnlineController:
         self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
         self._cost: FrameCost | None = None
         self._governed: GovernorState | None = None
+        self._monitor = GainMonitor(over)
+        seconds = None if lookahead is None else number("lookahead", lookahead, *LOOKAHEADS)
+        self._ahead = None if seconds is None else LookaheadSettings(seconds, over)
+        self._planner: LookaheadController | None = None
+        self._analysis: FrameAnalyzer | None = None
         self.factor: float | None = None
         self.loss: float | None = None
         self.target_loss = settings.target_loss
@@ -201,23 +225,85 @@ class OnlineController:
         float
             b, in [`lowest_factor`, 1]. Dim in linear light: D = b · I.
         """
-        seconds = frame.duration if isinstance(frame, Frame) else self._duration
-        seconds = seconds if duration is None else positive("duration", duration)
-        frame = self._shown(frame_of(frame))
+        if self._ahead is not None:
+            raise InputError(
+                "with lookahead, push frames and take the factors that are due, in place of step"
+            )
+        frame, seconds = self._received(frame, duration)
         if self._state is None or self._measure is None:
             self._state = self._begun(frame, seconds)
         else:
             seen = self._measure.of(frame.pixel_values, self._state.factor)
             aim = self._aim(self._state, seen.loss)
             told = FrameMeasurement(seen.loss, seen.mean_luminance, seconds)
+            self._monitor.take(self._state.factor, seen.loss, self._state.duration)
             self._state, self.loss = self._controller.step(self._state, told, aim), seen.loss
         self.factor = self._state.factor
         if self._costs is not None:
-            slope = power_per_factor(
-                self._power, self._light.luminance_and_means(frame.pixel_values)[1][None]
-            )
-            self._cost = self._costs.of(float(slope[0]), seconds)
+            means = self._light.luminance_and_means(frame.pixel_values)[1]
+            self._cost = self._cost_of(means, seconds)
         return self.factor
+
+    def push(self, frame: Frame | NDArray[Any], duration: float | None = None) -> list[float]:
+        """Put a frame into the buffer, and return the factors of those that are due, in their order.
+
+        A frame is due when `lookahead` seconds from its beginning on are known: none at first, later one.
+
+        Parameters
+        ----------
+        frame, duration : array or Frame, float, optional
+            As of `step`.
+
+        >>> controller = OnlineController(target_loss=0.05, frames_per_second=2, lookahead=1.0)
+        >>> frame = np.full((16, 16, 3), 0.5)
+        >>> [len(controller.push(frame)) for _ in range(4)], len(controller.finish())
+        ([0, 0, 1, 1], 2)
+        """
+        if self._ahead is None:
+            raise InputError(
+                "frames are pushed with lookahead, the seconds to be known; without it, use step"
+            )
+        frame, seconds = self._received(frame, duration)
+        if self._planner is None or self._analysis is None:
+            start, shape = self._first_factor(self._first_curves(frame)), frame.pixel_values.shape[:2]
+            knots = self._knots
+            self._planner = LookaheadController(
+                self._controller, self._ahead, knots, start, self._target_is_given
+            )
+            made = make_frame_analysis(shape, self._display, self._model, knots, Device.CPU)
+            self._analysis = made.analysis
+        seen = self._analysis.of(frame.pixel_values)
+        cost = None if self._costs is None else self._cost_of(seen.channel_means, seconds)
+        foreseen = ForeseenFrame(seen.loss, seen.mean_luminance, seconds, cost)
+        return self._handed_out(self._planner.push(foreseen))
+
+    def finish(self) -> list[float]:
+        """Return the factors of the frames that are left in the buffer: no more will come."""
+        return [] if self._planner is None else self._handed_out(self._planner.finish())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be said of the last horizon."""
+        warning = gain_warning(self._monitor.ratio)
+        return () if warning is None else (warning,)
+
+    def _handed_out(self, planned: list[PlannedFrame]) -> list[float]:
+        """Return the factors of planned frames, and note what became of them."""
+        for one in planned:
+            self.factor, self.loss, self.target_loss = one.state.factor, one.loss, one.target_loss
+            self._monitor.take(one.state.factor, one.loss, one.state.duration)
+        return [one.state.factor for one in planned]
+
+    def _received(self, frame: Frame | NDArray[Any], duration: float | None) -> tuple[Frame, float]:
+        """Return a frame as it is shown, and how long."""
+        seconds = frame.duration if isinstance(frame, Frame) else self._duration
+        seconds = seconds if duration is None else positive("duration", duration)
+        return self._shown(frame_of(frame)), seconds
+
+    def _cost_of(self, channel_means: Array, seconds: float) -> FrameCost:
+        """Return what the next frame uses of the budget."""
+        assert self._costs is not None
+        return self._costs.of(float(power_per_factor(self._power, channel_means[None])[0]), seconds)
 
     def _shown(self, frame: Frame) -> Frame:
         """Return a frame as the display can show it in the field of view."""
@@ -231,13 +317,18 @@ class OnlineController:
             raise InputError(f"expected a frame of the shape {first}, got {(height, width)}")
         return next(iter(self._geometry.shown([frame])))
 
-    def _begun(self, frame: Frame, seconds: float) -> ControllerState:
-        """Return the state at the first frame, and set the first target if none is given."""
-        settings, shape = self._controller.settings, frame.pixel_values.shape[:2]
+    @property
+    def _knots(self) -> Array:
+        return brightness_factors(self._controller.settings.lowest_factor)
+
+    def _first_curves(self, frame: Frame) -> LossCurves:
+        """Return the loss curve of the first frame."""
+        return analyze_frames([frame], "the first frame", self._display, self._model, self._knots)
+
+    def _first_factor(self, curves: LossCurves) -> float:
+        """Return the factor of the first frame, and set the first target if none is given."""
+        settings, start = self._controller.settings, self._start
         lowest, highest = settings.lowest_factor, settings.highest_factor
-        knots = brightness_factors(lowest)
-        curves = analyze_frames([frame], "the first frame", self._display, self._model, knots)
-        start = self._start
         if not self._target_is_given and self._budget is not None:
             slope = float(power_per_factor(self._power, curves.channel_means)[0])
             fair = first_factor(self._budget, self._power, slope, (lowest, highest))
@@ -247,7 +338,12 @@ class OnlineController:
             self._controller = replace(self._controller, settings=settings)
         if start is None:
             start = float(factor_at_loss(curves, np.array([settings.target_loss]))[0])
-        start = min(max(start, lowest), highest)
+        return min(max(start, lowest), highest)
+
+    def _begun(self, frame: Frame, seconds: float) -> ControllerState:
+        """Return the state at the first frame, and set the first target if none is given."""
+        curves, shape = self._first_curves(frame), frame.pixel_values.shape[:2]
+        start, lowest = self._first_factor(curves), self._controller.settings.lowest_factor
         self.loss = float(loss_and_slope(curves, np.array([start]))[0][0])
         self._measure = OneFactorLoss((shape[0], shape[1]), self._display, self._model, lowest)
         return self._controller.start(

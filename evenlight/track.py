@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import fspath
 from pathlib import Path
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from evenlight.analysis.earlier_results import files_in, remove_earlier_track
 from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.objective_words import less_or_more, minimized_in_words
 from evenlight.analysis.tracks.optimization import optimize_curves, optimize_video
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_figure import track_figure
@@ -32,7 +33,6 @@ from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
-    OptimizationSummary,
     read_track,
     track_columns,
     write_track,
@@ -43,6 +43,7 @@ from evenlight.data_schema.tracks.loss_curves import (
     require_possible_curves,
     write_loss_curves,
 )
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.inputs import (
     LOWEST_FACTORS,
     Frames,
@@ -57,8 +58,17 @@ from evenlight.inputs import (
     video_of,
     whole,
 )
-from evenlight.method.choices import AnalysisEffort, LimitCurve, ModulatedLuminance, SolverName
+from evenlight.method.choices import (
+    DEFAULT_CALM,
+    AnalysisEffort,
+    LimitCurve,
+    ModulatedLuminance,
+    ObjectiveName,
+    SolverName,
+)
 from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.measures import measure_named, measures_named
+from evenlight.method.optimizer.objective import objective_named
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -93,7 +103,7 @@ class Track:
         return (
             f"<Track of {s.video!r}: {s.frames} frames, {s.duration:.4g} s, mean factor {s.mean_factor:.3f}, "
             f"{s.mean_power:.3g} W; loss differs by {self.objective:.4f} between two frames, "
-            f"{gain:.0%} less than constant dimming>"
+            f"{less_or_more(gain)} than constant dimming>"
         )
 
     def __len__(self) -> int:
@@ -126,8 +136,11 @@ class Track:
 
     @property
     def gap(self) -> float:
-        """Share of the objective that a better track could gain at most, in [0, 1]; 1 if not certified."""
-        return float(1 - self.summary.lower_bound / self.objective) if self.objective > 0 else 0.0
+        """Share of what was minimized that a better track could gain at most, in [0, 1]; 1: not certified."""
+        value, bound = self.objective, self.summary.lower_bound
+        if (minimized := self.summary.minimized) is not None:
+            value, bound = minimized.value, minimized.bound
+        return float(1 - bound / value) if value > 0 else 0.0
 
     def loss(self, factors: ArrayLike | None = None) -> Array:
         """Return the contrast loss 𝓛_c of each frame, (N,).
@@ -167,6 +180,7 @@ class Track:
             achieved=self.summary.achieved,
             clips=self.summary.clips,
             same_power=uses_same_power(self.summary),
+            minimized=minimized_in_words(self.summary),
         )
         return track_figure(data)
 
@@ -220,7 +234,10 @@ def optimize(
     limit_curve: str = "fitted",
     modulated: str = "frame_mean",
     solver: str = "splitting",
-    calm: float = 0.0,
+    calm: float = DEFAULT_CALM,
+    robust: Sequence[str] = (),
+    objective: str = "spread",
+    level_weight: float | None = None,
     tolerance: float = 0.001,
     jobs: int = 1,
     other_display_ok: bool = False,
@@ -256,7 +273,15 @@ def optimize(
     solver : {"splitting", "slsqp", "highs", "clarabel"}
         The fast one, the paper's, or a general one (short clips).
     calm : float
-        Share of the gain to give up for a calmer track, in [0, 1].
+        Share of the gain to give up for a calmer track, in [0, 1]; 0 is the paper's exact problem.
+    robust : sequence of str
+        Measures of loss whose worst is minimized, e.g. "relative", "castle" and "suprathreshold", in place of
+        the `contrast_model`; not with loss curves, which are of one measure, or another `objective`.
+    objective : {"spread", "spread+mean", "minimax"}
+        What to minimize: the mean difference of contrast loss between two frames, that and the mean loss, or
+        the largest loss of any frame.
+    level_weight : float, optional
+        Weight of the mean loss; `"spread+mean"` needs it.
     tolerance : float
         Error of contrast loss to accept for counting fine detail only where it changes.
     jobs : int
@@ -279,6 +304,9 @@ def optimize(
         If something cannot be used: the message names it and says what would be right.
     """
     known = video if isinstance(video, LossCurves) else None
+    measures = measures_named(tuple(robust)) if robust else ()
+    if measures and (known is not None or contrast_model != "default" or objective != "spread"):
+        raise InputError("robust is the worst spread: leave out loss curves, contrast_model and objective")
     if known is not None:
         _require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
         if actuator not in ("backlight", known.actuator.value):
@@ -290,14 +318,18 @@ def optimize(
         rate_limit_of(rate_limit, shown, other_display_ok, accept_wide_band),
         choice("limit_curve", limit_curve, LimitCurve),
         choice("modulated", modulated, ModulatedLuminance),
+        minimized=objective_named(
+            choice("objective", objective, ObjectiveName),
+            None if level_weight is None else number("level_weight", level_weight),
+        ),
     )  # fmt: skip
     require_possible(request, number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
     job = OptimizationJob(
         source=video_of(video, frames_per_second) if known is None else _AnalysedVideo(known),  # type: ignore[arg-type] # not curves
         display=shown,
         request=request,
-        model=contrast_model_of(contrast_model),
-        model_name="given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model),
+        model=measure_named(measures[0]) if measures else contrast_model_of(contrast_model),
+        model_name=measures[0] if measures else _name_of(contrast_model),
         solver=choice("solver", solver, SolverName),
         seed=whole("seed", seed),
         min_factor=lowest_factor,
@@ -305,10 +337,16 @@ def optimize(
         field_of_view=field_of_view_in(field_of_view),
         actuator=choice("actuator", actuator, Actuator) if known is None else known.actuator,
         effort=AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs)),
+        robust=measures,
         quiet=True,
     )
     made = optimize_video(job) if known is None else optimize_curves(job, [known], [FrameSamples()])
     return Track(made.clips[0].track, made.summary, made.clips[0].problem.curves)
+
+
+def _name_of(contrast_model: Named | ContrastModel) -> str:
+    """Return what a contrast model is called."""
+    return "given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model)
 
 
 def _require_own(

@@ -25,7 +25,7 @@ from evenlight.data_schema.recordings.session import (
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS, simulated_answers
-from evenlight.experiments.playback.loaded_track import floor_note
+from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session

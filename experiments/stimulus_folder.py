@@ -18,18 +18,14 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.viewing import Stimulus, Version
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    OptimizationSummary,
-    read_track,
-    require_light_of,
-)
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, read_track, require_light_of
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
-from evenlight.experiments.playback.loaded_track import require_fit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of, size_of
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"

@@ -30,6 +30,14 @@ class SolverName(enum.Enum):
     CLARABEL = "clarabel"  # the same by Clarabel
 
 
+class ObjectiveName(enum.Enum):
+    """What an optimization minimizes."""
+
+    SPREAD = "spread"  # the mean absolute pairwise difference of contrast loss: the paper's
+    SPREAD_AND_MEAN = "spread+mean"  # that and the mean loss, with a weight
+    MINIMAX = "minimax"  # the largest loss of any frame that counts
+
+
 class Device(enum.Enum):
     """What computes loss curves."""
 
@@ -65,4 +73,7 @@ class AnalysisEffort:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+# Share of the gain to give up for a calmer track, unless asked otherwise; 0 is the paper's exact problem
+# (docs/decisions/calm-tracks.md).
+DEFAULT_CALM = 0.05
 FULL_ANALYSIS = AnalysisEffort()  # all of every frame, on one core

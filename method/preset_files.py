@@ -15,6 +15,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
+from evenlight.method.contrast.measures import MEASURES
 from evenlight.method.rate_limit import require_known, require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
@@ -78,13 +79,20 @@ def load_rate_limit_for(
 
 
 def load_contrast_model(name_or_path: str) -> ContrastModel:
-    """Return the contrast model of a preset (`default`, `as-printed`) or a toml file, as `load_display`."""
+    """Return the contrast model of a measure or preset (`default`, `as-printed`) or of a toml file.
+
+    >>> load_contrast_model("relative") == load_contrast_model("default")
+    True
+    """
+    if name_or_path in MEASURES:
+        return MEASURES[name_or_path]
     return _load(name_or_path, "contrast_model", "toml", lambda path: read_toml_record(ContrastModel, path))
 
 
 def preset_names(kind: str) -> list[str]:
     """Return the names of the presets of a kind ("display", "power", "rate_limit", "contrast_model")."""
-    return sorted(path.name.split(".")[0] for path in PRESETS.glob(f"*.{kind}.*"))
+    files = {path.name.split(".")[0] for path in PRESETS.glob(f"*.{kind}.*")}
+    return sorted(files.union(MEASURES if kind == "contrast_model" else ()))
 
 
 def _load(

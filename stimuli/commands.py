@@ -44,7 +44,7 @@ def render(
     from evenlight.stimuli.scenes.content.catalogue import is_scene_file
     from evenlight.stimuli.scenes.scene_sequence import SceneSequence
     from evenlight.stimuli.sequences import built_in_sequence
-    from evenlight.stimuli.video.video_file import write_video
+    from evenlight.stimuli.video.video_writer import write_video
 
     if out.exists() and not (force and out.is_file()):
         right = "give --force to replace it, or another name" if out.is_file() else "give the name of a file"

@@ -6,7 +6,7 @@ Sky, sun, clouds and haze change over the landscape, and all of it appears again
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,9 +72,14 @@ class Sunrise:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order."""
+        return self.frames_at(range(self.n_frames))
+
+    def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yield the frames of some numbers."""
         scene = SunriseScene(self.format.width, self.format.height, SEED)
-        last = self.n_frames - 1
-        for k, (time, duration) in enumerate(self.format.times()):
+        last, times = self.n_frames - 1, self.format.times()
+        for k in numbers:
+            time, duration = times[k]
             phase = min(k, last - k) / (last / 2)
             yield Frame(time, duration, scene.picture(NIGHT + phase * (MORNING - NIGHT)))
 

@@ -27,21 +27,24 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
-    OptimizationSummary,
     TrackHeader,
     write_track,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.optimizer.optimize import Problem, pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_display, load_power_model
 from evenlight.stimuli.sequence_format import on_grid
 from evenlight.stimuli.sequences import is_sequence
-from evenlight.stimuli.video.video_file import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
 # that are started from here, those that run the tests among them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Tests find no loss curves of earlier ones, but for those that are about that.
+os.environ["EVENLIGHT_CURVES_CACHE_MB"] = "0"
 
 # It imports what a session needs, warnings of PsychoPy and all, and is run by processes of its own.
 collect_ignore = ["companions/warm_modules.py"]

@@ -159,7 +159,23 @@ def fit_models(
             options = dataclasses.replace(
                 options, direction=reference.direction, ramp_duration=reference.ramp_duration
             )
-    return LimitModels(options.model, fits, missing, joint, pooled)
+    known = {model: _with_function(fit, joint) for model, fit in fits.items()}
+    return LimitModels(options.model, known, missing, joint, pooled)
+
+
+def _with_function(fit: RateLimitFit, joint: JointFit | None) -> RateLimitFit:
+    """Return a fit whose limit has the psychometric function that its thresholds are points of.
+
+    Answers pooled over people are nobody's: their function is flattened by how people differ.
+    """
+    if fit.limit.model is RateLimitModel.POOLED or not fit.own:
+        return fit
+    width = float(np.exp(np.mean(np.log([t.width for t in fit.own]))))
+    guess, lapse = np.mean([(t.guess_rate, t.lapse_rate) for t in fit.own], axis=0).tolist()
+    if fit.limit.model is RateLimitModel.JOINT and joint is not None:
+        width, lapse = joint.width, joint.lapse_rate
+    limit = dataclasses.replace(fit.limit, width=width, guess_rate=guess, lapse_rate=lapse)
+    return dataclasses.replace(fit, limit=limit)
 
 
 def _joint_options(answers: Answers, options: RateLimitOptions) -> RateLimitOptions:

@@ -26,13 +26,9 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    OptimizationSummary,
-    read_track,
-)
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import SolverName
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
@@ -358,7 +354,8 @@ def _job(
 ) -> OptimizationJob:
     """Return what is asked of the optimizer for a sequence."""
     request = Request(budget, BudgetUnit.FACTOR, panel.power_model, panel.rate_limit)
-    return OptimizationJob(source, panel.display, request, quiet=True, watch=watch)
+    # Calm is 0: the problem is the paper's, and so is its optimum.
+    return OptimizationJob(source, panel.display, request, calm=0.0, quiet=True, watch=watch)
 
 
 def _track_sequence(source: VideoSource, budget: float, panel: Panel, folder: Path) -> SequenceTracks:

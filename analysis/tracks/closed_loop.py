@@ -27,7 +27,9 @@ from evenlight.analysis.report_sections import (
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.data_schema.provenance import Provenance, provenance_now
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.choices import DEFAULT_CALM
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
 from evenlight.stimuli.video.video_source import VideoSource
@@ -68,7 +70,8 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
     limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"), accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    summary = run_optimization(OptimizationJob(source, data.display, request, quiet=quiet), folder / TRACK)
+    job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, quiet=quiet)
+    summary = run_optimization(job, folder / TRACK)
     write_report(folder / REPORT, _report(calibration, summary, origin, folder))
 
 

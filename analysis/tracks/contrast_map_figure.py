@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,15 +26,17 @@ from evenlight.analysis.figure_style import (
     new_figure,
     text_size,
 )
-from evenlight.analysis.tracks.frame_samples import small_picture
+from evenlight.analysis.tracks.frame_samples import small_picture, square_means
 from evenlight.data_schema.arrays import Mask
-from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, LossForm
 from evenlight.data_schema.display import Display
-from evenlight.method.contrast.contrast_loss import loss_of, visible_map
+from evenlight.method.contrast.contrast_loss import counted_map, loss_of
 from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
 from evenlight.method.contrast.pyramid import counted_frequencies
+from evenlight.stimuli.video.frame_conversion import linear_light
 
 SHOWN_SHARE = 0.01  # of the pixels must be visible for a band to be worth showing
+WIDEST_MAP = 1280  # [pixels]; a panel of the figure has fewer
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,8 @@ class ContrastMap:
         Where contrast is visible at full brightness, and dimmed by b.
     loss : float
         𝓛_c of the frame, over all bands.
+    averaged : bool
+        Whether finer detail than the frequency was left out.
     label : str
         What a figure calls it; empty for the usual name of its panel.
     """
@@ -58,6 +62,7 @@ class ContrastMap:
     reference: Mask
     dimmed: Mask
     loss: float
+    averaged: bool = False
     label: str = ""
 
     @property
@@ -73,9 +78,16 @@ class ContrastMap:
 
 
 def contrast_map(
-    pixel_values: NDArray[Any], factor: float, display: Display, model: ContrastModel = DEFAULT_MODEL
+    pixel_values: NDArray[Any],
+    factor: float,
+    display: Display,
+    model: ContrastModel = DEFAULT_MODEL,
+    loss: float | None = None,
 ) -> ContrastMap:
     """Return where dimming by b loses visible contrast, in the finest band that has any worth showing.
+
+    Of a frame wider than the figure can show, squares of pixels are averaged in linear light: its map is of
+    the finest band of those left.
 
     Parameters
     ----------
@@ -83,16 +95,28 @@ def contrast_map(
         The frame, as in `Frame`, and the brightness factor b.
     display, model : Display, ContrastModel
         The display, with its pixels per degree as in the analysis of the video; choices of the model.
+    loss : float, optional
+        𝓛_c of the frame where it is known, which says more of a wide frame than that of its averages.
     """
+    across = -(-pixel_values.shape[1] // WIDEST_MAP)
+    if across > 1:
+        light = square_means(pixel_values, across, lambda part: linear_light(part, display.gamma))
+        pixel_values = light ** (1 / display.gamma)
+        display = replace(display, pixels_per_degree=display.pixels_per_degree / across)
     emitted = emitted_luminance(pixel_values, display, model.pixel_to_luminance)
+    # What is detected rather than not; of contrast above its threshold, whatever there is.
+    counts = 0.0 if model.loss is LossForm.SUPRATHRESHOLD else 0.5
     reference, dimmed = (
-        visible_map(dimmed_luminance(emitted, b, display), display, model) for b in (1.0, factor)
+        counted_map(dimmed_luminance(emitted, b, display), display, model) for b in (1.0, factor)
     )
-    shares = [float(band.mean()) for band in reference]
+    shares = [float((band > counts).mean()) for band in reference]
     band = next((k for k, share in enumerate(shares) if share >= SHOWN_SHARE), int(np.argmax(shares)))
     frequencies = counted_frequencies((emitted.shape[0], emitted.shape[1]), display, model)
-    loss = loss_of(float(np.mean([part.mean() for part in dimmed])), float(np.mean(shares)))
-    return ContrastMap(factor, float(frequencies[band]), reference[band], dimmed[band], loss)
+    full, left = (float(np.mean([part.mean() for part in parts])) for parts in (reference, dimmed))
+    if loss is None or across == 1:
+        loss = loss_of(left, full, model.loss)
+    seen = reference[band] > counts, dimmed[band] > counts
+    return ContrastMap(factor, float(frequencies[band]), *seen, loss, across > 1)
 
 
 def contrast_map_figure(
@@ -145,10 +169,8 @@ def _heading(ours: ContrastMap, name: str) -> tuple[str, str]:
     where = f" of {name}" if name else ""
     if not ours.reference.any():
         return f"Visible contrast{where}", "Nothing in this frame is visible, even at full brightness."
-    return (
-        f"Visible contrast{where}",
-        f"Details at {ours.frequency:.3g} cpd (cycles per degree), the finest with visible contrast.",
-    )
+    finest = "the finest that is drawn" if ours.averaged else "the finest with visible contrast"
+    return f"Visible contrast{where}", f"Details at {ours.frequency:.3g} cpd (cycles per degree), {finest}."
 
 
 def _loss_in_words(at: ContrastMap) -> tuple[str, str]:

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from evenlight.analysis.tracks.loss_spread import SpreadRatio
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import ControlSummary, LoopReport, TuningReport
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.online.control_curves import ControlledTrack
 from evenlight.method.online.controller import ControllerSettings
 from evenlight.method.online.governor import GovernorSettings, HorizonErrors, horizon_errors, steered_horizon
+from evenlight.method.online.lookahead import LookaheadSettings
 from evenlight.method.online.tuning import (
     MarginRequirements,
     Margins,
@@ -39,7 +41,11 @@ class Outcome:
 
 
 def control_summary(
-    outcome: Outcome, settings: ControllerSettings, budget: GovernorSettings | None, used: PowerUse
+    outcome: Outcome,
+    settings: ControllerSettings,
+    budget: GovernorSettings | None,
+    ahead: LookaheadSettings | None,
+    used: PowerUse,
 ) -> ControlSummary:
     """Return what the controller was set to, and how steady it was.
 
@@ -47,8 +53,8 @@ def control_summary(
     ----------
     outcome, used : Outcome, PowerUse
         The run, and what the panel takes.
-    settings, budget : ControllerSettings, GovernorSettings or None
-        Target and gains of the controller, and the settings of its governor.
+    settings, budget, ahead : ControllerSettings, GovernorSettings or None, LookaheadSettings or None
+        Target and gains of the controller; its budget; how far it looks ahead.
     """
     run, summary, spread = outcome.run, outcome.summary, outcome.spread
     errors = None if budget is None else used.horizon_errors(run, budget)
@@ -56,10 +62,10 @@ def control_summary(
         video=summary.video,
         target_loss=settings.target_loss,
         final_target_loss=float(run.targets[-1]),
-        proportional=settings.proportional,
-        integral=settings.integral,
-        derivative=settings.derivative,
-        gain_rate=settings.gain_rate,
+        proportional=None if ahead else settings.proportional,
+        integral=None if ahead else settings.integral,
+        derivative=None if ahead else settings.derivative,
+        gain_rate=None if ahead else settings.gain_rate,
         start_factor=float(run.factors[0]),
         mean_loss=summary.mean_contrast_loss,
         sd_loss=spread.sd,
@@ -74,8 +80,18 @@ def control_summary(
         horizon_error=None if errors is None else errors.either_way,
         share_budget_held=None if budget is None else time_share(run, run.budget_held),
         horizon_excess=None if errors is None else errors.above,
-        steered_horizon=None if budget is None else steered_horizon(budget, float(np.median(run.durations))),
+        steered_horizon=_steered(budget, ahead, float(np.median(run.durations))),
+        lookahead=None if ahead is None else ahead.seconds,
     )
+
+
+def _steered(
+    budget: GovernorSettings | None, ahead: LookaheadSettings | None, duration: float
+) -> float | None:
+    """Return the horizon that is steered by; the lookahead keeps the one asked for, however few frames."""
+    if budget is None:
+        return None
+    return budget.horizon if ahead else steered_horizon(budget, duration)
 
 
 @dataclass(frozen=True, slots=True)

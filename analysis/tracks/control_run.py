@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,13 +21,21 @@ from evenlight.analysis.tracks.optimization_job import OptimizationJob, track_he
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
-from evenlight.data_schema.tracks.control import ONLINE, ControlSummary, TargetRow, TuningReport
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit
+from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE, ControlSummary, TargetRow, TuningReport
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
+from evenlight.method.online.control_curves import (
+    ControlledTrack,
+    VideoGovernor,
+    VideoLookahead,
+    control_ahead,
+    control_curves,
+)
 from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.gain import gain_warning
 from evenlight.method.online.governor import (
     GovernorSettings,
     first_factor,
@@ -34,6 +43,7 @@ from evenlight.method.online.governor import (
     governor_of,
     horizon_warning,
 )
+from evenlight.method.online.lookahead import LookaheadSettings
 from evenlight.method.online.tuning import tune
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
 from evenlight.method.optimizer.optimize import Problem
@@ -61,6 +71,8 @@ class ControlJob:
         Whether to choose the gains for this video; the search leaves a budget aside.
     sweep : tuple of float
         Targets to try, without a budget.
+    lookahead : LookaheadSettings or None
+        How much of what is to come is known; None: the PID controller.
     """
 
     work: OptimizationJob
@@ -70,6 +82,7 @@ class ControlJob:
     target_is_given: bool = True
     tuned: bool = False
     sweep: tuple[float, ...] = ()
+    lookahead: LookaheadSettings | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +107,7 @@ class ControlResult:
         If the gains were tuned; with the gains before and after that, at the first target: the search leaves
         a budget aside.
     warnings : tuple of str
-        What is wrong with the horizon of the budget, or with the target.
+        What is wrong with the horizon of the budget, or with the target; that nothing is gained.
     """
 
     settings: ControllerSettings
@@ -139,11 +152,9 @@ class ControlledVideo:
         if self.asked.tuned:
             tuned = tune(self.curves, self._controller(settings), start, self.luminance)
             settings = tuned.settings
-        run = self._run(settings, start)
+        run = self._run(settings, start, ahead=self.asked.lookahead)
         track, summary = self._evaluated(run, time.perf_counter() - began)
-        constant = np.full(self.curves.n_frames, summary.baseline_factor)
-        loss = loss_and_slope(self.curves, constant)[0]
-        spread = spread_ratio(run.contrast_loss, loss, run.durations)
+        loss, spread = self._beside_constant(run)
         outcome, tuning, runs = Outcome(run, summary, spread), None, None
         if tuned is not None:
             both = given, settings
@@ -155,29 +166,25 @@ class ControlledVideo:
             run=run,
             track=track,
             summary=summary,
-            control=control_summary(outcome, settings, self.asked.budget, self._use),
+            control=control_summary(outcome, settings, self.asked.budget, self.asked.lookahead, self._use),
             spread=spread,
             baseline_loss=loss,
             tuning=tuning,
             tuning_runs=runs,
-            warnings=self._warnings(run, settings),
+            warnings=(*self._warnings(run, settings, spread), *self._lookahead_warnings(spread)),
         )
 
     def sweep(self, settings: ControllerSettings) -> list[TargetRow]:
         """Return what comes of each target, with the gains of some settings."""
         rows = []
         for target in self.asked.sweep:
-            run = control_curves(
-                self.curves, self._controller(replace(settings, target_loss=target)),
-                self.asked.start_factor, self.luminance,
-            )  # fmt: skip
-            factor = min(run.mean_factor, 1.0)
-            constant = loss_and_slope(self.curves, np.full(self.curves.n_frames, factor))[0]
-            spread = spread_ratio(run.contrast_loss, constant, run.durations)
+            at_target = replace(settings, target_loss=target)
+            run = self._run(at_target, self.asked.start_factor, governs=False)
+            spread = self._beside_constant(run)[1]
             rows.append(
                 TargetRow(
                     target_loss=target,
-                    mean_factor=factor,
+                    mean_factor=min(run.mean_factor, 1.0),
                     mean_loss=float(run.time_share @ run.contrast_loss),
                     sd_loss=spread.sd,
                     sd_loss_constant=spread.sd_constant,
@@ -218,14 +225,36 @@ class ControlledVideo:
             self.asked.budget, use.model, slope, (settings.lowest_factor, settings.highest_factor)
         )
 
-    def _warnings(self, run: ControlledTrack, settings: ControllerSettings) -> tuple[str, ...]:
-        """Return what is wrong with the horizon of the budget, or with a target that is to stay."""
-        budget = self.asked.budget
+    def _warnings(
+        self, run: ControlledTrack, settings: ControllerSettings, spread: SpreadRatio
+    ) -> tuple[str, ...]:
+        """Return what is wrong with the horizon of the budget or a target that is to stay; no gain."""
+        budget, warning = self.asked.budget, None
         if budget is None:
             warning = out_of_reach(run, settings)
-        else:
+        elif self.asked.lookahead is None:
             warning = horizon_warning(budget, float(np.median(self.curves.durations)))
-        return () if warning is None else (warning,)
+        return tuple(words for words in (warning, gain_warning(spread.ratio)) if words is not None)
+
+    def _lookahead_warnings(self, spread: SpreadRatio) -> Iterator[str]:
+        """Say whether the lookahead holds no frame, and whether the PID controller is steadier."""
+        ahead, shortest = self.asked.lookahead, float(self.curves.durations.min())
+        if ahead is None:
+            return
+        if 0 < ahead.seconds < shortest:
+            yield f"a lookahead of {ahead.seconds:g} s is less than one frame, {shortest:.3g} s: as 0"
+        without = self._beside_constant(self._run(*self._start()))[1].ratio
+        if without is not None and spread.ratio is not None and without < spread.ratio:
+            yield (
+                f"without --lookahead the loss varies {without:.2f} times as much as with constant dimming "
+                f"by the mean factor, with it {spread.ratio:.2f} times"
+            )
+
+    def _beside_constant(self, run: ControlledTrack) -> tuple[Array, SpreadRatio]:
+        """Return the loss at a run's mean factor throughout, and how steady the run's is beside that."""
+        constant = np.full(self.curves.n_frames, min(run.mean_factor, 1.0))
+        loss = loss_and_slope(self.curves, constant)[0]
+        return loss, spread_ratio(run.contrast_loss, loss, run.durations)
 
     def _require_power(self) -> None:
         """Raise `InputError` if a power budget is asked for and the video takes no power at any factor."""
@@ -236,12 +265,23 @@ class ControlledVideo:
                 "power: there is nothing to hold a budget with"
             )
 
-    def _run(self, settings: ControllerSettings, start: float, *, governs: bool = True) -> ControlledTrack:
-        """Return what the controller makes of the video; unless `governs`, without a budget."""
-        controller, governed = self._controller(settings), None
-        if self.asked.budget is not None and governs:
-            costs = frame_costs(self.curves, self.asked.budget, self._use.model)
-            governed = VideoGovernor(governor_of(controller, self.asked.budget), costs)
+    def _run(
+        self,
+        settings: ControllerSettings,
+        start: float | None,
+        *,
+        governs: bool = True,
+        ahead: LookaheadSettings | None = None,
+    ) -> ControlledTrack:
+        """Return what a controller makes of the video; unless `governs`, without a budget."""
+        controller, budget = self._controller(settings), self.asked.budget if governs else None
+        costs = None if budget is None else frame_costs(self.curves, budget, self._use.model)
+        if ahead is not None:
+            looking = VideoLookahead(ahead, costs, self.asked.target_is_given)
+            return control_ahead(self.curves, controller, looking, start, self.luminance)
+        governed = (
+            None if budget is None or costs is None else VideoGovernor(governor_of(controller, budget), costs)
+        )
         return control_curves(self.curves, controller, start, self.luminance, governed)
 
     def _evaluated(self, run: ControlledTrack, seconds: float) -> tuple[BrightnessTrack, OptimizationSummary]:
@@ -257,7 +297,8 @@ class ControlledVideo:
             luminance=np.asarray(self.luminance),
             rate_limit=lambda light: rate_limit_at(asked.rate_limit, light + reflected, asked.limit_curve),
         )
-        header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=ONLINE)
+        solver = ONLINE if self.asked.lookahead is None else LOOKAHEAD
+        header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=solver)
         track = track_of(problem, asked, np.asarray(run.factors), header)
         answer = SolverAnswer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
         shape = float(pixel_aspect(work.source))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame import Frame
 from evenlight.method.contrast.luminance import unit_pixel_values
 
@@ -41,11 +42,34 @@ class FrameSamples:
         for index, frame in enumerate(frames):
             if index % self.stride == 0:
                 self.held.append((index, frame.pixel_values.copy()))  # its source may fill it again
-                limit = max(self.least, min(self.most, MEMORY // max(frame.pixel_values.nbytes, 1)))
-                if len(self.held) > limit:
+                if len(self.held) > self._limit(frame):
                     self.stride *= 2
                     self.held = [kept for kept in self.held if kept[0] % self.stride == 0]
             yield frame
+
+    def take(
+        self, first: Frame, frames_at: Callable[[Sequence[int]], Iterable[Frame]], n_frames: int
+    ) -> None:
+        """Hold the frames that would be held after watching all of a video, without watching it.
+
+        Parameters
+        ----------
+        first : Frame
+            The video's first frame.
+        frames_at : function of rising numbers
+            Gives the frames of these numbers.
+        n_frames : int
+            How many frames the video has.
+        """
+        while -(-n_frames // self.stride) > self._limit(first):
+            self.stride *= 2
+        numbers = range(0, n_frames, self.stride)
+        found = zip(numbers, frames_at(numbers), strict=True)
+        self.held = [(number, frame.pixel_values.copy()) for number, frame in found]
+
+    def _limit(self, frame: Frame) -> int:
+        """Return how many frames are held at most."""
+        return max(self.least, min(self.most, MEMORY // max(frame.pixel_values.nbytes, 1)))
 
 
 def thumbnails_of(
@@ -80,13 +104,30 @@ def small_picture(pixel_values: NDArray[Any], width: int = 320) -> Image:
     width : int
         Its least width [pixels].
     """
+    mean = square_means(pixel_values, max(1, pixel_values.shape[1] // width), unit_pixel_values)
+    return np.asarray(np.round(255 * mean), dtype=np.uint8)
+
+
+def square_means(
+    pixel_values: NDArray[Any], across: int, values: Callable[[NDArray[Any]], NDArray[Any]]
+) -> Array:
+    """Return the means of values of a frame over squares of its pixels, a row of squares at a time.
+
+    Parameters
+    ----------
+    pixel_values, across : array (height, width, 3), int
+        As in `Frame`, and how many pixels wide and high a square is; a lower frame is one row of squares.
+    values : function of pixel values
+        Of which the means are taken.
+    """
     high, wide = pixel_values.shape[:2]
-    across = max(1, wide // width)
     down = min(across, high)
     rows, columns = high // down, wide // across
-    part = unit_pixel_values(pixel_values[: rows * down, : columns * across])
-    mean = part.reshape(rows, down, columns, across, 3).mean(axis=(1, 3))
-    return np.asarray(np.round(255 * mean), dtype=np.uint8)
+    means = np.empty((rows, columns, 3))
+    for k in range(rows):
+        part = values(pixel_values[k * down : (k + 1) * down, : columns * across])
+        means[k] = part.reshape(down, columns, across, 3).mean(axis=(0, 2))
+    return means
 
 
 def dimmed_picture(picture: Image, factor: float) -> Image:

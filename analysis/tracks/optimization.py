@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import (
@@ -17,14 +16,20 @@ from evenlight.analysis.tracks.optimization_job import (
     start_factors,
     track_header,
 )
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, OptimizationSummary, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.contrast.measures import measure_named
 from evenlight.method.contrast.pixel_floor import floor_in_samples
-from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, calmed, summarize, track_of
+from evenlight.method.one_blas_thread import one_blas_thread
+from evenlight.method.optimizer.calm import calmed
+from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
 from evenlight.method.optimizer.lower_bound import lower_bound
-from evenlight.method.optimizer.optimize import Problem, clip_of, joined_curves, joints, pose
+from evenlight.method.optimizer.optimize import Problem, Solver, clip_of, joined_curves, joints, pose
 from evenlight.method.optimizer.optimize import optimize as optimize_problem
+from evenlight.method.optimizer.robust import Measures, optimize_robustly
 from evenlight.method.optimizer.solvers import make_solver
 from evenlight.progress import shown_progress
 from evenlight.stimuli.video.square_pixels import pixel_aspect
@@ -92,11 +97,23 @@ def optimize_video(job: OptimizationJob) -> Optimization:
     samples = [FrameSamples() for _ in jobs]
     began = time.perf_counter()
     curves = [loss_curves_of(clip, held) for clip, held in zip(jobs, samples, strict=True)]
-    return optimize_curves(job, curves, samples, time.perf_counter() - began)
+    others = [_curves_by(name, job) for name in job.robust[1:]]
+    return optimize_curves(job, curves, samples, time.perf_counter() - began, others)
 
 
+def _curves_by(measure: str, job: OptimizationJob) -> LossCurves:
+    """Return the loss curves of a job's video by another measure."""
+    own = replace(job, model=measure_named(measure), model_name=measure, robust=())
+    return loss_curves_of(own, FrameSamples())
+
+
+@one_blas_thread
 def optimize_curves(
-    job: OptimizationJob, curves: Sequence[LossCurves], samples: Sequence[FrameSamples], curves_s: float = 0.0
+    job: OptimizationJob,
+    curves: Sequence[LossCurves],
+    samples: Sequence[FrameSamples],
+    curves_s: float = 0.0,
+    by_measure: Sequence[LossCurves] = (),
 ) -> Optimization:
     """Find the brightness tracks of videos whose loss curves are known.
 
@@ -108,6 +125,8 @@ def optimize_curves(
         Of its video, and of each clip that shares the budget.
     curves_s : float
         Time that the curves took [s].
+    by_measure : sequence of LossCurves
+        Of the video by each further measure of a robust job.
     """
     began = time.perf_counter()
     whole = joined_curves(curves) if job.others else curves[0]
@@ -116,17 +135,22 @@ def optimize_curves(
     solver = make_solver(job.solver, np.random.default_rng(job.seed), start)
     with shown_progress(job.quiet) as progress:
         progress.step(f"optimizing {whole.video}")
-        solution = optimize_problem(problem, solver)
-    if job.calm > 0:
-        solution = replace(solution, factors=calmed(problem, solution.factors, job.calm))
+        if by_measure:
+            measures = Measures((problem, *(pose(own, job.request) for own in by_measure)))
+            factors, answer = _robust(job, measures, solver)
+        else:
+            solution = optimize_problem(problem, solver)
+            factors = calmed(problem, solution.factors, job.calm)
     solved = time.perf_counter()
-    answer = SolverAnswer(lower_bound(problem, solution), solution.iterations, job.model_name, len(curves))
+    if not by_measure:
+        bound = lower_bound(problem, solution)
+        answer = SolverAnswer(bound, solution.iterations, job.model_name, len(curves))
     shape = float(pixel_aspect(job.source))
     effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)
     header = track_header(job, whole, curves)
     if not job.others:
-        header = _with_floor(header, whole, samples[0], solution.factors, job)
-    track = track_of(problem, job.request, solution.factors, header)
+        header = _with_floor(header, whole, samples[0], factors, job)
+    track = track_of(problem, job.request, factors, header)
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
         weighing = FrameWeighting.WEIGHTED if summary.weighted else FrameWeighting.ALIKE
@@ -135,22 +159,31 @@ def optimize_curves(
     # The bound of all clips does not say how much worse than the best a single one is.
     answer = replace(answer, lower_bound=0.0)
     for source, own, held in zip((job.source, *job.others), curves, samples, strict=True):
-        factors = solution.factors[first : first + own.n_frames]
-        part, weighing = _on_its_own(clip_of(problem, own, first), factors)
+        own_factors = factors[first : first + own.n_frames]
+        part, weighing = _on_its_own(clip_of(problem, own, first), own_factors)
         first += own.n_frames
         header = track_header(replace(job, source=source), own, [own])
-        track = track_of(part, job.request, factors, _with_floor(header, own, held, factors, job))
+        track = track_of(part, job.request, own_factors, _with_floor(header, own, held, own_factors, job))
         own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
         alone = summarize(part, job.request, answer, track, own_effort)
         clips.append(OptimizedClip(part, track, alone, weighing, held))
     return Optimization(summary, tuple(clips))
 
 
+def _robust(job: OptimizationJob, measures: Measures, solver: Solver) -> tuple[Array, SolverAnswer]:
+    """Return the factors that are best by the worst measure, calmed, and what is known of them."""
+    found = optimize_robustly(measures, solver)
+    factors = calmed(measures.problems[0], found.factors, job.calm, measures.worst)
+    worst, each = found.outcome(job.robust, measures, factors)
+    answer = SolverAnswer(found.bounds[0], found.iterations, job.model_name, minimized=worst, by_measure=each)
+    return factors, answer
+
+
 def _with_floor(
     header: TrackHeader,
     curves: LossCurves,
     samples: FrameSamples,
-    factors: NDArray[np.float64],
+    factors: Array,
     job: OptimizationJob,
 ) -> TrackHeader:
     """Return the header of a track made for a backlight, with what pixels would add to the loss."""
@@ -160,7 +193,7 @@ def _with_floor(
     return replace(header, loss_added_by_pixels=added)
 
 
-def _on_its_own(part: Problem, factors: NDArray[np.float64]) -> tuple[Problem, FrameWeighting]:
+def _on_its_own(part: Problem, factors: Array) -> tuple[Problem, FrameWeighting]:
     """Return a clip's part of a shared problem beside constant dimming of the clip's own power.
 
     A clip of which no frame counts in the shared objective has an unweighted one of its own.

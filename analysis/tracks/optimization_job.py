@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +23,21 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import TrackHeader, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
+from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import brightness_factors
+from evenlight.method.contrast.measures import MEASURES, measure_named
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
+from evenlight.stimuli.video.curves_cache import CurvesCache
 from evenlight.stimuli.video.square_pixels import in_words, pixel_aspect
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
-from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
+from evenlight.stimuli.video.video_source import (
+    VideoSource,
+    closing_frames,
+    field_of_view_of,
+    frames_at,
+    frames_from,
+)
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, geometry_words, seen_video
 
 TRACK = "track.csv"
@@ -62,6 +73,10 @@ class OptimizationJob:
         Files of the sections that the request has.
     start : Path or None
         Track of an earlier result to start from, or its folder; of several clips, the folder of theirs.
+    cached : bool
+        Whether loss curves are looked for in the user's cache, and kept there; not with `watch`.
+    robust : tuple of str
+        Measures (`method.contrast.measures`) whose worst is minimized, the first of them `model`; or none.
     quiet, watch : bool, callable, optional
         Whether to show no progress; sees each frame as it is analysed, and yields it.
     """
@@ -83,6 +98,8 @@ class OptimizationJob:
     weights: Path | None = None
     allowances: Path | None = None
     start: Path | None = None
+    cached: bool = False
+    robust: tuple[str, ...] = ()
     quiet: bool = False
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
 
@@ -90,6 +107,11 @@ class OptimizationJob:
     def seen_at(self) -> float | None:
         """Degrees that the video's width spans, as asked or as it was rendered for; None: pixel for pixel."""
         return field_of_view_of(self.source) if self.field_of_view is None else self.field_of_view
+
+    @property
+    def analysis_name(self) -> str:
+        """What the analysis is called in messages: the video, and the measure where it was asked for."""
+        return f"{self.source.name}, {self.model_name}" if self.model_name in MEASURES else self.source.name
 
 
 def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
@@ -103,20 +125,61 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
     source = job.source
     if pixel_aspect(source) != 1:
         _say(job, f"{source.name}: pixels of {in_words(pixel_aspect(source))}; resampled to square ones")
+    words = f"analysing {job.analysis_name}"
     with shown_progress(job.quiet) as progress:
-        frames = counted(progress, source.frames(), f"analysing {source.name}", source.n_frames)
-        shown, geometry = seen_video(frames, job.display, job.seen_at, source.name)
-        _say_geometry(job, geometry)
-        watched = samples.watch(job.watch(shown))
-        if job.curves is None:
-            knots = brightness_factors(job.min_factor)
-            analysis = VideoAnalysis(job.model, knots, job.actuator, provenance_of(job), job.effort)
-            return analysis.curves(watched, geometry, source.name)
-        curves = read_loss_curves(job.curves)
-        _require_same_source(job, curves, geometry)
-        for _ in watched:  # for the pictures alone
-            pass
-        return replace(curves, field_of_view=geometry.field_of_view)
+        with closing_frames(counted(progress, source.frames(), words, source.n_frames)) as frames:
+            first = next(frames, None)
+            if first is None:
+                raise InputError(f"{source.name}: holds no frame; at least one is needed")
+            every = itertools.chain([first], frames)
+            shown, geometry = seen_video(every, job.display, job.seen_at, source.name)
+            _say_geometry(job, geometry)
+            work = _CurvesWork(job, first, geometry)
+            if work.known is None and work.begun is None:
+                return work.analysed(samples.watch(job.watch(shown)))
+            seen = next(iter(shown))
+        if work.begun is not None:
+            done, total = work.begun.n_frames, source.n_frames
+            _say(job, f"{job.analysis_name}: goes on with frame {done}, where a run was interrupted")
+            rest = counted(
+                progress, frames_from(source, done), words, None if total is None else total - done
+            )
+            work.known = work.analysed(geometry.shown(rest))
+        assert work.known is not None
+        samples.take(seen, lambda wanted: geometry.shown(frames_at(source, wanted)), work.known.n_frames)
+        return replace(work.known, video=source.name, field_of_view=geometry.field_of_view)
+
+
+class _CurvesWork:
+    """The analysis of a job's video: what is known of its loss curves beforehand, and what makes them."""
+
+    def __init__(self, job: OptimizationJob, first: Frame, geometry: ViewingGeometry) -> None:
+        self._job, self._geometry = job, geometry
+        self._cache: CurvesCache | None = None
+        self.known: LossCurves | None = None
+        self.begun: AnalysedFrames | None = None
+        if job.curves is not None:
+            self.known = read_loss_curves(job.curves)
+            _require_same_source(job, self.known, geometry)
+            return
+        knots = brightness_factors(job.min_factor)
+        self._analysis = VideoAnalysis(job.model, knots, job.actuator, provenance_of(job), job.effort)
+        if job.cached:
+            self._cache = self._analysis.cache(job.source, first, geometry, partial(_say, job))
+        if self._cache is not None:
+            self.known = self._cache.read()
+            if self.known is not None:
+                _say(job, f"{job.analysis_name}: loss curves of an earlier run (--no-cache makes them again)")
+            else:
+                self.begun = self._cache.begun()
+
+    def analysed(self, frames: Iterable[Frame]) -> LossCurves:
+        """Return the curves, of the frames that are not analysed yet, and keep them for later runs."""
+        checkpoints = None if self._cache is None else Checkpoints(self._cache.keep, self.begun)
+        curves = self._analysis.curves(frames, self._geometry, self._job.source.name, checkpoints)
+        if self._cache is not None:
+            self._cache.store(curves)
+        return curves
 
 
 def _require_same_source(job: OptimizationJob, curves: LossCurves, geometry: ViewingGeometry) -> None:
@@ -154,7 +217,7 @@ def _say_geometry(job: OptimizationJob, geometry: ViewingGeometry) -> None:
     if geometry.shown_size != geometry.size:
         width, height = geometry.shown_size
         averaged = f", averaged to the {width} x {height} pixels that {job.display.name!r} shows"
-    _say(job, f"{job.source.name}: analysed {geometry}{averaged}")
+    _say(job, f"{job.analysis_name}: analysed {geometry}{averaged}")
 
 
 def _say(job: OptimizationJob, words: str) -> None:
@@ -191,6 +254,7 @@ def provenance_of(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Pro
     for number, clip in enumerate(clips[1:], start=2):
         inputs[f"video_{number}"] = clip.provenance.inputs["video"]
     inputs["contrast_model"] = sha256_of_record(job.model)
+    inputs |= {f"measure_{name}": sha256_of_record(measure_named(name)) for name in job.robust[1:]}
     if not clips:
         return provenance_now(inputs=inputs)
     inputs["power_model"] = sha256_of_record(job.request.power_model)

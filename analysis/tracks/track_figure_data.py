@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.tracks.frame_samples import Image
+from evenlight.analysis.tracks.objective_words import less_or_more
 from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.quantities import read_only
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 SAME = 1e-4  # relative: powers, or a budget and what was reached, that print alike
 
@@ -41,6 +43,8 @@ class TrackFigureData:
         Whether constant dimming uses the same power; if not, it has the same mean factor.
     fitted_limit : array, (N,), or None
         The rate limit without allowances [cd/m^2/s]; None where the track has that one.
+    minimized : str
+        What was minimized, and how far; empty where it is the objective.
     """
 
     track: BrightnessTrack
@@ -55,6 +59,7 @@ class TrackFigureData:
     same_power: bool = True
     weighing: FrameWeighting = FrameWeighting.ALIKE
     fitted_limit: Array | None = None
+    minimized: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "baseline_loss", read_only(self.baseline_loss))
@@ -129,6 +134,7 @@ def outcome_in_words(data: TrackFigureData) -> str:
     return (
         f"{lead}Contrast loss differs between two frames by {short(ours)} {how}, "
         f"{compared_in_words(ours, constant)} constant dimming ({short(constant)})."
+        f"{data.minimized and f' {data.minimized[0].upper()}{data.minimized[1:]}.'}"
     )
 
 
@@ -144,5 +150,5 @@ def compared_in_words(ours: float, constant: float) -> str:
     if abs(ratio - 1) < 0.005:
         return "about as much as with"
     if ratio < 2:
-        return f"{100 * abs(ratio - 1):.0f} % {'less' if ratio < 1 else 'more'} than"
+        return f"{less_or_more(1 - ratio)} than"
     return f"{ratio:.3g} times as much as" if ratio < 1000 else "over 1000 times as much as"

@@ -12,6 +12,7 @@ from evenlight.analysis.tracks.contrast_map_figure import contrast_map, contrast
 from evenlight.analysis.tracks.control_figures import target_figure, tuning_figure
 from evenlight.analysis.tracks.control_run import ControlJob, ControlledVideo, ControlResult
 from evenlight.analysis.tracks.frame_samples import FrameSamples, thumbnails_of
+from evenlight.analysis.tracks.objective_words import minimized_in_words
 from evenlight.analysis.tracks.optimization import Optimization, OptimizedClip, optimize_video
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, clip_folder, loss_curves_of
 from evenlight.analysis.tracks.track_figure import track_figure
@@ -20,9 +21,11 @@ from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.brightness_track import OptimizationSummary, write_track
+from evenlight.data_schema.tracks.brightness_track import write_track
 from evenlight.data_schema.tracks.control import TargetRow
 from evenlight.data_schema.tracks.loss_curves import write_loss_curves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.evaluate import limit_without_allowances
 
 
@@ -72,9 +75,11 @@ def figure_data_of(clip: OptimizedClip) -> TrackFigureData:
         same_power=uses_same_power(summary),
         weighing=clip.weighing,
         fitted_limit=limit_without_allowances(problem, clip.track.factors),
+        minimized=minimized_in_words(summary),
     )
 
 
+@one_blas_thread
 def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[TargetRow]]:
     """Analyse a video, run the controller over it, and write every result into a folder.
 
@@ -131,8 +136,11 @@ def _draw(
     difference = np.abs(data.baseline_loss - track.contrast_loss)
     index, pixels = max(samples.held, key=lambda held: float(difference[held[0]]))
     ours, constant = (
-        contrast_map(pixels, float(factor), display, model)
-        for factor in (track.factors[index], data.baseline_factor)
+        contrast_map(pixels, float(factor), display, model, float(loss[index]))
+        for factor, loss in (
+            (track.factors[index], track.contrast_loss),
+            (data.baseline_factor, data.baseline_loss),
+        )
     )
     name = f"{track.header.video} at {track.times[index]:.1f} s"
     write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))

@@ -1,8 +1,4 @@
-"""The brightness track: one factor per frame, with what it does to contrast, luminance and power.
-
-Sections of a video that count more or less, or in which brightness may change faster or not at all, are at
-the end.
-"""
+"""The brightness track: one factor per frame, with what it does to contrast, luminance and power."""
 
 from __future__ import annotations
 
@@ -20,7 +16,6 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import (
     Array,
     array_shapes,
-    as_in,
     check_limits,
     described,
     file_key,
@@ -39,9 +34,6 @@ LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit nu
 ACTUATOR = "what dims the video: the backlight, or pixels, which show nothing darker than the display's black"
 PROCEDURE = "what the participants of the rate limit were asked"
 WIDE_BAND = "true if the rate limit's band is too wide for use or missing, and was accepted all the same"
-LARGEST_WEIGHT = (
-    1e6  # weights or multiples of the rate limit: beyond, a section means "no other" or "no limit"
-)
 
 
 class BudgetUnit(enum.Enum):
@@ -208,162 +200,3 @@ def require_light_of(track: BrightnessTrack, display: Display, path: Path) -> No
             f"{track.factors[k]:g}, at which white on {display.name!r} has {white[k]:.4g} cd/m^2; make the "
             "track again"
         )
-
-
-@dataclass(frozen=True, slots=True)
-class OptimizationSummary:
-    """What an optimization achieved; the keys of `summary.json`."""
-
-    video: str = as_in(TrackHeader, "video")
-    display: str = described("name of the display")
-    rate_limit: str = as_in(TrackHeader, "rate_limit")
-    power_model: str = as_in(TrackHeader, "power_model")
-    frames: int = quantity("1", "number of frames", minimum=1)
-    duration: float = quantity("s", "duration of the video", above=0.0)
-    budget: float = quantity(
-        "1", "what was asked, in budget_unit; one of several clips has that of all", above=0.0
-    )
-    budget_unit: BudgetUnit = described("what the budget counts")
-    achieved: float = quantity("1", "what the track has, in the budget's unit", above=0.0)
-    objective: float = quantity(
-        "1", "mean absolute difference of contrast loss between two frames of the track", minimum=0.0
-    )
-    objective_baseline: float = quantity("1", "the same for constant dimming at equal power", minimum=0.0)
-    lower_bound: float = quantity(
-        "1", "no track within the limits has a smaller objective; 0 for one of several clips", minimum=0.0
-    )
-    max_rate_ratio: float = quantity(
-        "1", "largest ratio of a step's rate to its limit; at most 1", minimum=0.0
-    )
-    mean_contrast_loss: float = quantity("1", "mean contrast loss of the track", minimum=0.0)
-    mean_contrast_loss_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
-    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0)
-    baseline_factor: float = quantity("1", "factor of constant dimming at equal power", above=0.0)
-    mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
-    baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
-    full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
-    limit_curve: str = described(
-        "curve of the rate limit that was obeyed: fitted or safe (the lower edge of its band)"
-    )
-    modulated: str = described("luminance that the rate limit was about: frame_mean or white_field")
-    lowest_factor: float = quantity("1", "lowest brightness factor allowed", above=0.0, maximum=1.0)
-    pixels_per_degree: float = quantity("1", "pixels of the video per degree of the visual field", above=0.0)
-    contrast_model: str = described("choices of the contrast model, by name or file")
-    simulated: bool = described("true if the rate limit rests on simulated participants")
-    frames_without_contrast: int = quantity(
-        "1", "frames in which nothing is visible even undimmed; they have nothing to lose", minimum=0
-    )
-    solver: str = described("which solver made the track")
-    iterations: int = quantity(
-        "1", "iterations of the solver; for one of several clips, those of all", minimum=0
-    )
-    calm: float = quantity(
-        "1", "share of the gain that may be given up, at most, for a calmer track", minimum=0.0, maximum=1.0
-    )
-    solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
-    curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
-    bound_s: float = quantity("s", "time that the lower bound took", minimum=0.0, key="bound_s")
-    seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
-    versions: dict[str, str] = described(
-        "versions of Evenlight and of the packages that the numbers depend on"
-    )
-    provenance: Provenance = described("how the file was made")
-    rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
-    curves_tolerance: float = quantity(
-        "1",
-        "error of the loss curves that was accepted for not counting all of every frame",
-        minimum=0.0,
-        default=0.0,
-    )
-    counted: float = quantity(
-        "1", "share of the pixels that was counted for the loss curves", minimum=0.0, maximum=1.0, default=1.0
-    )
-    curves_computed_on: str = described(
-        "what computed the loss curves: cpu, or gpu and its name", default="cpu"
-    )
-    clips: int = quantity("1", "number of clips that share the budget", minimum=1, default=1)
-    weighted: bool = described(
-        "true if frames count differently in the objective, its baseline's and the bound", default=False
-    )
-    largest_allowance: float | None = quantity(
-        "1",
-        "largest multiple of the rate limit that a step of the video may reach",
-        minimum=0.0,
-        default=None,
-    )
-    max_rate_ratio_fitted: float | None = quantity(
-        "1",
-        "largest ratio of a step's rate to the limit without allowances; null in older files",
-        minimum=0.0,
-        default=None,
-    )
-    wide_band_accepted: bool = described(WIDE_BAND, default=False)
-    field_of_view: float | None = as_in(TrackHeader, "field_of_view")
-    pixel_aspect: float = quantity(
-        "1",
-        "width of a pixel of the video's file over its height; if not 1, the frames were resampled to square "
-        "pixels. One for several clips is that of the first",
-        above=0.0,
-        default=1.0,
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-        if self.lower_bound > self.objective:
-            raise ValueError(
-                f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"
-            )
-
-    def __repr__(self) -> str:
-        budget = f"budget {self.budget:g} ({self.budget_unit.value})"
-        losses = f"objective {self.objective:.3g}, baseline {self.objective_baseline:.3g}"
-        return f"<OptimizationSummary {self.video!r}: {self.frames} frames, {budget}, {losses}>"
-
-
-@dataclass(frozen=True, slots=True)
-class WeightSection:
-    """How much the frames of a section count in the objective; a row of `*.weights.csv`."""
-
-    start: float = quantity(
-        "s", "where the section begins; a frame that appears then belongs to it", minimum=0.0, key="start_s"
-    )
-    end: float = quantity("s", "where it ends; a frame that appears then is outside", above=0.0, key="end_s")
-    weight: float = quantity(
-        "1",
-        "how much each of its frames counts; frames outside all sections have 1",
-        minimum=0.0,
-        maximum=LARGEST_WEIGHT,
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-        _require_length(self.start, self.end)
-
-
-@dataclass(frozen=True, slots=True)
-class AllowanceSection:
-    """How many times the fitted rate limit a section allows. A row of `*.allowances.csv`."""
-
-    start: float = quantity(
-        "s",
-        "where the section begins; the step to a frame that appears then belongs to it",
-        minimum=0.0,
-        key="start_s",
-    )
-    end: float = as_in(WeightSection, "end")
-    allowance: float = quantity(
-        "1",
-        "multiple of the rate limit: 0 holds brightness still, 1 allows what was fitted",
-        minimum=0.0,
-        maximum=LARGEST_WEIGHT,
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-        _require_length(self.start, self.end)
-
-
-def _require_length(start: float, end: float) -> None:
-    """Raise `ValueError` if a section does not end after it begins."""
-    if not start < end:
-        raise ValueError(f"need start_s < end_s, got {start:g} and {end:g}")

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
-ONLINE = "pid"  # the solver of tracks that were not planned
+ONLINE, LOOKAHEAD = "pid", "lookahead"  # the solvers of tracks that were not planned as a whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +101,14 @@ class ControlSummary:
     final_target_loss: float = quantity(
         "1", "the target at the end; the same without a governor", minimum=0.0, maximum=1.0
     )
-    proportional: float = as_in(LoopReport, "proportional")
-    integral: float = as_in(LoopReport, "integral")
-    derivative: float = as_in(LoopReport, "derivative")
-    gain_rate: float | None = quantity("Hz", "frame rate that the gains are for; null: the video's")
+    proportional: float | None = quantity(
+        "1", "proportional gain K_p; null, as are the others, with a lookahead, which has none", minimum=0.0
+    )
+    integral: float | None = quantity("1", "integral gain K_i", minimum=0.0)
+    derivative: float | None = quantity("1", "derivative gain K_d", minimum=0.0)
+    gain_rate: float | None = quantity(
+        "Hz", "frame rate that the gains are for; null: the video's, or no gains"
+    )
     start_factor: float = quantity("1", "brightness factor of the first frame", above=0.0, maximum=1.0)
     mean_loss: float = as_in(TargetRow, "mean_loss")
     sd_loss: float = as_in(LoopReport, "sd_loss")
@@ -142,6 +147,12 @@ class ControlSummary:
         "s",
         "horizon that the governor steers by: longer than the one asked for if that holds too few frames",
         above=0.0,
+        default=None,
+    )
+    lookahead: float | None = quantity(
+        "s",
+        "how much of the video to come was known at each frame; null: none, and the PID controller",
+        minimum=0.0,
         default=None,
     )
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import frames_of_refreshes
 from evenlight.experiments.stage import Clip
@@ -22,6 +21,7 @@ from evenlight.stimuli.scenes.engine.camera_path import check_path
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.video.frame_buffer import FrameBuffer, LevelFrame
+from evenlight.stimuli.video.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
 
 if TYPE_CHECKING:
     import moderngl
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from evenlight.experiments.showing import Screen
 
 AHEAD = 2.0  # [s] of video that is decoded before it begins
-LARGEST_DEVIATION = 1e-3  # [s] of a frame's time from its track's
 
 
 class ImageFeed(Protocol):
@@ -139,21 +138,6 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         if abs(frame.time - wanted) > LARGEST_DEVIATION:
             raise wrong_time(self._name, index, frame.time, wanted)
         return frame
-
-
-def wrong_count(name: str, frames: int, wanted: int) -> InputError:
-    """Return what is said of a video that has not as many frames as its track."""
-    return InputError(
-        f"the video {name!r} has {frames} frames, and its brightness track {wanted}: they must be one video's"
-    )
-
-
-def wrong_time(name: str, frame: int, time: float, wanted: float) -> InputError:
-    """Return what is said of a video whose frames appear at other times than its track's [s]."""
-    return InputError(
-        f"frame {frame} of the video {name!r} appears at {time:.4f} s, and its brightness track says "
-        f"{wanted:.4f} s: they must have one frame rate"
-    )
 
 
 def part_of(levels: NDArray[Any], whole: tuple[int, int], part: tuple[int, int]) -> NDArray[Any]:

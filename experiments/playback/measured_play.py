@@ -41,7 +41,6 @@ from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
-from evenlight.experiments.playback.loaded_track import floor_note
 from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions, interrupted
 from evenlight.experiments.playback.play_video import video_request
 from evenlight.experiments.playback.player import (
@@ -52,6 +51,7 @@ from evenlight.experiments.playback.player import (
     flash,
     open_devices,
 )
+from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.experiments.showing import draw_patch
 from evenlight.experiments.stage import PausePressed
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter

@@ -13,16 +13,8 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_light_of
+from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_durations, load_track, track_file
 from evenlight.experiments.calibration_age import require_young
-from evenlight.experiments.playback.loaded_track import (
-    LoadedTrack,
-    floor_note,
-    frame_durations,
-    load_track,
-    require_display,
-    require_fit,
-    track_file,
-)
 from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
 from evenlight.experiments.playback.player import (
     Dimming,
@@ -35,11 +27,13 @@ from evenlight.experiments.playback.player import (
     write_log,
 )
 from evenlight.experiments.playback.screen_geometry import ScreenGeometry
+from evenlight.experiments.playback.track_refusals import floor_note, require_display
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
+from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
 SMALLEST_WINDOW = 64  # [pixels]

@@ -5,6 +5,7 @@ And how a walk went: means over time, how a budget was met, and the summary in o
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Sequence
@@ -21,7 +22,8 @@ from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices
 from evenlight.experiments.recordings import ClipRecording
 from evenlight.experiments.showing import Brightness, Screenshots
 from evenlight.hardware.protocols import HeldKeys, Pointer
-from evenlight.method.online.governor import HorizonErrors, horizon_errors, horizon_warning
+from evenlight.method.online.gain import GainMonitor, gain_warning
+from evenlight.method.online.governor import HORIZON, HorizonErrors, horizon_errors, horizon_warning
 from evenlight.method.rate_limit import largest_rate_ratio
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
@@ -317,7 +319,17 @@ def walk_summary(scene: str, done: WalkResult, rows: list[LiveRefresh], budget: 
     """Return how a walk in a scene went, what the controller did, and how a budget was met."""
     seconds, count = done.flip_times[-1] if done.flip_times else 0.0, len(done.flip_times)
     words = f"{scene}: {count} refreshes in {seconds:.1f} s, {done.frames_dropped} dropped"
-    return words + _control_summary(rows) + _budget_summary(budget, rows)
+    return words + _control_summary(rows) + _budget_summary(budget, rows) + _gain_summary(budget, rows)
+
+
+def _gain_summary(budget: LiveBudget | None, rows: list[LiveRefresh]) -> str:
+    """Return that nothing was gained over the last horizon, in words; nothing where something was."""
+    monitor = GainMonitor(HORIZON if budget is None else budget.settings.horizon)
+    for row, after in itertools.pairwise(rows):
+        if row.contrast_loss is not None and row.measured_factor is not None:
+            monitor.take(row.measured_factor, row.contrast_loss, after.flip_time - row.flip_time)
+    warning = gain_warning(monitor.ratio)
+    return "" if warning is None else f"; {warning}"
 
 
 def _control_summary(rows: list[LiveRefresh]) -> str:

@@ -1,8 +1,12 @@
-"""The share of visible pixels of a band at all brightness factors: the running sum of a histogram."""
+"""The share of visible pixels of a band at all brightness factors, of a histogram.
+
+Of critical factors, where each pixel has one: its running sum; otherwise what `contrast_histogram` gives.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,13 +14,22 @@ import numpy as np
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     ContrastModel,
+    LossForm,
     MaskingNeighbourhood,
     SensitivityModel,
     Visibility,
 )
-from evenlight.method.contrast.critical_factor import BandTable, threshold_table
+from evenlight.method.contrast.contrast_histogram import CellTables, Response, SeenContrast, count_cells
+from evenlight.method.contrast.critical_factor import BandTable
 from evenlight.method.contrast.csf import LOWEST_LUMINANCE
-from evenlight.method.contrast.one_pass import ContrastTables, FactorTables, compiled, count_band, expanded
+from evenlight.method.contrast.one_pass import (
+    ContrastTables,
+    FactorTables,
+    Masking,
+    compiled,
+    count_band,
+    expanded,
+)
 
 # In a band of few pixels each one shows in the loss. Such a band is cheap: it is counted several times, with
 # neighbours compared at several factors (see `critical_factor`), and each count serves the factors nearby.
@@ -26,7 +39,7 @@ _CELLS = 4096  # of the histogram of critical factors, at least; equal steps of 
 
 
 class BandShares:
-    """The counting of visible pixels in a band, for one model and one set of knots.
+    """The counting of visible pixels in the bands of a frame, for one model and one set of knots.
 
     Parameters
     ----------
@@ -34,44 +47,67 @@ class BandShares:
         Choices of the contrast model.
     factors : array, (K,)
         Knots b, rising to 1.
+    bands : sequence of BandTable
+        Their sensitivities, finest first.
     """
 
-    def __init__(self, model: ContrastModel, factors: Array) -> None:
-        self._model, self._threshold = model, threshold_table()
+    def __init__(self, model: ContrastModel, factors: Array, bands: Sequence[BandTable]) -> None:
+        self._model, self._bands = model, bands
         self._log_factors = np.log2(factors)
         # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
         self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
+        whole = model.visibility is not Visibility.SOFT and model.loss is not LossForm.SUPRATHRESHOLD
+        self._seen = [
+            None if whole and band.rises else SeenContrast(band, model, self._log_factors) for band in bands
+        ]
 
-    def of(self, fine: Any, coarse: Any, coarser: Any, band: BandTable) -> Array:
-        """Return the share of visible pixels of a band at each knot, (K,); 0 where nothing can be seen.
+    def of(self, fine: Any, coarse: Any, coarser: Any, number: int) -> Array:
+        """Return what the pixels of a band count at each knot, (K,); 0 where nothing can be seen.
 
         Parameters
         ----------
         fine, coarse, coarser : array
             Gaussian levels l, l + 1 and l + 2 of emitted luminance, for band l.
-        band : BandTable
-            Its sensitivity.
+        number : int
+            Of the band, l.
         """
+        band, seen = self._bands[number], self._seen[number]
         if not band.can_be_seen:
             return np.zeros(len(self._log_factors))
         around = expanded(coarser, *coarse.shape)
-        to_contrast = contrast_tables(band, self._model, (fine, around))
+        levels, to_contrast = (fine, coarse, around), contrast_tables(band, self._model, (fine, around))
         masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
-        n = REFERENCES if fine.size <= FEW_PIXELS else 1
-        way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
-        levels, tables = (fine, coarse, around), (to_contrast, self._factor_tables(band), masks_itself)
-        visible = np.empty(len(way))
-        _count_at_references(levels, tables, n, way * self._n_cells, visible)
+        masking = masks_itself, np.float32(self._model.masking_strength)
+        few = fine.size <= FEW_PIXELS
+        if seen is None:
+            way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
+            visible, tables = np.empty(len(way)), (to_contrast, self._factor_tables(band), masking)
+            _count_at_references(levels, tables, REFERENCES if few else 1, way * self._n_cells, visible)
+        else:
+            visible = self._by_contrast(seen.responses(few), levels, (to_contrast, masking))
         # Where two counts meet, a pixel may seem to vanish again as b grows.
-        return np.asarray(np.maximum.accumulate(visible) / fine.size)
+        return np.asarray((np.maximum.accumulate(visible) if band.rises else visible) / fine.size)
+
+    def _by_contrast(
+        self, responses: list[Response], levels: tuple[Any, Any, Any], tables: tuple[ContrastTables, Masking]
+    ) -> Array:
+        """Return what the pixels of a band count, of a histogram of contrast at each reference factor."""
+        to_contrast, masking = tables
+        visible = np.empty(len(self._log_factors))
+        for response in responses:
+            at = to_contrast._replace(log_factor=response.log_reference)
+            cells = CellTables.of(response, self._model)
+            count_cells(*levels, (at, cells, masking))
+            visible[response.served] = response.seen(cells.counts)
+        return visible
 
     def _factor_tables(self, band: BandTable) -> FactorTables:
         """Return what the compiled loops need to find critical factors, but for the counts."""
         return FactorTables(
-            log_threshold=self._threshold,
             log_luminance=band.log_luminance,
             log_faintest=np.float32(band.log_sensitivity_range[0]),
             log_span=np.float32(np.ptp(band.log_sensitivity_range)),
+            steepest=np.float32(band.steepest),
             log_lowest_factor=np.float32(self._log_factors[0]),
             counts=np.zeros(0, np.int64),
         )
@@ -95,6 +131,8 @@ def contrast_tables(
     """
     return ContrastTables(
         log_sensitivity=band.log_sensitivity,
+        log_sensitivity_series=band.log_sensitivity_series,
+        series_error=np.float32(band.series_error),
         log_darkest=np.float32(band.log_luminance_range[0]),
         log_span=np.float32(np.ptp(band.log_luminance_range)),
         log_factor=np.float32(math.log2(factor)),
@@ -114,7 +152,7 @@ def _log_common_adaptation(model: ContrastModel, fine: Any, around: Any) -> floa
 @compiled
 def _count_at_references(
     levels: tuple[Any, Any, Any],
-    tables: tuple[ContrastTables, FactorTables, bool],
+    tables: tuple[ContrastTables, FactorTables, Masking],
     references: Any,
     cells: Any,
     visible: Any,
@@ -125,24 +163,19 @@ def _count_at_references(
     `cells` is where the knots lie among the cells of the histogram, rising from 0 to their number.
     """
     fine, coarse, around = levels
-    c, f, masks_itself = tables
+    to_contrast, f, masking = tables
     n_cells = int(cells[-1])
-    counts, knot = np.zeros(n_cells + 2, np.int64), 0
+    counts, knot = np.zeros((references, n_cells + 2), np.int32), 0
+    to_factor = FactorTables(
+        f.log_luminance, f.log_faintest, f.log_span, f.steepest, f.log_lowest_factor, counts
+    )
+    count_band(fine, coarse, around, (to_contrast, to_factor, masking))
     for k in range(references):
-        counts[:] = 0
-        reference = np.float32(f.log_lowest_factor * np.float32(1 - (k + 0.5) / references))
-        to_contrast = ContrastTables(
-            c.log_sensitivity, c.log_darkest, c.log_span, reference, c.log_common_adaptation, c.positive_only
-        )
-        to_factor = FactorTables(
-            f.log_threshold, f.log_luminance, f.log_faintest, f.log_span, f.log_lowest_factor, counts
-        )
-        count_band(fine, coarse, around, (to_contrast, to_factor, masks_itself))
-        below, cell = counts[0], 0
+        below, cell = counts[k, 0], 0
         while knot < cells.size and (k == references - 1 or cells[knot] * references < (k + 1) * n_cells):
             whole = min(int(cells[knot]), n_cells - 1)
             while cell < whole:
                 cell += 1
-                below += counts[cell]
-            visible[knot] = below + (cells[knot] - whole) * counts[whole + 1]
+                below += counts[k, cell]
+            visible[knot] = below + (cells[knot] - whole) * counts[k, whole + 1]
             knot += 1

@@ -5,19 +5,23 @@ This is the plain and slow form, the oracle of everything faster; `contrast.loss
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     ContrastModel,
+    LossForm,
     SensitivityModel,
     Visibility,
 )
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.csf import contrast_sensitivity, csf_contrast
+from evenlight.method.contrast.detection import detection_probability, share_above_threshold
 from evenlight.method.contrast.luminance import dimmed_luminance
-from evenlight.method.contrast.masking import perceived_contrast
+from evenlight.method.contrast.masking import contrast_over_threshold, perceived_contrast
 from evenlight.method.contrast.pyramid import (
     adaptation_luminance,
     counted_frequencies,
@@ -31,7 +35,7 @@ VISIBILITY_THRESHOLD = 1.0  # of |C_t| (paper, below Eq. 4)
 def contrast_loss(
     emitted: NDArray[np.float64], factor: float, display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> float:
-    """Return the share 𝓛_c of visible contrast that dimming by b loses (Eq. 5).
+    """Return the share 𝓛_c of visible contrast that dimming by b loses (Eq. 5), in the form of the model.
 
     Decision (docs/decisions/no-visible-contrast.md): a frame in which nothing is visible even undimmed has
     nothing to lose, and its loss is 0.
@@ -58,22 +62,26 @@ def contrast_loss(
     """
     reference = visible_contrast(dimmed_luminance(emitted, 1.0, display), display, model)
     dimmed = visible_contrast(dimmed_luminance(emitted, factor, display), display, model)
-    return loss_of(dimmed, reference)
+    return loss_of(dimmed, reference, model.loss)
 
 
-def loss_of(dimmed: float, reference: float) -> float:
+def loss_of(dimmed: float, reference: float, form: LossForm = LossForm.RELATIVE) -> float:
     """Return |1 - C_v^D / C_v^I| within [0, 1], and 0 where the reference is 0 (Eq. 5).
 
-    >>> loss_of(0.25, 0.5), loss_of(0.0, 0.0)
-    (0.5, 0.0)
+    In the absolute form it is |C_v^I - C_v^D|: what a frame with little to see can lose is little.
+
+    >>> loss_of(0.25, 0.5), loss_of(0.0, 0.0), loss_of(0.25, 0.5, LossForm.ABSOLUTE)
+    (0.5, 0.0, 0.25)
     """
+    if form is LossForm.ABSOLUTE:
+        return abs(reference - dimmed)
     return min(1.0, abs(1 - dimmed / reference)) if reference > 0 else 0.0
 
 
 def visible_contrast(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> float:
-    """Return the visible contrast C_v: the mean over the bands of their share of visible pixels (Eq. 4).
+    """Return the visible contrast C_v: the mean over the bands of what their pixels count (Eq. 4).
 
     Parameters
     ----------
@@ -93,13 +101,62 @@ def visible_contrast(
     >>> visible_contrast(np.full((16, 16), 50.0), lab)
     0.0
     """
-    return float(np.mean([visible.mean() for visible in visible_map(luminance, display, model)]))
+    return float(np.mean([counted.mean() for counted in counted_map(luminance, display, model)]))
+
+
+def counted_map(
+    luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
+) -> list[NDArray[np.float64] | NDArray[np.bool_]]:
+    """Return how much each pixel counts as visible contrast, in each band, finest first.
+
+    Whether it is visible; with soft visibility the probability p that it is detected; in the suprathreshold
+    form the contrast that it shows above its threshold.
+
+    Parameters
+    ----------
+    luminance, display, model : array (height, width), Display, ContrastModel
+        As of `visible_map`.
+
+    Returns
+    -------
+    list of arrays
+        One per band, in [0, 1].
+    """
+    if model.loss is LossForm.SUPRATHRESHOLD:
+        return [_shown(*band, display, model) for band in _bands(luminance, display, model)]
+    if model.visibility is Visibility.SOFT:
+        contrasts = csf_contrasts(luminance, display, model)
+        masking = model.masking, model.masking_strength
+        return [detection_probability(contrast_over_threshold(C, *masking)) for C in contrasts]
+    return list(visible_map(luminance, display, model))
+
+
+def _shown(
+    band: NDArray[np.float64],
+    adaptation: NDArray[np.float64],
+    S: NDArray[np.float64],
+    display: Display,
+    model: ContrastModel,
+) -> NDArray[np.float64]:
+    """Return the contrast that a band shows above its threshold.
+
+    Decision (docs/decisions/soft-visibility.md): it is bounded at that of light against black, |ΔL| = what
+    the display emits around the pixel; otherwise a few pixels beside black would decide.
+    """
+    emitted = np.maximum(adaptation - display.reflected_luminance, 0.0)
+    physical = np.minimum(np.abs(band), emitted) / (adaptation + model.epsilon)
+    C = csf_contrast(band, adaptation, S, model.epsilon)
+    over_threshold = contrast_over_threshold(C, model.masking, model.masking_strength)
+    shown = physical * share_above_threshold(over_threshold)
+    return np.where(band > 0, shown, 0.0) if model.visibility is Visibility.POSITIVE_ONLY else shown
 
 
 def visible_map(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> list[NDArray[np.bool_]]:
     """Return where contrast is visible, 𝕀(|C_t| > 1), in each band, finest first.
+
+    With soft visibility these are the pixels that are rather detected than not.
 
     Parameters
     ----------
@@ -125,20 +182,27 @@ def perceived_contrasts(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> list[NDArray[np.float64]]:
     """Return the perceived contrast C_t of each band, finest first (Eqs. 2 and 3); as `visible_map`."""
-    return [perceived_contrast(C, model.masking) for C in csf_contrasts(luminance, display, model)]
+    contrasts = csf_contrasts(luminance, display, model)
+    return [perceived_contrast(C, model.masking, model.masking_strength) for C in contrasts]
 
 
 def csf_contrasts(
     luminance: NDArray[np.float64], display: Display, model: ContrastModel = DEFAULT_MODEL
 ) -> list[NDArray[np.float64]]:
     """Return the CSF-normalized contrast C of each band, finest first (Eq. 2); as `visible_map`."""
+    bands = _bands(luminance, display, model)
+    return [csf_contrast(band, adaptation, S, model.epsilon) for band, adaptation, S in bands]
+
+
+def _bands(
+    luminance: NDArray[np.float64], display: Display, model: ContrastModel
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield ΔL, L_a and S_CSF of each band, finest first."""
     frequencies = counted_frequencies((luminance.shape[0], luminance.shape[1]), display, model)
     gaussian = gaussian_pyramid(luminance, len(frequencies) + 2)
     bands = laplacian_bands(gaussian[:-1])
-    contrasts = []
     for level, (f, band) in enumerate(zip(frequencies, bands, strict=True)):
         adaptation = adaptation_luminance(gaussian, level)
         seen = adaptation.mean() if model.sensitivity is SensitivityModel.AUTHORS else adaptation
-        S = contrast_sensitivity(f, seen, model.sensitivity, model.field_size)
-        contrasts.append(csf_contrast(band, adaptation, S, model.epsilon))
-    return contrasts
+        S = contrast_sensitivity(f, seen, model.sensitivity, model.field_size) / model.threshold
+        yield band, adaptation, S

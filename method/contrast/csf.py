@@ -2,6 +2,7 @@
 
 Sources: P. G. J. Barten, Contrast Sensitivity of the Human Eye (SPIE, 1999), and "Formula for the contrast
 sensitivity of the human eye" (Proc. SPIE 5294, 2003). Sensitivity is 1 / modulation at 50 % detection.
+In its place, castleCSF: M. Ashraf, R. K. Mantiuk, A. Chapiro, S. Wuerger, Journal of Vision 24(4):5 (2024).
 """
 
 from __future__ import annotations
@@ -29,6 +30,16 @@ _PHOTONS_PER_TROLAND = 1.2274e6  # p [photons/s/deg²/td]; ITU-R BT.2246, for di
 _AUTHORS_PUPIL = 3.0  # [mm] for the retinal illuminance
 _AUTHORS_BLUR_PUPIL = 2.1  # [mm] for the optical blur
 
+# castleCSF's sustained achromatic mechanism: Ashraf et al. (2024), fitted parameters of their release 0.2.0.
+_CASTLE_PEAK = (56.4947, 7.54726, 0.144532, 5.58341e-07, 9.66862e09)  # S_max(L)
+_CASTLE_PEAK_FREQUENCY = (1.78119, 91.5718, 0.256682)  # f_max(L) [cpd]
+_CASTLE_BANDWIDTH = 0.000213047  # bw, in log2 of the squared width in log10 f
+_CASTLE_DROP = 0.100207  # a: below f_max sensitivity falls by no more than this share
+_CASTLE_AREA = 157.103  # A0 [deg²], over which the eye sums at f = 0
+_CASTLE_AREA_FREQUENCY = 0.702338  # f0 [cpd], where this area is half as large
+CASTLE_PATTERN_AREA = np.pi * 1.5**2  # A [deg²], σ = 1.5°: as ColorVideoVDP, Mantiuk et al. (2024)
+_CASTLE_DARKEST = 1e-3  # [cd/m^2] the model's lowest luminance
+
 
 def contrast_sensitivity(
     spatial_frequency: ArrayLike,
@@ -39,7 +50,7 @@ def contrast_sensitivity(
     """Return the contrast sensitivity S_CSF(f, L_a).
 
     Decision (docs/decisions/contrast-sensitivity.md): the full form of Barten (1999, 2003), with the pupil
-    that goes with the luminance and the field size.
+    that goes with the luminance and the field size. castleCSF is taken at 0 Hz and 1.5°.
 
     Parameters
     ----------
@@ -50,7 +61,7 @@ def contrast_sensitivity(
     model : SensitivityModel
         Which function.
     field_size : float
-        X0, side of the field of view [deg].
+        X0, side of the field of view [deg]; castleCSF has a pattern of a fixed size instead.
 
     Returns
     -------
@@ -73,6 +84,8 @@ def _sensitivity(
     """Return S of the chosen function."""
     if model is SensitivityModel.SIMPLIFIED:
         return _simplified(f, L, field_size)
+    if model is SensitivityModel.CASTLE:
+        return castle_sensitivity(f, L)
     if model is SensitivityModel.AUTHORS:
         blur, illuminance = optical_blur(_AUTHORS_BLUR_PUPIL), retinal_illuminance(L, _AUTHORS_PUPIL)
     else:
@@ -183,3 +196,37 @@ def _simplified(f: NDArray[np.float64], L: NDArray[np.float64], field_size: floa
     area = 1 + 144 / field_size**2 + 0.64 * f**2
     noise = 63 / L**0.83 - 1 / np.expm1(-0.02 * f**2)
     return np.asarray(5200 * optical / np.sqrt(area * noise))
+
+
+def castle_sensitivity(
+    spatial_frequency: ArrayLike, luminance: ArrayLike, area: float = CASTLE_PATTERN_AREA
+) -> NDArray[np.float64]:
+    """Return castleCSF's sensitivity to a static achromatic pattern in the fovea (Ashraf et al. 2024).
+
+    At 0 Hz only the sustained mechanism answers; the transient one is below 1e-5 of it above 0.1 cd/m².
+
+    Parameters
+    ----------
+    spatial_frequency : array_like, broadcast with `luminance`
+        f, at least 0 [cpd]; at 0, S is 0.
+    luminance : array_like
+        L_a [cd/m^2]; below 1e-3, where the model ends, the value there is returned.
+    area : float
+        A, area of the pattern [deg²].
+
+    >>> castle_sensitivity(4.0, [1.0, 100.0]).round(1).tolist()
+    [51.5, 248.4]
+    """
+    f, L = np.asarray(spatial_frequency, dtype=np.float64), np.maximum(luminance, _CASTLE_DARKEST)
+    first, half, exponent, bright, steepness = _CASTLE_PEAK
+    # 1 - (1 + p/L)^-q, with p/L below 1e-3 and q near 1e10: in logarithms nothing is lost.
+    fall = -np.expm1(-steepness * np.log1p(bright / L))
+    peak = first * (1 + half / L) ** -exponent * fall
+    highest, half, exponent = _CASTLE_PEAK_FREQUENCY
+    peak_frequency = highest * (1 + half / L) ** -exponent
+    with np.errstate(divide="ignore", over="ignore"):  # f = 0 is infinitely far below the peak
+        decades = np.log10(f) - np.log10(peak_frequency)
+        summed = 1 / ((1 + (f / _CASTLE_AREA_FREQUENCY) ** 2) / _CASTLE_AREA + 1 / area)
+    parabola = 10 ** -(decades**2 / 2**_CASTLE_BANDWIDTH)
+    shape = np.where(f < peak_frequency, np.maximum(parabola, 1 - _CASTLE_DROP), parabola)
+    return np.asarray(peak * shape * np.sqrt(summed) * f)

@@ -1,16 +1,14 @@
 """The analysis of one frame: its contrast loss at all brightness factors, in one pass over its pixels.
 
 It can be done in parts, band by band: the finest bands hold most of the pixels but change least from frame to
-frame, so that `contrast.frame_losses` need not count them in every one. `FrameLight` makes luminance of pixel
-values, in single precision; frames are large, and fresh memory can cost more than the work done on it, so
-`SpareArrays` are filled again and again.
+frame, so that `contrast.frame_losses` need not count them in every one. Frames are large, and fresh memory
+can cost more than the work done on it, so `SpareArrays` are filled again and again.
 """
 
 from __future__ import annotations
 
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -19,19 +17,15 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance
+from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Pixels
 from evenlight.method.contrast.band_shares import BandShares
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.critical_factor import TABLE_STEPS, BandTable, band_tables, tables_hold
-from evenlight.method.contrast.luminance import channel_means, dimmed_luminance, emitted_luminance
-from evenlight.method.contrast.one_pass import (
-    FLOAT_STEPS,
-    compiled,
-    convert_floats,
-    convert_integers,
-    reduced,
-)
+from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.contrast.one_pass import compiled, reduced
 from evenlight.method.contrast.pyramid import level_shapes
 
 _FINE_BANDS = 2  # bands that may be taken from other frames, at most: with 94 % of all pixels
@@ -40,7 +34,6 @@ MANY_PIXELS = 65536  # in a smaller band, single pixels make the count unsteady,
 _AMONG_EQUALS = 3.2
 _STEPS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # of g, around what is just visible
 _BELOW_PEAK = 0.1  # share of the peak luminance at which sensitivity is taken for these thresholds
-Luminance = NDArray[np.float32]
 _Kind = tuple[tuple[int, ...], np.dtype[Any]]  # shape and type of an array
 
 
@@ -58,7 +51,7 @@ class FrameLoss:
 class FrameAnalyzer(Protocol):
     """Gives the contrast loss of frames of one size."""
 
-    def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
+    def of(self, pixels: Pixels) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
 
 
@@ -103,7 +96,7 @@ class FrameAnalysis:
     ) -> None:
         self._display, self._model, self._factors = display, model, factors
         self._bands = band_tables(shape, float(factors[0]), display, model, table_steps)
-        self._band_shares = BandShares(model, factors)
+        self._band_shares = BandShares(model, factors, self._bands)
         self._spare, self._frame_bytes = SpareArrays(), 4 * shape[0] * shape[1]
         self._light = FrameLight(display, model.pixel_to_luminance, self._spare.take)
         sizes = zip(self._bands, level_shapes(shape), strict=False)
@@ -128,14 +121,13 @@ class FrameAnalysis:
     def in_one_pass(self) -> bool:
         """Whether one pass gives the curve; otherwise each knot is computed by definition.
 
-        It does not where sensitivity falls with luminance somewhere, so that a pixel has no single critical
-        factor; nor where reflected light meets a sensitivity taken at another luminance than the pixel's.
+        It does not where reflected light meets a sensitivity taken at another luminance than the pixel's.
         """
-        return all(band.rises for band in self._bands) and tables_hold(self._display, self._model)
+        return tables_hold(self._display, self._model)
 
-    def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
+    def of(self, pixels: Pixels) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        luminance, means = self._light.luminance_and_means(pixel_values)
+        luminance, means = self._light.luminance_and_means(pixels)
         mean = float(luminance.mean(dtype=np.float64))
         if self.in_one_pass:
             shares = self._shares([luminance, reduced(luminance)], later=range(0))
@@ -144,9 +136,9 @@ class FrameAnalysis:
         self._spare.give_back(luminance)
         return self.loss_of(FrameCounts(mean, means, shares))
 
-    def begin(self, pixel_values: NDArray[Any]) -> FrameCounts:
+    def begin(self, pixels: Pixels) -> FrameCounts:
         """Count all bands of a frame but the fine ones; there must be some."""
-        luminance, means = self._light.luminance_and_means(pixel_values)
+        luminance, means = self._light.luminance_and_means(pixels)
         mean = float(luminance.mean(dtype=np.float64))
         levels, later = [luminance, reduced(luminance)], self.fine_bands
         shares = self._shares(levels, later)
@@ -161,7 +153,7 @@ class FrameAnalysis:
         for _ in range(band):  # cheaper than to hold it, and the memory that takes
             fine = reduced(fine)
         coarse = reduced(fine)
-        counts.shares[band] = self._band_shares.of(fine, coarse, reduced(coarse), self._bands[band])
+        counts.shares[band] = self._band_shares.of(fine, coarse, reduced(coarse), band)
         counts.counted = min(1.0, counts.counted + self._share_of_pixels(range(band, band + 1)))
 
     def complete(self, counts: FrameCounts) -> FrameCounts:
@@ -185,7 +177,7 @@ class FrameAnalysis:
             visible += share
         visible /= len(counts.shares)
         reference = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference) for C_v in visible])
+        loss = np.array([loss_of(float(C_v), reference, self._model.loss) for C_v in visible])
         return FrameLoss(loss, reference, counts.mean_luminance, counts.channel_means, counts.counted)
 
     def _share_of_pixels(self, bands: range) -> float:
@@ -203,10 +195,10 @@ class FrameAnalysis:
         `levels` are the first two Gaussian levels; those that follow are added.
         """
         shares = np.full((len(self._bands), len(self._factors)), np.nan)
-        for k, band in enumerate(self._bands):
+        for k in range(len(self._bands)):
             levels.append(reduced(levels[-1]))
             if k not in later:
-                shares[k] = self._band_shares.of(levels[k], levels[k + 1], levels[k + 2], band)
+                shares[k] = self._band_shares.of(levels[k], levels[k + 1], levels[k + 2], k)
         return shares
 
 
@@ -252,78 +244,6 @@ def count_differences(luminance: Any, thresholds: Any, counts: Any) -> None:
             for j in range(width - 1):
                 n += numba.int32(row[j] > threshold)
             counts[k] += n
-
-
-class FrameLight:
-    """Tables that linearize the pixel values of frames, and what a display emits for them at factor 1.
-
-    Parameters
-    ----------
-    display : Display
-        The display that shows them.
-    order : PixelToLuminance
-        Whether channels are linearized before they are weighed.
-    take : function of (shape, type)
-        Gives arrays to be filled.
-
-    >>> light = FrameLight(Display("lab", 100.0, 0.0, 2.0, 60.0), PixelToLuminance.LINEAR_FIRST)
-    >>> light.luminance(np.full((1, 2, 3), [[[0], [255]]], dtype=np.uint8)).round(3).tolist()
-    [[0.0, 100.0]]
-    """
-
-    def __init__(
-        self,
-        display: Display,
-        order: PixelToLuminance,
-        take: Callable[[tuple[int, ...], DTypeLike], NDArray[Any]] = np.empty,
-    ) -> None:
-        self._display, self._order, self._take = display, order, take
-        self._linear: dict[int, NDArray[np.float32]] = {}
-
-    def luminance(self, pixel_values: NDArray[Any]) -> Luminance:
-        """Return I of a frame, (height, width, 3) gamma-encoded [cd/m^2]."""
-        if self._order is PixelToLuminance.LUMA_FIRST:
-            return self._of_luma(pixel_values)
-        return self._converted(pixel_values)[0]
-
-    def drawn(self, pixel_values: NDArray[Any], factor: float) -> Luminance:
-        """Return what pixels emit for a frame that they dim: `drawn_luminance`, reflections excluded."""
-        if self._order is PixelToLuminance.LUMA_FIRST:
-            dimmed = np.float32(factor) * self._of_luma(pixel_values)
-            return np.asarray(np.maximum(dimmed, np.float32(self._display.black_level)))
-        return self._converted(pixel_values, factor)[0]
-
-    def luminance_and_means(self, pixel_values: NDArray[Any]) -> tuple[Luminance, NDArray[np.float64]]:
-        """Return I, and the means of the linear R, G, B channels, (3,)."""
-        if self._order is PixelToLuminance.LUMA_FIRST:
-            return self._of_luma(pixel_values), channel_means(pixel_values, self._display.gamma)
-        return self._converted(pixel_values)
-
-    def _of_luma(self, pixel_values: NDArray[Any]) -> Luminance:
-        """Return I of pixel values whose channels are weighed first."""
-        wide = emitted_luminance(pixel_values, self._display, PixelToLuminance.LUMA_FIRST)
-        luminance = self._take(wide.shape, np.float32)
-        np.copyto(luminance, wide, casting="same_kind")
-        return luminance
-
-    def _converted(
-        self, pixel_values: NDArray[Any], drawn_at: float | None = None
-    ) -> tuple[Luminance, NDArray[np.float64]]:
-        """Return I, or what pixels draw at a factor, and the channels' means, where these come first."""
-        whole = np.issubdtype(pixel_values.dtype, np.integer)
-        steps = int(np.iinfo(pixel_values.dtype).max) if whole else FLOAT_STEPS
-        if steps not in self._linear:
-            encoded = np.arange(steps + 1) / steps
-            self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = self._take(pixel_values.shape[:2], np.float32)
-        black = np.float32(self._display.black_level)
-        span = np.float32(self._display.peak_luminance - self._display.black_level)
-        linear = self._linear[steps]
-        if drawn_at is not None:  # each level as the one that is drawn for it
-            linear = np.maximum(np.float32(drawn_at) * (black + span * linear) - black, np.float32(0)) / span
-        convert = convert_integers if whole else convert_floats
-        sums = convert(np.ascontiguousarray(pixel_values), linear, black, span, luminance)
-        return luminance, np.array(sums) / luminance.size
 
 
 class SpareArrays:

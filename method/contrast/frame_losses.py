@@ -20,12 +20,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.frame import LumaChroma, Pixels
 from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.frame_analysis import (
     FrameAnalysis,
@@ -39,7 +38,6 @@ LONGEST_STRETCH = 16  # frames from one that is counted whole to the next
 _STRETCH_MEMORY = 350_000_000  # bytes that the frames of a stretch take at most, but for the least length
 _SHORTEST_STRETCH = 4  # below, nothing could be saved
 _AHEAD = 2  # frames decoded beyond those that are being analysed, where each is a task of its own
-Pixels = NDArray[Any]
 Task = Future[list[FrameLoss]]
 # Of the tolerance, what a count may miss by: among those that are not made, some will be worse. White noise
 # and grain decide: with a half the worst of their frames takes all of it, with a third two thirds of it.
@@ -58,7 +56,7 @@ def frame_losses(
     ----------
     analysis : FrameAnalyzer
         For frames of their size.
-    frames : iterable of array, (height, width, 3)
+    frames : iterable of array, (height, width, 3), or of LumaChroma
         Gamma-encoded; arrays that nothing else writes to. Their errors are passed on, at once.
     effort : AnalysisEffort
         How much is counted, and in how many threads.
@@ -98,11 +96,17 @@ def _singles(
 
     def counted(pixels: Pixels) -> list[FrameLoss]:
         found = analysis.of(pixels)
-        spare.give_back(pixels)
+        _let_go(pixels, spare)
         return [found]
 
     for pixels in frames:
         yield pool.submit(counted, pixels)
+
+
+def _let_go(pixels: Pixels, spare: SpareArrays) -> None:
+    """Give back an array that has been analysed; planes are the decoder's."""
+    if not isinstance(pixels, LumaChroma):
+        spare.give_back(pixels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +133,7 @@ class _StretchTasks:
     def _begun(self, pixels: Pixels, whole: bool) -> FrameCounts:
         """Count all of a frame, or all but its fine bands."""
         counts = self.analysis.begin(pixels)
-        self.spare.give_back(pixels)
+        _let_go(pixels, self.spare)
         return self.analysis.complete(counts) if whole else counts
 
     def _settled(self, stretch: list[Future[FrameCounts]], is_last: bool) -> list[FrameLoss]:

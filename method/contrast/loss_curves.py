@@ -13,19 +13,19 @@ import itertools
 from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.frame import Frame, LumaChroma, Pixels, same_pixels
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, Device
+from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameLoss, SpareArrays
 from evenlight.method.contrast.frame_losses import frame_losses
@@ -61,6 +61,7 @@ def analyze_frames(
     factors: ArrayLike | None = None,
     provenance: Provenance | None = None,
     effort: AnalysisEffort = FULL_ANALYSIS,
+    checkpoints: Checkpoints | None = None,
 ) -> LossCurves:
     """Return the contrast-loss curves of a video, few frames in memory at a time.
 
@@ -83,16 +84,21 @@ def analyze_frames(
         Otherwise made here.
     effort : AnalysisEffort
         How much is counted, and where.
+    checkpoints : Checkpoints, optional
+        Gets what is done, a minute at a time; with frames that were analysed before, `frames` are the rest.
     """
     knots = _checked_knots(brightness_factors() if factors is None else factors)
-    timeline = _Timeline(video)
+    begun = None if checkpoints is None else checkpoints.begun
+    timeline = _Timeline(video) if begun is None else _timeline_after(begun, video)
     contents = timeline.contents(frames)
     first = next(contents, None)
     if first is None:
         raise InputError(f"{video}: holds no frame; at least one is needed")
     chosen = make_frame_analysis(first.shape[:2], display, model, knots, effort.device)
     rows = _gathered(
-        frame_losses(chosen.analysis, itertools.chain([first], contents), effort, timeline.spare)
+        frame_losses(chosen.analysis, itertools.chain([first], contents), effort, timeline.spare),
+        timeline,
+        checkpoints,
     )
     shown = np.array(timeline.shown)
     again = np.concatenate([[False], np.diff(shown) == 0])
@@ -120,13 +126,16 @@ _COUNTED = 5  # column of a row, after contrast, luminance and three channels
 _BESIDE = 6  # columns before the loss
 
 
-def _gathered(results: Iterable[FrameLoss]) -> Array:
+def _gathered(results: Iterable[FrameLoss], timeline: _Timeline, checkpoints: Checkpoints | None) -> Array:
     """Return a row for each frame: nothing is kept of a frame but these numbers."""
-    numbers = array("d")
+    begun = None if checkpoints is None else checkpoints.begun
+    numbers = array("d", () if begun is None else begun.rows.ravel())
     for found in results:
         means, loss = found.channel_means, found.loss
         row = [found.visible_contrast, found.mean_luminance, *means, found.counted, *loss]
         numbers.extend(row)
+        if checkpoints is not None:
+            checkpoints.at(numbers, len(row), (timeline.times, timeline.durations, timeline.shown))
     return np.frombuffer(numbers).reshape(-1, len(row))
 
 
@@ -142,32 +151,40 @@ class _Timeline:
     # where contents go when they have been analysed, to be filled again
     spare: SpareArrays = field(default_factory=SpareArrays)
 
-    def contents(self, frames: Iterable[Frame]) -> Iterator[NDArray[Any]]:
-        """Yield the pixel values of each frame that differs from the one before, as an array of its own."""
-        before: NDArray[Any] | None = None
-        contents = -1
-        for number, frame in enumerate(frames):
-            shape = frame.pixel_values.shape
+    def contents(self, frames: Iterable[Frame]) -> Iterator[Pixels]:
+        """Yield the pixels of each frame that differs from the one before, as arrays of their own."""
+        before: Pixels | None = None
+        contents = self.shown[-1] if self.shown else -1
+        for number, frame in enumerate(frames, start=len(self.shown)):
+            height, width = frame.shape
             if before is None:
-                _require_bands(shape, self.video)
-            elif shape[:2] != before.shape[:2]:
+                _require_bands(frame.shape, self.video)
+            elif frame.shape != before.shape[:2]:
                 raise InputError(
-                    f"{self.video}: frame {number} has {shape[1]} x {shape[0]} pixels, the one before "
+                    f"{self.video}: frame {number} has {width} x {height} pixels, the one before "
                     f"{before.shape[1]} x {before.shape[0]}; need frames of one size"
                 )
-            # As a float 1 is white, as an integer all but black: the type counts too.
-            differs = before is None or not (
-                before.dtype == frame.pixel_values.dtype and np.array_equal(before, frame.pixel_values)
-            )
+            differs = before is None or not same_pixels(before, frame.pixels)
             contents += differs
             self.times.append(frame.time)
             self.durations.append(frame.duration)
             self.shown.append(contents)
             if differs:
-                # A source may fill the same array again. This may be `before`, which has been compared.
-                before = self.spare.take(shape, frame.pixel_values.dtype)
-                np.copyto(before, frame.pixel_values)
+                before = self._own(frame.pixels)
                 yield before
+
+    def _own(self, pixels: Pixels) -> Pixels:
+        """Return pixels that nothing else writes to: a source may fill its array again, but not planes."""
+        if isinstance(pixels, LumaChroma):
+            return pixels
+        own = self.spare.take(pixels.shape, pixels.dtype)  # may be the frame before, which has been compared
+        np.copyto(own, pixels)
+        return own
+
+
+def _timeline_after(begun: AnalysedFrames, video: str) -> _Timeline:
+    """Return the timeline of a video whose first frames were analysed before; another content follows."""
+    return _Timeline(video, begun.times.tolist(), begun.durations.tolist(), begun.shown.tolist())
 
 
 def _checked_knots(factors: ArrayLike) -> Array:
@@ -212,7 +229,7 @@ def loss_curves_by_definition(
     """
     reference = visible_contrast(dimmed_luminance(emitted, 1.0, display), display, model)
     dimmed = (dimmed_luminance(emitted, b, display) for b in np.asarray(factors, dtype=np.float64))
-    return np.array([loss_of(visible_contrast(D, display, model), reference) for D in dimmed])
+    return np.array([loss_of(visible_contrast(D, display, model), reference, model.loss) for D in dimmed])
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ NEIGHBOURHOOD_SIDE = 5  # N(p) is 5 × 5 (paper, below Eq. 3)
 def perceived_contrast(
     csf_contrast: NDArray[np.float64],
     neighbourhood: MaskingNeighbourhood = MaskingNeighbourhood.WITH_CENTRE,
+    strength: float = 1.0,
 ) -> NDArray[np.float64]:
     """Return the perceived contrast C_t of a band: a transducer divided by what masks it (Eq. 3).
 
@@ -30,6 +31,8 @@ def perceived_contrast(
         C, in units of threshold.
     neighbourhood : MaskingNeighbourhood
         Whether a pixel masks itself.
+    strength : float
+        What masking is multiplied by: 1 as printed, 0 for none.
 
     Returns
     -------
@@ -41,7 +44,43 @@ def perceived_contrast(
     """
     size = np.abs(csf_contrast)
     transduced = np.sign(csf_contrast) * size**TRANSDUCER_EXPONENT
-    return np.asarray(transduced / (1 + neighbourhood_mean(size**MASKING_EXPONENT, neighbourhood)))
+    mean = neighbourhood_mean(size**MASKING_EXPONENT, neighbourhood)
+    return np.asarray(transduced / (1 + strength * mean))
+
+
+def contrast_over_threshold(
+    csf_contrast: NDArray[np.float64],
+    neighbourhood: MaskingNeighbourhood = MaskingNeighbourhood.WITH_CENTRE,
+    strength: float = 1.0,
+) -> NDArray[np.float64]:
+    """Return the contrast ρ of a band in units of what would be just visible in its place.
+
+    Decision (docs/decisions/soft-visibility.md): a pattern becomes just visible, C_t = 1 in Eq. 3, where it
+    is divided by ρ with its neighbourhood: (|C|/ρ)^α = 1 + M / ρ^β, with M the mean of |C|^β over N(p).
+
+    Parameters
+    ----------
+    csf_contrast, neighbourhood, strength : array (height, width), MaskingNeighbourhood, float
+        As of `perceived_contrast`.
+
+    Returns
+    -------
+    array, (height, width)
+        ρ, at least 0; 1 where |C_t| = 1.
+
+    >>> contrast_over_threshold(np.full((5, 5), 2 * 3.211)).round(3)[2, 2].item()  # 3.211^0.7 = 1 + 3.211^0.2
+    2.0
+    """
+    size = np.abs(csf_contrast)
+    transduced = size**TRANSDUCER_EXPONENT
+    masked = strength * neighbourhood_mean(size**MASKING_EXPONENT, neighbourhood)
+    # With x = ρ^0.1 the equation is x^7 + M x^5 = |C|^0.7: rising and convex, so that Newton's steps from
+    # above fall to its root. Far below threshold, among strong neighbours, they are cut short: ρ < 1e-3.
+    x = transduced ** (1 / 7)
+    for _ in range(30):
+        excess, rise = x**7 + masked * x**5 - transduced, 7 * x**6 + 5 * masked * x**4
+        x = x - np.divide(excess, rise, out=np.zeros_like(x), where=rise > 0)
+    return np.asarray(np.maximum(x, 0.0) ** 10)
 
 
 def neighbourhood_mean(

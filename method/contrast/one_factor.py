@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     ContrastModel,
+    LossForm,
     MaskingNeighbourhood,
+    Visibility,
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -27,7 +29,8 @@ from evenlight.method.contrast.band_shares import contrast_tables
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.critical_factor import BandTable, band_tables, tables_hold
 from evenlight.method.contrast.csf import LOWEST_LUMINANCE
-from evenlight.method.contrast.frame_analysis import FrameLight
+from evenlight.method.contrast.detection import SLOPE
+from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.contrast.masking import MASKING_EXPONENT
 from evenlight.method.contrast.one_pass import (
@@ -45,6 +48,8 @@ MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer ther
 _BETA = np.float32(MASKING_EXPONENT)
 _DARKEST = np.float32(LOWEST_LUMINANCE)
 _FAINTEST = np.float32(1e-30)
+_PER_X = np.float32(10 * SLOPE)  # ρ = x^10
+_NEWTON_STEPS = 6  # to x of any contrast that counts; far below threshold they stop short
 STRIP = 4  # rows that are counted together
 GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples, without whole parts, fall evenly into [0, 1)
 
@@ -55,6 +60,16 @@ class MeasuredLoss:
 
     loss: float  # 𝓛_c at the factor that was asked for
     mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2]
+
+
+class Counting(NamedTuple):
+    """What a pixel counts."""
+
+    masks_itself: bool
+    masking: np.float32  # strength of masking
+    soft: bool  # the probability that it is detected, rather than 0 or 1
+    weighs: bool  # the contrast that it shows above its threshold
+    lost_light: np.float32  # L_refl + ε [cd/m^2], what takes from that contrast
 
 
 class OneFactorLoss:
@@ -87,6 +102,13 @@ class OneFactorLoss:
         self._bands = band_tables(shape, lowest_factor, display, model)
         self._light = FrameLight(display, model.pixel_to_luminance)
         self._by_definition = not tables_hold(display, model)
+        self._counting = Counting(
+            masks_itself=model.masking is MaskingNeighbourhood.WITH_CENTRE,
+            masking=np.float32(model.masking_strength),
+            soft=model.visibility is Visibility.SOFT,
+            weighs=model.loss is LossForm.SUPRATHRESHOLD,
+            lost_light=np.float32(display.reflected_luminance + model.epsilon),
+        )
 
     def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> MeasuredLoss:
         """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
@@ -111,7 +133,7 @@ class OneFactorLoss:
             raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
         luminance = self._light.luminance(pixel_values)
         dimmed, full = self.visible_contrast(luminance, factor, turn)
-        return MeasuredLoss(loss_of(dimmed, full), float(luminance.mean(dtype=np.float64)))
+        return MeasuredLoss(loss_of(dimmed, full, self._model.loss), float(luminance.mean(dtype=np.float64)))
 
     def visible_contrast(
         self, emitted: NDArray[np.float32], factor: float, turn: int = 0
@@ -136,33 +158,32 @@ class OneFactorLoss:
     def _shares_of_band(
         self, levels: tuple[Any, Any, Any], band: BandTable, factor: float, turn: int
     ) -> Array:
-        """Return the shares of visible pixels of a band at the factor and at 1."""
+        """Return what the pixels of a band count, in the mean, at the factor and at 1."""
         fine, coarse, around = levels
         tables = contrast_tables(band, self._model, (fine, around), factor)
-        masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
         height, width = fine.shape
         counts, rows = np.zeros(2), 0
         for begin, end in counted_rows(height, self._one_in if fine.size > MANY_PIXELS else 1, turn):
-            counts += _count_visible(fine, coarse, around, (begin, end), (tables, masks_itself))
+            counts += _count_visible(fine, coarse, around, (begin, end), (tables, self._counting))
             rows += end - begin
         return np.asarray(counts / (rows * width))
 
 
 @compiled
 def _count_visible(
-    fine: Any, coarse: Any, adaptation: Any, rows: Any, choices: tuple[ContrastTables, bool]
+    fine: Any, coarse: Any, adaptation: Any, rows: Any, choices: tuple[ContrastTables, Counting]
 ) -> Any:
-    """Return how many pixels of some rows of a band are visible at the factor, and at 1.
+    """Return what the pixels of some rows of a band count at the factor, and at 1.
 
     The levels are as of `one_pass.count_band`; `rows` holds the first row that counts, and the one after the
-    last; `choices` the tables of the band, and whether a pixel masks itself.
+    last; `choices` the tables of the band, and what a pixel counts.
     """
-    tables, masks_itself = choices
+    tables, counting = choices
     height, width = fine.shape
     first, last = max(rows[0] - 2, 0), min(rows[1] + 2, height)
     power = np.zeros((2, 5, width + 4), np.float32)  # |C|^0.2 of the last five rows, at b and at 1
     sums = np.zeros((2, 5, width), np.float32)  # the same, by five columns
-    weight = np.ones((5, width), np.float32)  # 0 for a pixel that does not count
+    weight = np.ones((2, 5, width), np.float32)  # what a pixel counts that is seen: 0 if it does not
     low, seen = np.empty(width, np.float32), np.empty(width, np.float32)
     ratio, light, x = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
     cells, between = np.empty(width, np.int32), np.empty(coarse.shape[1] + 2, np.float32)
@@ -174,17 +195,23 @@ def _count_visible(
         if i < last:
             expand_row(coarse, i, height, between, low)
             expand_row(adaptation, i, height, between, seen)
-            _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[new]))
+            weight[1, new] = 1
+            _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[1, new]))
+            weight[0, new] = weight[1, new]
             for at in range(first_at, 2):
+                if counting.weighs:
+                    _weigh_row(ratio, light, tables, counting, (at, weight[at, new]))
                 _power_row(ratio, light, tables, (at, x, cells, power[at, new], sums[at, new]))
         else:
             sums[:, new] = 0
         if rows[0] <= i - 2 < rows[1]:
             n_rows = min(i, height - 1) - max(i - 4, 0) + 1
             for at in range(first_at, 2):
-                counts[at] += _visible_in_row(
-                    power[at, ready], sums[at], n_rows * columns, weight[ready], masks_itself
-                )
+                here = power[at, ready], sums[at], n_rows * columns, weight[at, ready]
+                if counting.soft or counting.weighs:
+                    counts[at] += _seen_in_row(here, counting, x)
+                else:
+                    counts[at] += _visible_in_row(here, counting)
     if first_at == 1:
         counts[0] = counts[1]
     return counts
@@ -220,18 +247,63 @@ def _power_row(ratio: Any, light: Any, tables: Any, filled: Any) -> None:
 
 
 @compiled
-def _visible_in_row(power: Any, sums: Any, counts: Any, weight: Any, masks_itself: Any) -> Any:
+def _weigh_row(ratio: Any, light: Any, tables: Any, counting: Counting, weighed: Any) -> None:
+    """Multiply weights by contrast, bounded at that of light against black: |ΔL| = L_a."""
+    at, weight = weighed
+    log_factor = tables.log_factor if at == 0 else np.float32(0)
+    for j in range(weight.size):
+        e = exp2(light[j] + log_factor)
+        weight[j] *= exp2(min(ratio[j], np.float32(0))) * e / (e + counting.lost_light)
+
+
+@compiled
+def _masking_at(j: Any, here: Any, counting: Counting) -> Any:
+    """Return |C|^0.2 of a pixel of a row, the sum of those that mask it, and how many they are."""
+    power, sums, counts, _ = here
+    own = power[j + 2]
+    total = sums[0, j] + sums[1, j] + sums[2, j] + sums[3, j] + sums[4, j]
+    n = np.float32(counts[j])
+    if not counting.masks_itself:
+        total -= own
+        n = max(n - np.float32(1), np.float32(1))
+    return own, total, n
+
+
+@compiled
+def _seen_in_row(here: Any, counting: Counting, x: Any) -> Any:
+    """Return what the pixels of a row count: p or the share above threshold, by ρ = x^10.
+
+    x solves x^7 + M x^5 = |C|^0.7 (`masking.contrast_over_threshold`); it is `x` that is filled with it.
+    """
+    weight = here[3]
+    for j in range(x.size):
+        own, total, n = _masking_at(j, here, counting)
+        transduced, masked, root = own * own * own * np.sqrt(own), counting.masking * total / n, np.sqrt(own)
+        for _ in range(_NEWTON_STEPS):
+            square = root * root
+            fourth = square * square
+            excess = fourth * root * (square + masked) - transduced
+            root -= excess / (fourth * (np.float32(7) * square + np.float32(5) * masked))
+        x[j] = log2(max(root, np.float32(1e-6)))
+    seen = 0.0
+    if counting.weighs:
+        for j in range(x.size):
+            seen += weight[j] * (np.float32(1) - exp2(np.float32(-10) * max(x[j], np.float32(0))))
+    else:
+        for j in range(x.size):
+            hazard = exp2(min(max(_PER_X * x[j], np.float32(-60)), np.float32(6.5)))
+            seen += weight[j] * (np.float32(1) - exp2(-hazard))
+    return seen
+
+
+@compiled
+def _visible_in_row(here: Any, counting: Counting) -> Any:
     """Return how many pixels of a row are visible: |C|^0.7 > 1 + mean of |C|^0.2 about them (Eq. 3)."""
-    visible = 0
-    for j in range(counts.size):
-        own = power[j + 2]
-        total = sums[0, j] + sums[1, j] + sums[2, j] + sums[3, j] + sums[4, j]
-        n = np.float32(counts[j])
-        if not masks_itself:
-            total -= own
-            n = max(n - np.float32(1), np.float32(1))
+    weight, visible = here[3], 0
+    for j in range(weight.size):
+        own, total, n = _masking_at(j, here, counting)
         transduced = own * own * own * np.sqrt(own)  # (|C|^0.2)^3.5
-        if weight[j] * transduced * n > n + total:
+        if weight[j] * transduced * n > n + counting.masking * total:
             visible += 1
     return visible
 

@@ -24,7 +24,8 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.contrast_loss import loss_of
-from evenlight.method.contrast.frame_analysis import MANY_PIXELS, FrameAnalysis, FrameLight
+from evenlight.method.contrast.frame_analysis import MANY_PIXELS, FrameAnalysis
+from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.luminance import unit_pixel_values
 from evenlight.method.contrast.one_factor import OneFactorLoss
 
@@ -49,7 +50,7 @@ class PixelFloor:
     def __init__(
         self, shape: tuple[int, int], display: Display, model: ContrastModel, factors: Array
     ) -> None:
-        self._display, self._factors = display, factors
+        self._display, self._factors, self._form = display, factors, model.loss
         self._light = FrameLight(display, model.pixel_to_luminance)
         self._exact = OneFactorLoss(shape, display, model, float(factors[0]))
         self._backlight = FrameAnalysis(shape, display, model, factors)
@@ -66,7 +67,7 @@ class PixelFloor:
         if factor >= self.onset(pixel_values):
             return 0.0
         dimmed, full = self._exact.visible_contrast(self._light.luminance(pixel_values), factor)
-        return self._drawn_loss(pixel_values, factor, full) - loss_of(dimmed, full)
+        return self._drawn_loss(pixel_values, factor, full) - loss_of(dimmed, full, self._form)
 
     def added(self, pixel_values: NDArray[Any]) -> Array:
         """Return the same at each knot, (K,), computed at as many as it takes; of small frames at all."""
@@ -100,7 +101,7 @@ class PixelFloor:
     def _drawn_loss(self, pixel_values: NDArray[Any], factor: float, full: float) -> float:
         """Return the loss of a frame as it is drawn; `full` is its visible contrast at full brightness."""
         drawn, _ = self._exact.visible_contrast(self._light.drawn(pixel_values, factor), 1.0)
-        return loss_of(drawn, full)
+        return loss_of(drawn, full, self._form)
 
 
 def _smooth(known: dict[int, float]) -> PchipInterpolator:
@@ -119,12 +120,15 @@ class FlooredFrames:
         As of the loss curves that are to be completed.
     threads : int
         How many frames are worked on at a time.
+    earlier : array (n, K) or None
+        What it adds to the frames before, where an interrupted analysis goes on.
     """
 
     display: Display
     model: ContrastModel
     factors: Array
     threads: int = 1
+    earlier: Array | None = None
     _added: list[Future[Array]] = field(default_factory=list)  # of each frame
 
     def watch(self, frames: Iterable[Frame]) -> Iterator[Frame]:
@@ -144,9 +148,16 @@ class FlooredFrames:
                 for earlier in self._added[-self.threads - 1 : -self.threads]:
                     earlier.result()  # no more frames than that are held
 
+    def added(self, first: int, end: int) -> Array:
+        """Return what the floor adds to some of the frames that went past, or before them, (n, K)."""
+        known = np.empty((0, len(self.factors))) if self.earlier is None else self.earlier
+        skip = len(known)
+        found = [task.result() for task in self._added[max(first - skip, 0) : max(end - skip, 0)]]
+        return np.concatenate([known[first:end], np.reshape(found, (-1, len(self.factors)))])
+
     def complete(self, curves: LossCurves) -> LossCurves:
         """Return the curves of the frames that went past, made for a backlight, as those of pixels."""
-        added = np.array([found.result() for found in self._added])
+        added = self.added(0, curves.n_frames)
         loss = np.clip(curves.loss + added, 0.0, 1.0)
         # Knots between those computed, and rounding, may let loss rise with the factor where it hardly falls.
         falling = np.maximum.accumulate(loss[:, ::-1], axis=1)[:, ::-1]

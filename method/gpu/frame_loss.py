@@ -15,6 +15,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Pixels, rgb_of
 from evenlight.method.contrast.band_shares import REFERENCES
 from evenlight.method.contrast.contrast_loss import loss_of
 from evenlight.method.contrast.frame_analysis import FrameLoss
@@ -59,7 +60,7 @@ class GpuCurve:
         model: ContrastModel,
         factors: Array,
     ) -> None:
-        self._display, self._log_factors = display, np.log2(factors)
+        self._display, self._log_factors, self._form = display, np.log2(factors), model.loss
         steps = np.diff(self._log_factors)
         equal = bool(np.allclose(steps, steps.mean(), rtol=1e-6, atol=0))
         request = CountingRequest(float(factors[0]), len(factors), REFERENCES, equal)
@@ -84,7 +85,7 @@ class GpuCurve:
         counted = self.one_pass.result()
         visible = self._visible(counted)
         reference = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference) for C_v in visible])
+        loss = np.array([loss_of(float(C_v), reference, self._form) for C_v in visible])
         return FrameLoss(loss, reference, emitted_mean(counted, self._display), counted.means[:3])
 
     def _visible(self, counted: PassCounts) -> Array:
@@ -129,9 +130,9 @@ class GpuFrameAnalysis:
         """What it runs on, in the driver's words."""
         return self._own.renderer
 
-    def of(self, pixel_values: NDArray[Any]) -> FrameLoss:
+    def of(self, pixels: Pixels) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        return self._own.run(self._curve.of, packed(pixel_values))
+        return self._own.run(self._curve.of, packed(rgb_of(pixels)))
 
 
 def emitted_mean(counted: PassCounts, display: Display) -> float:
@@ -179,7 +180,7 @@ class GpuLoss:
         lowest_factor: float = 0.2,
     ) -> None:
         request = CountingRequest(lowest_factor, knots=_KNOTS, references=_KNOTS, equal_ratios=False)
-        self._display, self._lowest = display, lowest_factor
+        self._display, self._lowest, self._form = display, lowest_factor, model.loss
         self._pass = GpuOnePass(context, shape, display, model, request)
         self._fences: list[Fence] = []
 
@@ -229,4 +230,6 @@ class GpuLoss:
         for band in counted.bands:
             dimmed += band.visible[0, 0] / band.pixels
             full += band.visible[-1, 1] / band.pixels
-        return MeasuredLoss(loss_of(min(dimmed, full), full), emitted_mean(counted, self._display))
+        return MeasuredLoss(
+            loss_of(min(dimmed, full), full, self._form), emitted_mean(counted, self._display)
+        )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     ContrastModel,
+    LossForm,
     MaskingNeighbourhood,
     SensitivityModel,
     Visibility,
@@ -103,7 +104,8 @@ class GpuOnePass:
         self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
         seen = {level: table for level, table in enumerate(tables) if table.can_be_seen}
         self._levels = tuple(seen)
-        self._layout = _band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request)
+        thresholds = threshold_table(model.masking_strength)
+        self._layout = _band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request, thresholds)
         self._make_buffers()
         self._count = program(context, ("mirror", "count"), _defined(model, request, self._layout.steps))
         self._under_way: list[int] = []
@@ -210,6 +212,12 @@ def _defined(
 
 def _require_one_pass(tables: list[BandTable], model: ContrastModel, request: CountingRequest) -> None:
     """Raise `InputError` for what only the processor computes."""
+    if model.visibility is Visibility.SOFT or model.loss is LossForm.SUPRATHRESHOLD:
+        chosen = model.visibility if model.visibility is Visibility.SOFT else model.loss
+        raise InputError(
+            f"the graphics processor counts whole pixels, which {chosen.value!r} does not: use the processor "
+            "(device cpu)"
+        )
     if model.sensitivity is SensitivityModel.AUTHORS:
         raise InputError(
             "the graphics processor takes each pixel's own sensitivity: need sensitivity 'barten' or "
@@ -267,9 +275,10 @@ def _band_layout(
     begins: Sequence[int],
     seen: Mapping[int, BandTable],
     request: CountingRequest,
+    thresholds: NDArray[np.float32],
 ) -> _BandLayout:
     """Return where the bands lie whose contrast can be visible, given by their level of the pyramid."""
-    tables: list[NDArray[np.float32]] = [threshold_table()]
+    tables = [thresholds]
     records, places, words, groups = np.zeros(len(seen), _RECORD), [], SUM_WORDS, 0
     for number, (level, table) in enumerate(seen.items()):
         height, width = shapes[level]
@@ -283,10 +292,8 @@ def _band_layout(
         tables += [table.log_sensitivity, table.log_luminance]
         words += references * request.knots
         groups += across * down * references
-    thresholds, sensitivities, luminances = ([part.size for part in tables] + [2, 2])[
-        :3
-    ]  # 2: no band is seen
-    steps = thresholds, sensitivities, luminances
+    sensitivities, luminances = ([part.size for part in tables[1:]] + [2, 2])[:2]  # 2: no band is seen
+    steps = thresholds.size, sensitivities, luminances
     return _BandLayout(tuple(places), records.tobytes(), np.concatenate(tables), steps, words)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
 from evenlight.method.online.governor import FrameCost, Governor, GovernorState
+from evenlight.method.online.lookahead import ForeseenFrame, LookaheadController, LookaheadSettings
 from evenlight.method.rate_limit import allowed_rate, modulation_rate
 
 
@@ -57,6 +59,15 @@ class VideoGovernor:
     costs: list[FrameCost]  # of each frame
 
 
+@dataclass(frozen=True, slots=True)
+class VideoLookahead:
+    """How far a controller looks ahead, and what the frames of a video cost."""
+
+    settings: LookaheadSettings
+    costs: list[FrameCost] | None = None  # of each frame; None without a budget
+    level_is_given: bool = True  # whether the controller's target was asked for
+
+
 def control_curves(
     curves: LossCurves,
     controller: Controller,
@@ -84,46 +95,85 @@ def control_curves(
     InputError
         If the controller may choose factors that the curves do not reach.
     """
-    _require_reach(curves, controller)
-    shown = curves.mean_luminance if luminance is None else luminance
-    first = _start(curves, controller, start_factor)
+    shown, first = _prepared(curves, controller, start_factor, luminance)
     states, targets, held = _states(curves, controller, shown, first, governed)
+    return _track(curves, shown, controller, (states, targets, held))
+
+
+def control_ahead(
+    curves: LossCurves,
+    controller: Controller,
+    ahead: VideoLookahead,
+    start_factor: float | None = None,
+    luminance: Array | None = None,
+) -> ControlledTrack:
+    """Return what a controller does with a video that knows the next frames of it (`online.lookahead`).
+
+    Parameters
+    ----------
+    curves, controller, start_factor, luminance : LossCurves, Controller, float or None, array or None
+        As of `control_curves`; the gains do nothing.
+    ahead : VideoLookahead
+        How far it looks, and what frames cost.
+
+    Raises
+    ------
+    InputError
+        If the controller may choose factors that the curves do not reach.
+    """
+    shown, first = _prepared(curves, controller, start_factor, luminance)
+    planner = LookaheadController(controller, ahead.settings, curves.factors, first, ahead.level_is_given)
+    costs: Sequence[FrameCost | None] = ahead.costs or [None] * curves.n_frames
+    planned = []
+    for losses, light, duration, cost in zip(
+        curves.loss, shown.tolist(), curves.durations.tolist(), costs, strict=True
+    ):
+        planned += planner.push(ForeseenFrame(losses, light, duration, cost))
+    planned += planner.finish()
+    columns = zip(*((one.state, one.target_loss, one.budget_held) for one in planned), strict=True)
+    states, targets, held = (list(column) for column in columns)
+    return _track(curves, shown, controller, (states, targets, held))
+
+
+def _track(
+    curves: LossCurves,
+    luminance: Array,
+    controller: Controller,
+    run: tuple[list[ControllerState], list[float], list[bool]],
+) -> ControlledTrack:
+    """Return the track of a run: states, targets, and where a bound held the governor."""
+    states, targets, held = run
     factors = np.array([state.factor for state in states])
-    limits = np.array([controller.rate_limit(light) for light in (factors * shown).tolist()])
+    limits = np.array([controller.rate_limit(light) for light in (factors * luminance).tolist()])
     return ControlledTrack(
         durations=curves.durations,
         factors=factors,
         contrast_loss=loss_and_slope(curves, factors)[0],
-        rate=modulation_rate(factors, shown, curves.durations),
-        rate_limit=allowed_rate(factors, shown, lambda _: limits),
+        rate=modulation_rate(factors, luminance, curves.durations),
+        rate_limit=allowed_rate(factors, luminance, lambda _: limits),
         limited=np.array([state.limited for state in states]),
         targets=np.array(targets),
         budget_held=np.array(held),
     )
 
 
-def _require_reach(curves: LossCurves, controller: Controller) -> None:
-    """Raise `InputError` if the curves begin above the lowest factor."""
-    lowest, known = controller.settings.lowest_factor, float(curves.factors[0])
+def _prepared(
+    curves: LossCurves, controller: Controller, start_factor: float | None, luminance: Array | None
+) -> tuple[Array, float]:
+    """Return the luminance at factor 1, and the factor of the first frame."""
+    settings = controller.settings
+    lowest, highest, known = settings.lowest_factor, settings.highest_factor, float(curves.factors[0])
     if lowest < known:
         raise InputError(
             f"the controller's lowest_factor is {lowest:g}, the loss curves of {curves.video!r} begin at "
             f"{known:g}; raise the one, or analyse the video for lower factors"
         )
-
-
-def _start(curves: LossCurves, controller: Controller, start_factor: float | None) -> float:
-    """Return the factor of the first frame."""
-    settings = controller.settings
     if start_factor is None:
         wanted = factor_at_loss(curves, np.full(curves.n_frames, settings.target_loss))[0]
-        return float(np.clip(wanted, settings.lowest_factor, settings.highest_factor))
-    if not settings.lowest_factor <= start_factor <= settings.highest_factor:
-        raise InputError(
-            f"the first factor must lie in {settings.lowest_factor:g} to {settings.highest_factor:g}, "
-            f"got {start_factor:g}"
-        )
-    return start_factor
+        start_factor = float(np.clip(wanted, lowest, highest))
+    if not lowest <= start_factor <= highest:
+        raise InputError(f"the first factor must lie in {lowest:g} to {highest:g}, got {start_factor:g}")
+    return curves.mean_luminance if luminance is None else luminance, start_factor
 
 
 def _states(

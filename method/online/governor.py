@@ -271,7 +271,7 @@ class ContentCosts:
     def __init__(self, settings: GovernorSettings, model: PowerModel) -> None:
         self._settings, self._base = settings, model.base_power
         self._least_scale = LEAST_SCALE * float(power_per_factor(model, np.ones((1, 3)))[0])
-        self._over_horizon, self._of_late = _MeanSoFar(), _MeanSoFar()
+        self._over_horizon, self._of_late = MeanSoFar(), MeanSoFar()
 
     def of(self, slope: float, duration: float) -> FrameCost:
         """Return the costs of the next frame.
@@ -326,17 +326,23 @@ def first_factor(
     return min(max(cost.fair_factor, bounds[0]), bounds[1])
 
 
-class _MeanSoFar:
-    """The mean over what came so far, of older than some time ever less."""
+class MeanSoFar:
+    """The mean over what came so far, of older than some time ever less.
 
-    def __init__(self) -> None:
-        self._mean = self._passed = 0.0
+    Parameters
+    ----------
+    mean, passed : float
+        What is known before the first value, and over how long [s].
+    """
+
+    def __init__(self, mean: float = 0.0, passed: float = 0.0) -> None:
+        self.mean, self._passed = mean, passed
 
     def with_next(self, value: float, duration: float, over: float) -> float:
         """Return the mean with one more value, over some time [s]."""
         self._passed = min(self._passed + duration, max(over, duration))
-        self._mean += (value - self._mean) * duration / self._passed
-        return self._mean
+        self.mean += (value - self.mean) * duration / self._passed
+        return self.mean
 
 
 def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel) -> list[FrameCost]:

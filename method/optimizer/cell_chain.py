@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from evenlight.data_schema.arrays import Array, Integers
+from evenlight.method.compiled_loop import compiled_loop
 
 
 class RateTable(NamedTuple):
@@ -45,7 +45,7 @@ class ChainCosts(NamedTuple):
     knots: Array  # (K,): factors of the knots
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def make_blocks(largest_step: Array, target: float, narrowest: float) -> tuple[Integers, Integers, Integers]:
     """Return blocks within which the factor can move by a target at most; see `FrameBlocks`.
 
@@ -79,7 +79,7 @@ def make_blocks(largest_step: Array, target: float, narrowest: float) -> tuple[I
     return start, anchor, spread
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def cheapest_chain(
     costs: ChainCosts, rates: RateTable, reach: Array, blocks: FrameBlocks, per_knot: int
 ) -> tuple[float, float]:
@@ -138,7 +138,7 @@ def cheapest_chain(
     return value[end], used[end]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _edges(knots: Array, per_knot: int) -> Array:
     """Return the edges of the cells."""
     edges = np.empty((len(knots) - 1) * per_knot + 1)
@@ -150,7 +150,7 @@ def _edges(knots: Array, per_knot: int) -> Array:
     return edges
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _highest_rates(row: Array, rates: RateTable, frame: int, spread: int) -> None:
     """Write the largest rate limit within each segment and some to either side of it, for a frame."""
     last, end = len(rates.highest) - 1, len(row) - 1
@@ -164,7 +164,7 @@ def _highest_rates(row: Array, rates: RateTable, frame: int, spread: int) -> Non
                 row[segment] = max(row[segment], narrow[other])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _reach_between(
     first: Array, second: Array, rates: RateTable, reach: Array, blocks: FrameBlocks, k: int, per_knot: int
 ) -> bool:
@@ -193,7 +193,7 @@ def _reach_between(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _block_costs(
     costs: ChainCosts, rates: RateTable, reach: Array, blocks: FrameBlocks, k: int
 ) -> tuple[Array, float, Array]:
@@ -227,7 +227,7 @@ def _block_costs(
     return at_knot, share, saved
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _add_savings(saved: Array, costs: ChainCosts, frame: int, away: Array, spread: int) -> None:
     """Add what a frame may save by being away from its block's anchor."""
     segments = len(saved)
@@ -243,7 +243,7 @@ def _add_savings(saved: Array, costs: ChainCosts, frame: int, away: Array, sprea
         saved[segment] += away[segment] * most
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _cell_costs(
     cost: Array, use: Array, costs: ChainCosts, block: tuple[Array, float, Array], per_knot: int
 ) -> None:
@@ -261,7 +261,7 @@ def _cell_costs(
             use[segment * per_knot + k] = used
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _windows(lowest: Integers, highest: Integers, edges: Array, first: Array, second: Array) -> None:
     """Write the lowest and the highest cell that may follow each cell.
 

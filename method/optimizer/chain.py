@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.method.optimizer.optimize import Problem, feasible_blend
 
 Ends = NDArray[np.int64]
@@ -81,14 +81,14 @@ class _Stack(NamedTuple):
     map: Array  # A, C, U, V, W
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _knot(stack: _Stack, index: int) -> tuple[float, float]:
     """Return position and derivative of a knot."""
     x0, mapping = stack.x[index], stack.map
     return mapping[_A] * x0 + mapping[_C], mapping[_U] * stack.d[index] + mapping[_V] * x0 + mapping[_W]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _put(stack: _Stack, index: int, x: float, d: float) -> None:
     """Store a knot."""
     mapping = stack.map
@@ -97,21 +97,21 @@ def _put(stack: _Stack, index: int, x: float, d: float) -> None:
     stack.d[index] = (d - mapping[_V] * x0 - mapping[_W]) / mapping[_U]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _push(stack: _Stack, x: float, d: float) -> None:
     """Add a knot at the inner end."""
     _put(stack, stack.ends[1], x, d)
     stack.ends[1] += 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _add_term(stack: _Stack, curvature: float, gradient: float) -> None:
     """Add a frame's term to the derivative: curvature · x + gradient."""
     stack.map[_V] += curvature * stack.map[_A]
     stack.map[_W] += curvature * stack.map[_C] + gradient
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _move(stack: _Stack, slope: float, offset: float) -> None:
     """Map all knots of a stack: x to slope·x + offset, and with it d to d / slope."""
     mapping = stack.map
@@ -128,7 +128,7 @@ def _move(stack: _Stack, slope: float, offset: float) -> None:
         mapping[:] = (1.0, 0.0, 1.0, 0.0, 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _cut(near: _Stack, far: _Stack, wall: float, side: float) -> None:
     """Cut the domain at a wall: `side` is 1 for a wall on the near stack's outside left, -1 for right.
 
@@ -163,7 +163,7 @@ def _cut(near: _Stack, far: _Stack, wall: float, side: float) -> None:
     _push(far, wall, value)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _balance(giver: _Stack, taker: _Stack, sign: float) -> None:
     """Move knots whose derivative has changed its sign over to the other stack."""
     while giver.ends[0] < giver.ends[1]:
@@ -174,7 +174,7 @@ def _balance(giver: _Stack, taker: _Stack, sign: float) -> None:
         _push(taker, x, d)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _zero(left: _Stack, right: _Stack) -> float:
     """Return where the derivative is zero, or the end of the domain that is nearest to it."""
     if left.ends[0] == left.ends[1]:
@@ -189,7 +189,7 @@ def _zero(left: _Stack, right: _Stack) -> float:
     return zero
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _stack(size: int, wall: float) -> _Stack:
     """Return a stack with a knot at a wall; below it is room for the one that a later wall puts back."""
     ends, mapping = np.array([2, 2]), np.array([1.0, 0.0, 1.0, 0.0, 0.0])
@@ -198,7 +198,7 @@ def _stack(size: int, wall: float) -> _Stack:
     return stack
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _minimize(curvature: Array, gradient: Array, limits: ChainLimits) -> Array:
     """See `minimize_chain`: knots forward, the path of least cost backward."""
     n = len(curvature)

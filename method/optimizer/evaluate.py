@@ -1,34 +1,27 @@
-"""What becomes of an answer: a calmer track, its columns, and the figures of its summary.
-
-The optimum follows every flicker of the measured contrast loss as far as the rate limit lets it. Of the
-tracks that keep most of the gain, the calmest is wanted: one that runs straight wherever it may. A string
-pulled tight through a tube about the optimum is the shortest path within it; the tube is as wide as the gain
-allows.
-"""
+"""What becomes of an answer: the columns of its track, and the figures of its summary."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import numba
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    OptimizationSummary,
-    TrackHeader,
-)
-from evenlight.method.optimizer.chain import linearized_limits, nearest_within_budget
-from evenlight.method.optimizer.optimize import Problem, feasible_blend, is_feasible
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
+from evenlight.method.choices import ObjectiveName
+from evenlight.method.detectability import detectability
+from evenlight.method.optimizer.lower_bound import checked_bound
+from evenlight.method.optimizer.optimize import Problem
 from evenlight.method.optimizer.request import Request
 from evenlight.method.power import power
-from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate
+from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate, rate_limit_at
 
-ROUNDING = 1e-10  # of a mean difference of losses, which are at most 1, summed over up to a million frames
-RADII = 0.128 * 0.5 ** np.arange(10.0)  # of the tube, as differences of factors, widest first
+AT_LIMIT, NEAR_LIMIT = 0.99, 0.9  # shares of the limit from which on a rate counts as at it, or near it
+STANDSTILL = 1e-9  # steps of the factor below this are rounding
+LEAST_LIMIT = 1e-12  # [cd/m^2/s] where next to nothing is allowed
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +39,12 @@ class RunRecord:
 class SolverAnswer:
     """What is known of the answer beside its track."""
 
-    lower_bound: float  # no track within the limits has a smaller objective
+    lower_bound: float  # no track within the limits has less of what is minimized
     iterations: int  # of the solver
     contrast_model: str  # name of the choices that the loss curves were made with
     clips: int = 1  # how many clips share the budget
+    minimized: MinimizedOutcome | None = None  # the worst of several measures, where that was minimized
+    by_measure: tuple[MinimizedOutcome, ...] = ()  # each of them
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
@@ -106,6 +101,10 @@ def summarize(
     curves, header = problem.curves, track.header
     share = curves.durations / curves.durations.sum()
     baseline, objective = problem.baseline(), problem.spread(track.contrast_loss)
+    minimized, value = problem.minimized, problem.value(track.contrast_loss)
+    bound, outcome = checked_bound(answer.lower_bound, value), answer.minimized
+    if minimized.name is not ObjectiveName.SPREAD:
+        outcome = MinimizedOutcome(minimized.name.value, value, problem.objective(baseline), bound)
     baseline_power = power(request.power_model, baseline, curves.channel_means)
     full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
     mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
@@ -126,8 +125,8 @@ def summarize(
         budget_unit=request.budget_unit,
         achieved=achieved[request.budget_unit],
         objective=objective,
-        objective_baseline=problem.objective(baseline),
-        lower_bound=_below(objective, answer.lower_bound),
+        objective_baseline=problem.spread(problem.loss(baseline)),
+        lower_bound=min(bound, objective) if minimized.name is ObjectiveName.SPREAD else 0.0,
         max_rate_ratio=largest_rate_ratio(track.rate, track.rate_limit),
         mean_contrast_loss=float(share @ track.contrast_loss),
         mean_contrast_loss_baseline=float(share @ problem.loss(baseline)),
@@ -165,7 +164,60 @@ def summarize(
         ),
         wide_band_accepted=header.wide_band_accepted,
         pixel_aspect=effort.pixel_aspect,
+        minimized=outcome,
+        level_weight=minimized.level_weight,
+        by_measure=answer.by_measure,
+        share_at_limit=time_share_from(AT_LIMIT, track, curves.durations),
+        share_near_limit=time_share_from(NEAR_LIMIT, track, curves.durations),
+        reversals_per_s=reversals(track.factors) / float(curves.durations.sum()),
+        **_detected(problem, request, track),
     )
+
+
+def time_share_from(part: float, track: BrightnessTrack, durations: Array) -> float:
+    """Return the share of the time in which a track changes at a part of its rate limit, or faster.
+
+    Parameters
+    ----------
+    part : float
+        Of the limit, above 0.
+    track : BrightnessTrack
+        N frames.
+    durations : array, (N,)
+        How long each frame is shown [s].
+    """
+    speed = np.abs(track.rate)
+    at = (speed > 0) & (speed >= part * track.rate_limit)
+    return float(durations[at].sum() / durations.sum())
+
+
+def reversals(factors: Array) -> int:
+    """Return how often factors turn from rising to falling or back, however long they stood still between.
+
+    >>> reversals(np.array([0.5, 0.6, 0.6, 0.5, 0.4, 0.5]))
+    2
+    """
+    steps = np.diff(factors)
+    signs = np.sign(steps[np.abs(steps) > STANDSTILL])
+    return int(np.count_nonzero(signs[1:] != signs[:-1]))
+
+
+def _detected(problem: Problem, request: Request, track: BrightnessTrack) -> dict[str, Any]:
+    """Return how well the track's changes can be detected, against the fitted limit whichever was obeyed."""
+    reflected = problem.curves.display.reflected_luminance
+
+    def fitted_limit(emitted: Array) -> Array:
+        return rate_limit_at(request.rate_limit, emitted + reflected)
+
+    fitted = allowed_rate(track.factors, problem.luminance, fitted_limit)
+    moving = track.rate != 0
+    ratios = np.divide(track.rate, np.maximum(fitted, LEAST_LIMIT), out=np.zeros_like(fitted), where=moving)
+    found = detectability(request.rate_limit, ratios, problem.curves.durations)
+    if found is None:
+        return {}
+    return {
+        "detectability": found.d_prime, "windows": found.windows, "windows_noticed": found.windows_noticed
+    }  # fmt: skip
 
 
 def limit_without_allowances(problem: Problem, factors: Array) -> Array:
@@ -178,81 +230,3 @@ def _largest_allowance(problem: Problem) -> float:
     if problem.allowances is None:
         return 1.0
     return float(problem.allowances[np.isfinite(problem.allowances)].max(initial=0.0))
-
-
-def _below(objective: float, bound: float) -> float:
-    """Return the lower bound, once it is checked to be one; it may be above the objective by rounding."""
-    if bound > objective + ROUNDING:
-        raise RuntimeError(
-            f"the lower bound {bound:.12g} is above the objective {objective:.12g} of an answer that exists"
-        )
-    return min(bound, objective)
-
-
-def calmed(problem: Problem, factors: Array, share: float) -> Array:
-    """Return the calmest track found that gives up at most a share of the gain over constant dimming.
-
-    Parameters
-    ----------
-    problem : Problem
-        N frames.
-    factors : array, (N,)
-        A feasible track.
-    share : float
-        Of the gain in the objective, in [0, 1]; 0 returns the track itself.
-
-    Returns
-    -------
-    array, (N,)
-        Feasible; budget and rate limit are met.
-    """
-    objective = problem.objective(factors)
-    allowed = objective + share * (problem.objective(problem.baseline()) - objective)
-    if share <= 0 or len(factors) < 3:
-        return factors
-    limits = linearized_limits(problem, factors, trust=float(2 * RADII[0]))
-    for radius in RADII:
-        straight = taut_string(problem.curves.times, factors, float(radius))
-        nearest = nearest_within_budget(problem, straight, limits)
-        track = feasible_blend(problem, np.clip(nearest, problem.lowest_factor, 1.0))
-        if problem.objective(track) <= allowed and is_feasible(problem, track):
-            return track
-    return factors
-
-
-@numba.njit(cache=True)
-def taut_string(times: Array, values: Array, radius: float) -> Array:
-    """Return the shortest path within a radius of some values, both ends held.
-
-    From each bend the path goes straight for as long as one slope stays within the tube; then it bends where
-    the tube was narrowest.
-
-    >>> taut_string(np.arange(5.0), np.array([0.0, 0.1, -0.1, 0.1, 0.0]), 0.1).tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.0]
-    """
-    last = len(values) - 1
-    path = values.copy()
-    bend = 0
-    while bend < last:
-        steepest, flattest = np.inf, -np.inf
-        upper, lower, following, slope = bend, bend, last, 0.0
-        for j in range(bend + 1, last + 1):
-            room = radius if j < last else 0.0
-            ahead = times[j] - times[bend]
-            top = (values[j] + room - path[bend]) / ahead
-            bottom = (values[j] - room - path[bend]) / ahead
-            if bottom > steepest:
-                following, slope = upper, steepest
-                break
-            if top < flattest:
-                following, slope = lower, flattest
-                break
-            if top <= steepest:
-                steepest, upper = top, j
-            if bottom >= flattest:
-                flattest, lower = bottom, j
-            slope = steepest
-        for k in range(bend + 1, following + 1):
-            path[k] = path[bend] + slope * (times[k] - times[bend])
-        bend = following
-    return path

@@ -21,11 +21,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array, Integers
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.method.optimizer.chain import nearest_feasible
 from evenlight.method.optimizer.optimize import Problem, is_feasible
 
@@ -59,7 +59,7 @@ class FactorGrid:
     @classmethod
     def of(cls, problem: Problem) -> FactorGrid:
         """Return the grid of all factors that a track can have: every track crosses the baseline."""
-        n, baseline, steps = problem.curves.n_frames, problem.baseline_factor, _longest_steps(problem)
+        n, baseline, steps = problem.curves.n_frames, problem.baseline_factor, longest_steps(problem)
         low = max(problem.lowest_factor, baseline - steps.sum())
         high = min(1.0, baseline + steps.sum())
         wanted = CELLS_PER_STEP * (high - low) / max(float(np.median(steps)), LEAST_WAY / n)
@@ -109,7 +109,7 @@ def grid_starts(problem: Problem) -> list[Array]:
     problem : Problem
         N frames, at least 2.
     """
-    if not _longest_steps(problem).sum() > LEAST_WAY:
+    if not longest_steps(problem).sum() > LEAST_WAY:
         return []
     grid = FactorGrid.of(problem)
     levels = np.quantile(grid.loss, (np.arange(LEVELS) + 0.5) / LEVELS)
@@ -119,7 +119,7 @@ def grid_starts(problem: Problem) -> list[Array]:
     return sorted((_improved(grid, track) for track in tracks), key=problem.objective)
 
 
-def _longest_steps(problem: Problem) -> Array:
+def longest_steps(problem: Problem) -> Array:
     """Return the longest change of the factor in each step, (N-1,), at most 1."""
     knots, reach = problem.curves.factors, problem.step_reach()
     highest = problem.rate_limit(knots * problem.luminance[:, None]).max(axis=1)
@@ -255,7 +255,7 @@ def bins_within(used: Array, bins: int) -> BudgetBins:
     return BudgetBins(low - SPARE * size, (width / size).astype(np.int64) + 2 * SPARE + 1, size)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Integers:
     """See `cheapest_track`: fronts forward, the track backward; cells of -1 where there is no track."""
     n, width = cost.shape
@@ -276,7 +276,7 @@ def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Integers:
     return _traced(before.cost[: bins.number[n - 1]], came)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _windows(cells: GridCells, i: int) -> tuple[Integers, Integers]:
     """Return the first and the last cell of the frame before from which each cell of frame i may be reached.
 
@@ -304,7 +304,7 @@ def _windows(cells: GridCells, i: int) -> tuple[Integers, Integers]:
     return first, last
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _extend(before: CostToReach, place: int, choice: GridStep, after: CostToReach, came: Origins) -> None:
     """Extend the ways of one bin by a frame: those that may yet be the least of a window wait."""
     row, used = before.cost[place], before.used[place]
@@ -331,7 +331,7 @@ def _extend(before: CostToReach, place: int, choice: GridStep, after: CostToReac
             came[to, k] = place * cells + origin
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _traced(cost: Array, came: Origins) -> Integers:
     """Return the cells of the cheapest way to the last frame; -1 where there is none."""
     n, width = len(came), cost.shape[1]

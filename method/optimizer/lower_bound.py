@@ -1,14 +1,15 @@
-"""A lower bound on the spread of contrast loss that any track within the limits must have.
+"""A lower bound on the spread of contrast loss, or another objective, of any track within the limits.
 
 The pair sum is a maximum of linear functions: Σ_{i<j} |u_i - u_j| = max over w of Σ w_i u_i, w in the
-permutahedron of the order weights. So for *any* such w, and any price ν of the budget,
+permutahedron of the order weights; the other objectives have sets of w of their own (`Objective`). So for
+*any* such w, and any price ν of the budget,
 
     min over tracks of the pair sum  >=  min over chains of Σ [w_i 𝓛_i(b_i) + ν a_i b_i] - ν · budget,
 
 where chains obey the rate limit and the bounds but no budget. That minimum is found globally, although the
 problem is not convex, by dynamic programming over cells of the factor (`optimizer.cell_chain`). Every
 rounding goes the safe way. The solver's dual variables make the bound a good one; a poor w makes it poor,
-never wrong: it is projected on the permutahedron first. They fit the slopes of the loss curves at the answer,
+never wrong: it is projected on the set first. They fit the slopes of the loss curves at the answer,
 while the minimum is over the whole curves: a few iterations of the splitting along chords give a second w,
 which fits curves with many stairs better. It is tried where the first falls short, and the better bound is
 taken.
@@ -22,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.optimizer.cell_chain import (
     ChainCosts,
@@ -30,9 +32,9 @@ from evenlight.method.optimizer.cell_chain import (
     cheapest_chain,
     make_blocks,
 )
-from evenlight.method.optimizer.objective import order_weights, proximal_spread, weight_of_pairs
 from evenlight.method.optimizer.optimize import BUDGET_TOLERANCE, Problem, Solution, is_feasible
 from evenlight.method.optimizer.splitting_search import SearchStage, search, state_at
+from evenlight.method.rate_limit import step_luminance
 
 CELLS_PER_FRAME = 1000  # frames times cells, over frames: what one evaluation costs
 LEAST_VISITS = 4_000_000  # short clips can afford more
@@ -42,8 +44,8 @@ ALONG_CHORDS = (SearchStage(1.0, 4),)  # iterations from the answer that lead to
 ENOUGH = 0.9  # share of the objective: a bound as good as that needs no second w
 TRIALS = 9  # evaluations to find the best price
 GOOD_ENOUGH = 2e-3  # share of the objective that a better price could still add
+ROUNDING_OF_LOSS = 1e-10  # of a mean difference of losses up to 1, summed over up to a million frames
 RATE_MARGIN = 1.005  # covers what the rate limit does between the points where it is evaluated
-SMALL_SHARE = 1e-3  # of the budget, times the number of frames
 ROUNDING = 1e-12  # share of the summed costs that is given away to rounding
 NO_LIGHT = 1e-9  # [cd/m^2] a step between frames darker than this is taken as free
 BINS = 4096  # of luminance, in equal ratios
@@ -51,7 +53,7 @@ DARKEST = 1e-7  # share of the brightest frame's luminance below which all is on
 
 
 def lower_bound(problem: Problem, solution: Solution) -> float:
-    """Return a mean absolute pairwise difference of loss that no track within the limits can go below.
+    """Return a value of the objective that no track within the limits can go below.
 
     Parameters
     ----------
@@ -65,70 +67,80 @@ def lower_bound(problem: Problem, solution: Solution) -> float:
     float
         At least 0; the difference to the solution's objective bounds how much better any track could be.
     """
-    n, importance = problem.curves.n_frames, problem.frame_importance()
-    pairs = weight_of_pairs(importance)
-    if not pairs > 0:
+    n, size = problem.curves.n_frames, problem.size()
+    if not size > 0:
         return 0.0
-    if _only_the_baseline_fits(problem):
-        objective = problem.objective(problem.baseline())
-        return float(max(objective - _gain_within_tolerance(problem) / pairs, 0.0))
-    relaxation = _Relaxation.of(problem, _within_permutahedron(problem, solution))
+    near = problem.objective(problem.baseline()) - _gain_near_baseline(problem) / size
+    if near >= (1 - GOOD_ENOUGH) * problem.objective(solution.factors):
+        return float(max(near, 0.0))
+    relaxation = _Relaxation.of(problem, dual_weights(problem, solution))
     slopes = np.abs(loss_and_slope(problem.curves, solution.factors)[1])
     scale = max(float((slopes * np.abs(relaxation.weights)).mean()) * n, 1e-9)
     price = float(np.clip(solution.budget_price * n, -100 * scale, 100 * scale))
-    objective = problem.objective(solution.factors) * pairs / n
+    objective = problem.objective(solution.factors) * size / n
     hair = GOOD_ENOUGH * objective
     best = _best_over_prices(relaxation, price, scale / 16, TRIALS, hair)
     if best.value < ENOUGH * objective and is_feasible(problem, solution.factors):
         state = state_at(problem, solution.factors, solution)
-        other = _within_permutahedron(problem, search(problem, state, ALONG_CHORDS))
+        other = dual_weights(problem, search(problem, state, ALONG_CHORDS))
         again = replace(relaxation, weights=other)
         second = _best_over_prices(again, best.price, scale / 64, TRIALS // 3, hair)
         best = max(best, second, key=lambda tangent: tangent.value)
-    return float(max(best.value * n / pairs, 0.0))
+    return float(max(best.value * n / size, near, 0.0))
 
 
-def _only_the_baseline_fits(problem: Problem) -> bool:
-    """Return whether the budget leaves no choice: every frame counts, and must be at the end of its range.
+def checked_bound(bound: float, value: float, rounding: float = ROUNDING_OF_LOSS) -> float:
+    """Return a lower bound, once it is checked to be one; it may be above the value by rounding.
 
-    A frame of next to no share in the budget can go anywhere within the tolerance, and is no such frame.
+    Raises
+    ------
+    RuntimeError
+        If it is above by more: a defect of the bound or of the value.
     """
-    at_end = problem.baseline_factor in (problem.lowest_factor, 1.0)
-    weights = problem.budget_weights
-    return at_end and bool((weights * len(weights) > SMALL_SHARE).all())
+    if bound > value + rounding:
+        raise RuntimeError(f"the lower bound {bound:.12g} is above {value:.12g}, which an answer has")
+    return min(bound, value)
 
 
-def _gain_within_tolerance(problem: Problem) -> float:
-    """Return what the pair sum can lose, at most, to tracks that meet the budget only to its tolerance.
+def _gain_near_baseline(problem: Problem) -> float:
+    """Return what size times the objective can lose, at most, to tracks that are all near constant dimming.
 
-    A frame that leaves the end of its range takes its share in the budget, and moves its loss by the steepest
-    chord of its curve at most; the best frame to spend the tolerance on gains the most.
+    Where the budget is at the end of the range, a frame that leaves the end takes its share in the budget,
+    and moves its loss by the steepest chord of its curve at most; the best frame to spend the tolerance on
+    gains the most. Where the rate limit allows no change, every frame stays with the baseline.
     """
-    curves, importance = problem.curves, problem.frame_importance()
-    inner = curves.factors != problem.baseline_factor
-    at_end = loss_and_slope(curves, problem.baseline())[0][:, None]
-    way = np.abs(curves.factors[inner] - problem.baseline_factor)
-    steepest = (np.abs(curves.loss[:, inner] - at_end) / way).max(axis=1)
-    gain = importance * (importance.sum() - importance) * steepest / problem.budget_weights
-    return float(gain.max()) * BUDGET_TOLERANCE
+    curves, weights = problem.curves, problem.minimized.largest_weights(problem.frame_importance())
+    low, baseline = problem.lowest_factor, problem.baseline_factor
+    end, hair = (low, baseline - low) if baseline - low < 1 - baseline else (1.0, 1 - baseline)
+    steep = weights * _steepest_chord(curves, end)
+    with np.errstate(divide="ignore"):
+        dearest = (steep[steep > 0] / problem.budget_weights[steep > 0]).max(initial=0.0)
+    from_end = float(dearest) * (BUDGET_TOLERANCE + 2 * hair)
+    way = BUDGET_TOLERANCE + float(_largest_steps(problem)[0].sum())
+    return min(from_end, float(weights @ _steepest_chord(curves, baseline)) * way)
 
 
-def _within_permutahedron(problem: Problem, solution: Solution) -> Array:
-    """Return frame weights w for which Σ w · loss is at most the pair sum over N, whatever the losses.
+def _steepest_chord(curves: LossCurves, factor: float) -> Array:
+    """Return the steepest chord of each frame's loss curve from a factor, (N,)."""
+    inner = curves.factors != factor
+    there = loss_and_slope(curves, np.full(curves.n_frames, factor))[0][:, None]
+    way = np.abs(curves.factors[inner] - factor)
+    return np.asarray((np.abs(curves.loss[:, inner] - there) / way).max(axis=1))
 
-    What a proximal step takes away from a point is that point's projection on the permutahedron (Moreau).
+
+def dual_weights(problem: Problem, solution: Solution) -> Array:
+    """Return w for which Σ w · loss is at most size times the objective over N, whatever the losses, (N,).
+
+    What a proximal step takes away from a point is that point's projection on the set of w / N (Moreau).
     """
-    importance = problem.frame_importance()
+    importance, objective = problem.frame_importance(), problem.minimized
     n = len(importance)
     if solution.frame_weights is None:
-        order = np.argsort(problem.loss(solution.factors), kind="stable")
-        weights = np.empty(n)
-        weights[order] = order_weights(importance[order]) / n
-        return weights
+        return np.asarray(objective.frame_weights(problem.loss(solution.factors), importance) / n)
     counts = importance > 0
     density = solution.frame_weights[counts] / importance[counts]
     weights = np.zeros(n)
-    moved = density - proximal_spread(density, 1 / n, importance[counts])
+    moved = density - objective.proximal(density, 1 / n, importance[counts])
     weights[counts] = moved * importance[counts]
     return weights
 
@@ -139,6 +151,31 @@ class _Tangent(NamedTuple):
     price: float
     value: float
     slope: float
+
+
+def bound_of_costs(problem: Problem, costs: Array, price: float, known: float) -> float:
+    """Return what the costs of all frames together cannot be below, on any track within the limits.
+
+    Parameters
+    ----------
+    problem : Problem
+        N frames; their losses do not count.
+    costs : array, (N, K)
+        Of each frame at each knot of the loss curves, linear between them.
+    price : float
+        Of the budget, where to begin: how much the costs fall per unit of the mean factor.
+    known : float
+        The costs of a track at hand, which says how good a price is good enough.
+    """
+    n, knots = problem.curves.n_frames, problem.curves.factors
+    least = costs.min(axis=1, keepdims=True)
+    scale = max(float((costs - least).max()), np.finfo(float).tiny)
+    shares = replace(problem.curves, loss=np.clip((costs - least) / scale, 0.0, 1.0))
+    relaxation = _Relaxation.of(replace(problem, curves=shares), np.full(n, scale))
+    step = float(np.abs(np.diff(costs, axis=1) / np.diff(knots)).mean()) * n / 16
+    best = _best_over_prices(relaxation, price, max(step, 1e-9), TRIALS, GOOD_ENOUGH * abs(known))
+    rounding = ROUNDING * float(np.abs(costs).max(axis=1).sum())
+    return best.value + float(least.sum()) - rounding
 
 
 def _best_over_prices(
@@ -188,13 +225,8 @@ class _Relaxation:
     def of(cls, problem: Problem, weights: Array) -> _Relaxation:
         """Return the relaxation of a problem for given weights."""
         knots, n = problem.curves.factors, problem.curves.n_frames
-        reach = problem.step_reach()
-        reach[(problem.luminance[:-1] + problem.luminance[1:]) / 2 < NO_LIGHT] = np.inf
-        rates, highest = _rate_table(problem)
-        with np.errstate(invalid="ignore", over="ignore"):  # 0 times infinity: a free step
-            largest = reach * np.minimum(highest[:-1], highest[1:])
+        largest, reach, rates = _largest_steps(problem)
         span = float(knots[-1] - knots[0])
-        largest = np.where(np.isinf(reach), span, np.minimum(largest, span))
         visits = max(CELLS_PER_FRAME * n, LEAST_VISITS)
         limited = largest[largest < span]
         moved = float(np.sum(limited))
@@ -205,7 +237,7 @@ class _Relaxation:
         return cls(problem, weights, rates, reach, blocks, int(np.clip(round(cells), 1, CELLS_PER_KNOT)))
 
     def bound(self, price: float) -> _Tangent:
-        """Return the bound on the pair sum divided by N, and its slope, at a price of the budget."""
+        """Return the bound on size times the objective over N, and its slope, at a price of the budget."""
         problem = self.problem
         curves, baseline = problem.curves, problem.baseline_factor
         costs = ChainCosts(curves.loss, self.weights, problem.budget_weights, price, curves.factors)
@@ -214,6 +246,17 @@ class _Relaxation:
         allowance = abs(price) * BUDGET_TOLERANCE
         allowance += ROUNDING * (float(np.abs(self.weights).sum()) + 2 * abs(price))
         return _Tangent(price, least - price * baseline - allowance, used - baseline)
+
+
+def _largest_steps(problem: Problem) -> tuple[Array, Array, RateTable]:
+    """Return the largest change of the factor in each step, its reach per rate, and the rate limits."""
+    knots, reach = problem.curves.factors, problem.step_reach()
+    reach[step_luminance(problem.luminance) < NO_LIGHT] = np.inf
+    rates, highest = _rate_table(problem)
+    with np.errstate(invalid="ignore", over="ignore"):  # 0 times infinity: a free step
+        largest = reach * np.minimum(highest[:-1], highest[1:])
+    span = float(knots[-1] - knots[0])
+    return np.where(np.isinf(reach), span, np.minimum(largest, span)), reach, rates
 
 
 def _rate_table(problem: Problem) -> tuple[RateTable, Array]:

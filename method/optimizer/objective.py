@@ -1,4 +1,8 @@
-"""The objective: how differently the frames lose contrast (the sum in Eq. 6, as a mean).
+"""The objective: how differently the frames lose contrast (the sum in Eq. 6, as a mean), and how much.
+
+The pair sum of the paper is content where all frames lose alike, however much. `SpreadAndMean` adds the mean
+loss, `LargestLoss` is about the worst frame alone (docs/decisions/objectives.md). Each is the largest
+Σ w·loss over a set of weights w, which is all that solver and certificate need to know: see `Objective`.
 
 Frames may count differently (docs/decisions/frame-weights.md): a pair then counts by the product of its two
 frames' weights, as if a frame of weight 2 were there twice.
@@ -6,10 +10,18 @@ frames' weights, as if a frame of weight 2 were there twice.
 
 from __future__ import annotations
 
-import numba
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.errors import InputError
+from evenlight.method.choices import ObjectiveName
+from evenlight.method.compiled_loop import compiled_loop
+
+LARGEST_LEVEL_WEIGHT = 1e6  # beyond, the spread would be lost in rounding
 LEAST_WEIGHT = 1e-9  # in a proximal step, of a frame that counts for nothing: it stays near
 
 
@@ -110,7 +122,7 @@ def proximal_spread(
     return result
 
 
-@numba.njit(cache=True)
+@compiled_loop()
 def isotonic_regression(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the non-decreasing sequence nearest to the values: pool adjacent violators, O(N).
 
@@ -135,3 +147,202 @@ def isotonic_regression(values: NDArray[np.float64], weights: NDArray[np.float64
             size[blocks - 2] += size[blocks - 1]
             blocks -= 1
     return np.repeat(mean[:blocks], size[:blocks])
+
+
+class Objective(Protocol):
+    """What is minimized: the largest Σ w·loss over a set of frame weights w, divided by a size.
+
+    `loss` is that of each of N frames, `weights` (N,) how much each counts, ω.
+    """
+
+    @property
+    def name(self) -> ObjectiveName:
+        """What the command calls it."""
+
+    @property
+    def level_weight(self) -> float | None:
+        """Weight of the mean loss, if it has one."""
+
+    def value(self, loss: Array, weights: Array | None) -> float:
+        """Return what is minimized."""
+
+    def values(self, losses: Array, weights: Array) -> Array:
+        """Return the same of each row of losses, (M,), from (M, N); for few frames."""
+
+    def size(self, weights: Array) -> float:
+        """Return the number Σ w·loss is divided by; 0 if all tracks are as good."""
+
+    def frame_weights(self, loss: Array, weights: Array) -> Array:
+        """Return a w for which Σ w·loss is largest, (N,): size times a (sub)gradient of the value."""
+
+    def largest_weights(self, weights: Array) -> Array:
+        """Return the largest |w| that each frame can have, (N,)."""
+
+    def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
+        """Return the v that minimizes strength · size · value(v) + ½ Σ ω (v - values)², (N,).
+
+        What it takes away from the values, times ω, is a w of the set times the strength, and the one nearest
+        to them (Moreau): so it projects weights on the set, too.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """The mean absolute difference of loss over all pairs of frames: the paper's. w: the permutahedron."""
+
+    name = ObjectiveName.SPREAD
+    level_weight = None
+
+    def value(self, loss: Array, weights: Array | None) -> float:
+        """Return what is minimized."""
+        return pairwise_spread(loss, weights)
+
+    def values(self, losses: Array, weights: Array) -> Array:
+        """Return the same of each row."""
+        if not weight_of_pairs(weights) > 0:
+            return np.zeros(len(losses))
+        first, second = np.triu_indices(len(weights), 1)
+        differences = np.abs(losses[:, first] - losses[:, second])
+        return np.asarray(differences @ (weights[first] * weights[second]) / weight_of_pairs(weights))
+
+    def size(self, weights: Array) -> float:
+        """Return the weight of all pairs."""
+        return weight_of_pairs(weights)
+
+    def frame_weights(self, loss: Array, weights: Array) -> Array:
+        """Return the order weights, each for the frame that has its place."""
+        order = np.argsort(loss, kind="stable")
+        placed = np.empty(len(loss))
+        placed[order] = order_weights(weights[order])
+        return placed
+
+    def largest_weights(self, weights: Array) -> Array:
+        """Return those of a frame whose loss is the largest."""
+        return np.asarray(weights * (weights.sum() - weights))
+
+    def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
+        """Return values drawn together; see `proximal_spread`."""
+        return proximal_spread(values, strength, weights)
+
+
+SPREAD = Spread()
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadAndMean:
+    """The spread plus λ times the mean loss, each frame by its weight. w: the permutahedron, shifted."""
+
+    level_weight: float  # λ
+    name = ObjectiveName.SPREAD_AND_MEAN
+
+    def value(self, loss: Array, weights: Array | None) -> float:
+        """Return what is minimized."""
+        return pairwise_spread(loss, weights) + self.level_weight * float(np.average(loss, weights=weights))
+
+    def values(self, losses: Array, weights: Array) -> Array:
+        """Return the same of each row."""
+        mean = losses @ weights / weights.sum()
+        return np.asarray(SPREAD.values(losses, weights) + self.level_weight * mean)
+
+    def size(self, weights: Array) -> float:
+        """Return the weight of all pairs; of a single frame that counts, half its square."""
+        return weight_of_pairs(weights) or float(weights.sum()) ** 2 / 2
+
+    def frame_weights(self, loss: Array, weights: Array) -> Array:
+        """Return the order weights, and ω times what the level adds."""
+        return np.asarray(SPREAD.frame_weights(loss, weights) + self._shift(weights) * weights)
+
+    def largest_weights(self, weights: Array) -> Array:
+        """Return those of a frame whose loss is the largest."""
+        return np.asarray(SPREAD.largest_weights(weights) + self._shift(weights) * weights)
+
+    def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
+        """Return values moved down, then drawn together."""
+        counts = np.ones(len(values)) if weights is None else weights
+        return proximal_spread(values - strength * self._shift(counts), strength, weights)
+
+    def _shift(self, weights: Array) -> float:
+        """Return what the level adds to w per ω."""
+        return self.level_weight * self.size(weights) / float(weights.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class LargestLoss:
+    """The largest loss of any frame that counts, however much it does. w: at least 0, of one sum.
+
+    >>> LargestLoss().value(np.array([0.2, 0.5, 0.9]), np.array([1.0, 2.0, 0.0]))
+    0.5
+    """
+
+    name = ObjectiveName.MINIMAX
+    level_weight = None
+
+    def value(self, loss: Array, weights: Array | None) -> float:
+        """Return what is minimized."""
+        return float(np.max(loss if weights is None else loss[weights > 0]))
+
+    def values(self, losses: Array, weights: Array) -> Array:
+        """Return the same of each row."""
+        return np.asarray(losses[:, weights > 0].max(axis=1))
+
+    def size(self, weights: Array) -> float:
+        """Return half the square of the weight of all frames: about that of all pairs."""
+        return float(weights.sum()) ** 2 / 2
+
+    def frame_weights(self, loss: Array, weights: Array) -> Array:
+        """Return all of the weight at the frame that loses most."""
+        placed = np.zeros(len(loss))
+        placed[np.argmax(np.where(weights > 0, loss, -np.inf))] = self.size(weights)
+        return placed
+
+    def largest_weights(self, weights: Array) -> Array:
+        """Return all of the weight for every frame that counts."""
+        return np.where(weights > 0, self.size(weights), 0.0)
+
+    def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
+        """Return values clipped from above, at the level at which strength · size is cut off.
+
+        >>> LargestLoss().proximal(np.array([0.0, 3.0, 4.0]), 1.0, np.array([1.0, 0.5, 0.5])).tolist()
+        [0.0, 1.5, 1.5]
+        """
+        counts = np.ones(len(values)) if weights is None else weights
+        highest = np.flatnonzero(counts > 0)
+        highest = highest[np.argsort(-values[highest], kind="stable")]
+        above = counts[highest]
+        excess = np.cumsum(above * values[highest]) - strength * self.size(counts)
+        levels = excess / np.cumsum(above)
+        cut = np.flatnonzero(values[highest] >= levels)
+        return np.where(counts > 0, np.minimum(values, levels[cut[-1]] if len(cut) else np.inf), values)
+
+
+def objective_named(name: ObjectiveName, level_weight: float | None = None) -> Objective:
+    """Return the objective of a name.
+
+    Parameters
+    ----------
+    name : ObjectiveName
+        Which.
+    level_weight : float, optional
+        λ, above 0, of the mean loss in `SPREAD_AND_MEAN`, which needs it; the others take none.
+
+    Raises
+    ------
+    InputError
+        If the level weight is missing, has no place, or cannot be used.
+    """
+    if name is not ObjectiveName.SPREAD_AND_MEAN:
+        if level_weight is not None:
+            raise InputError(
+                f"the level weight {level_weight:g} is for the objective spread+mean, not for {name.value}"
+            )
+        return SPREAD if name is ObjectiveName.SPREAD else LargestLoss()
+    if level_weight is None:
+        raise InputError(
+            "the objective spread+mean needs a level weight (--level-weight) above 0, e.g. 0.5: how much a "
+            "point of mean loss counts against a point of spread"
+        )
+    if not 0 < level_weight <= LARGEST_LEVEL_WEIGHT:
+        raise InputError(
+            f"the level weight must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
+        )
+    return SpreadAndMean(level_weight)

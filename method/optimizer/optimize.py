@@ -19,7 +19,7 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.optimizer.objective import pairwise_spread
+from evenlight.method.optimizer.objective import SPREAD, Objective, pairwise_spread
 from evenlight.method.optimizer.request import Request, budget_as_factor, frame_weights, step_allowances
 from evenlight.method.rate_limit import (
     RateLimitFunction,
@@ -36,7 +36,7 @@ RATE_TOLERANCE = 1e-6  # share of the limit; the lower bound covers far more
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """The problem that a solver gets: find factors b that minimize the spread of contrast loss."""
+    """The problem that a solver gets: find factors b that minimize the objective."""
 
     # contrast loss of each of N frames over the factor; the first knot is the lowest factor allowed
     curves: LossCurves
@@ -50,6 +50,7 @@ class Problem:
     # (N-1,): how many times the rate limit each step may reach, infinite where it is free; None where all may
     # reach just that
     allowances: Array | None = None
+    minimized: Objective = SPREAD  # of the losses: the spread, or another objective
 
     @property
     def lowest_factor(self) -> float:
@@ -65,12 +66,25 @@ class Problem:
         return loss_and_slope(self.curves, factors)[0]
 
     def objective(self, factors: Array) -> float:
-        """Return the mean absolute pairwise difference of contrast loss."""
-        return self.spread(self.loss(factors))
+        """Return what is minimized; unless another objective is asked for, the spread."""
+        return self.value(self.loss(factors))
+
+    def value(self, loss: Array) -> float:
+        """Return what is minimized, of given losses."""
+        return self.minimized.value(loss, self.importance)
+
+    def size(self) -> float:
+        """Return how many times the objective is what the dual variables are about, times N."""
+        return self.minimized.size(self.frame_importance())
 
     def spread(self, loss: Array) -> float:
         """Return the mean absolute pairwise difference of given losses."""
         return pairwise_spread(loss, self.importance)
+
+    @property
+    def leaves_a_choice(self) -> bool:
+        """Whether tracks can differ: there are several frames, and not all are as good."""
+        return self.curves.n_frames > 1 and self.size() > 0
 
     def frame_importance(self) -> Array:
         """Return ω, how much each frame counts, (N,)."""
@@ -113,8 +127,9 @@ class Solution:
 
     factors: Array  # (N,): b; budget, rate limit and bounds are met
     iterations: int  # that the solver took
-    # (N,): dual variable: how much the objective (as a sum over pairs, divided by N) rises with each frame's
-    # loss. It lies in the permutahedron of the order weights / N (or near it), and so gives a lower bound.
+    # (N,): dual variable: how much the objective (times its size, divided by N; of the spread, the sum over
+    # pairs / N) rises with each frame's loss. It lies in the objective's set of weights / N (or near it): of
+    # the spread, the permutahedron of the order weights. So it gives a lower bound.
     frame_weights: Array | None = None
     # dual variable of the budget: how much that objective falls per unit of the mean factor
     budget_price: float = 0.0
@@ -155,7 +170,7 @@ def pose(curves: LossCurves, request: Request, joints: Sequence[int] = ()) -> Pr
     )
     importance = frame_weights(curves, request.weights)
     allowances = step_allowances(curves, request.allowances, joints)
-    return Problem(curves, weights, factor, luminance, limit, importance, allowances)
+    return Problem(curves, weights, factor, luminance, limit, importance, allowances, request.minimized)
 
 
 def _limit_of_emitted(limit: RateLimit, curve: LimitCurve, reflected: float, emitted: Array) -> Array:

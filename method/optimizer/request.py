@@ -16,9 +16,11 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
+from evenlight.method.optimizer.objective import SPREAD, Objective
 from evenlight.method.power import power_per_factor
 
 
@@ -35,6 +37,7 @@ class Request:
     weights: tuple[WeightSection, ...] = ()  # sections that count more or less than others
     # sections in which brightness may change faster than the rate limit, or not at all
     allowances: tuple[AllowanceSection, ...] = ()
+    minimized: Objective = SPREAD  # what is minimized
 
 
 def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array]:

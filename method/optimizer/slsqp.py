@@ -10,7 +10,6 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.optimizer.objective import order_weights, weight_of_pairs
 from evenlight.method.optimizer.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
 
 NO_LIMIT = 2.0  # change of a factor: twice what any step can be
@@ -34,7 +33,7 @@ class SlsqpSolver:
                 f"use the solver splitting"
             )
         baseline = problem.baseline()
-        if not weight_of_pairs(problem.frame_importance()) > 0:  # nothing differs from anything
+        if not problem.leaves_a_choice:
             return Solution(baseline, 0)
         noise = self.perturbation * self.rng.standard_normal(n)
         factors, iterations = slsqp_from(problem, baseline + noise, self.tolerance)
@@ -79,12 +78,10 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
 
 
 def _objective_slope(problem: Problem, factors: Array) -> Array:
-    """Return a (sub)gradient of the mean absolute pairwise difference of loss, (N,)."""
+    """Return a (sub)gradient of the objective, (N,)."""
     loss, slope = loss_and_slope(problem.curves, factors)
-    counts, order = problem.frame_importance(), np.argsort(loss, kind="stable")
-    weights = np.empty(len(loss))
-    weights[order] = order_weights(counts[order]) / weight_of_pairs(counts)
-    return weights * slope
+    weights = problem.minimized.frame_weights(loss, problem.frame_importance()) / problem.size()
+    return np.asarray(weights * slope)
 
 
 def _slack(problem: Problem, factors: Array) -> Array:

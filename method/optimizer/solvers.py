@@ -8,7 +8,8 @@ In these programs the pair sum stands as linear inequalities, for they know noth
 count alike go through a sorting network (Batcher 1968, AFIPS 32:307), its comparators relaxed to lo + hi = a
 + b, hi >= a, hi >= b: minimizing the pair sum of what comes out makes them exact. That is the dual of
 Goemans' extended formulation of the permutahedron (2015, Math. Program. 153:5), and takes about N (log2 N)² /
-2 variables where all pairs would take N² / 2. Frames of different weights need all the pairs.
+2 variables where all pairs would take N² / 2. Frames of different weights need all the pairs. The mean loss
+is linear as it is, and the largest loss one variable that is no less than any loss.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.optimizer.chain import linearized_limits, nearest_feasible
-from evenlight.method.optimizer.objective import order_weights, weight_of_pairs
+from evenlight.method.optimizer.objective import LargestLoss, SpreadAndMean, order_weights
 from evenlight.method.optimizer.optimize import Problem, Solution, Solver
 from evenlight.method.optimizer.slsqp import SlsqpSolver
 from evenlight.method.optimizer.splitting import SplittingSolver
@@ -134,11 +135,11 @@ class SequentialConvexSolver:
         """Return the last of the improving factors."""
         if self.solver.name == "clarabel":
             _clarabel()  # before any work
-        importance, factors = problem.frame_importance(), problem.baseline()
-        self._require_affordable(importance)
-        if not weight_of_pairs(importance) > 0:
+        factors = problem.baseline()
+        self._require_affordable(problem)
+        if not problem.leaves_a_choice:
             return Solution(factors, 0)
-        rows, objective, trust, models = pair_sum_rows(importance), problem.objective(factors), FIRST_TRUST, 0
+        rows, objective, trust, models = rows_of(problem), problem.objective(factors), FIRST_TRUST, 0
         while trust > LEAST_TRUST and models < MOST_MODELS and objective > 0:
             models += 1
             z = self.solver.solve(_model(problem, factors, rows, trust))
@@ -153,9 +154,10 @@ class SequentialConvexSolver:
                 trust /= 4
         return Solution(factors, models)
 
-    def _require_affordable(self, importance: Array) -> None:
+    def _require_affordable(self, problem: Problem) -> None:
         """Raise `InputError` if there are more frames than the solver can do in reasonable time."""
-        n, even = len(importance), bool(np.ptp(importance) == 0)
+        n, paired = problem.curves.n_frames, not isinstance(problem.minimized, LargestLoss)
+        even = not (paired and np.ptp(problem.frame_importance()) > 0)
         most = self.solver.max_frames if even else min(self.solver.max_frames, UNEVEN_FRAMES)
         if n > most:
             weighted = "" if even else " of different weights"
@@ -165,7 +167,7 @@ class SequentialConvexSolver:
             )
 
 
-def _model(problem: Problem, factors: Array, rows: PairSum, trust: float) -> LinearProgram:
+def _model(problem: Problem, factors: Array, rows: ObjectiveRows, trust: float) -> LinearProgram:
     """Return the linear program about feasible factors; z holds factors, losses, further variables."""
     n, extra = len(factors), len(rows.cost) - len(factors)
     loss, slope = loss_and_slope(problem.curves, factors)
@@ -184,7 +186,7 @@ def _model(problem: Problem, factors: Array, rows: PairSum, trust: float) -> Lin
     ]
     nothing = np.full(n + extra, np.inf)
     return LinearProgram(
-        cost=np.concatenate([np.zeros(n), rows.cost / weight_of_pairs(problem.frame_importance())]),
+        cost=np.concatenate([np.zeros(n), rows.cost / problem.size()]),
         equal=csr_array(block_array(equal)),
         equal_to=np.concatenate(
             [[problem.baseline_factor], slope * factors - loss, np.zeros(rows.equal.shape[0])]
@@ -206,15 +208,38 @@ def _chain_rows(up_slope: Array, down_slope: Array) -> csr_array:
 
 
 @dataclass(frozen=True, slots=True)
-class PairSum:
-    """The least `cost` · z over z = (u, further variables) with `equal` · z = 0 and `below` · z <= 0."""
+class ObjectiveRows:
+    """Size times the objective of losses u: the least `cost` · z with `equal` · z = 0 and `below` · z <= 0.
+
+    z = (u, further variables).
+    """
 
     cost: Array  # (V,): of each variable
     equal: csr_array  # rows, (·, V)
     below: csr_array  # rows, (·, V)
 
 
-def pair_sum_rows(weights: Array) -> PairSum:
+def rows_of(problem: Problem) -> ObjectiveRows:
+    """Return rows whose least cost, for given losses, is the problem's size times its objective."""
+    weights = problem.frame_importance()
+    if isinstance(problem.minimized, LargestLoss):
+        return _largest(weights, problem.size())
+    rows = pair_sum_rows(weights)
+    if isinstance(problem.minimized, SpreadAndMean):
+        level = problem.minimized.level_weight * problem.size() / weights.sum()
+        rows.cost[: len(weights)] += level * weights
+    return rows
+
+
+def _largest(weights: Array, size: float) -> ObjectiveRows:
+    """Return the rows u <= t of all frames that count; t costs the size."""
+    n, counting = len(weights), np.flatnonzero(weights > 0).tolist()
+    below = [(row, frame, 1.0) for row, frame in enumerate(counting)]
+    below += [(row, n, -1.0) for row in range(len(counting))]
+    return ObjectiveRows(np.append(np.zeros(n), size), _sparse([], n + 1), _sparse(below, n + 1))
+
+
+def pair_sum_rows(weights: Array) -> ObjectiveRows:
     """Return rows whose least cost, for given losses u, is Σ_{i<j} ω_i ω_j |u_i - u_j|.
 
     Parameters
@@ -243,7 +268,7 @@ def comparators(n: int) -> list[tuple[int, int]]:
     return found
 
 
-def _network(weights: Array) -> PairSum:
+def _network(weights: Array) -> ObjectiveRows:
     """Return the rows of a sorting network."""
     n = len(weights)
     wires, variables = list(range(n)), n
@@ -258,10 +283,10 @@ def _network(weights: Array) -> PairSum:
         wires[i], wires[j] = low, high
     cost = np.zeros(variables)
     cost[wires] = order_weights(weights)
-    return PairSum(cost, _sparse(equal, variables), _sparse(below, variables))
+    return ObjectiveRows(cost, _sparse(equal, variables), _sparse(below, variables))
 
 
-def _all_pairs(weights: Array) -> PairSum:
+def _all_pairs(weights: Array) -> ObjectiveRows:
     """Return the rows t >= u_i - u_j and t >= u_j - u_i of all pairs."""
     n = len(weights)
     first, second = np.triu_indices(n, 1)
@@ -273,7 +298,7 @@ def _all_pairs(weights: Array) -> PairSum:
         below += list(zip(row, second.tolist(), [-sign] * len(row), strict=True))
         below += list(zip(row, (n + pairs).tolist(), [-1.0] * len(row), strict=True))
     cost = np.concatenate([np.zeros(n), weights[first] * weights[second]])
-    return PairSum(cost, _sparse([], len(cost)), _sparse(below, len(cost)))
+    return ObjectiveRows(cost, _sparse([], len(cost)), _sparse(below, len(cost)))
 
 
 def _sparse(entries: list[tuple[int, int, float]], columns: int) -> csr_array:

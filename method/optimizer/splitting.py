@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.optimizer.chain import nearest_feasible
+from evenlight.method.optimizer.exhaustive_search import MOST_FRAMES, exhaustive_starts
 from evenlight.method.optimizer.factor_grid import grid_starts
-from evenlight.method.optimizer.objective import weight_of_pairs
 from evenlight.method.optimizer.optimize import Problem, Solution, is_feasible
 from evenlight.method.optimizer.slsqp import slsqp_from
 from evenlight.method.optimizer.splitting_search import NO_SPREAD, SearchStage, search, state_at
@@ -49,6 +49,7 @@ DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where sear
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
+NEGLIGIBLE = 1e-9  # objective: all tracks over a grid can gain nothing below it
 HAIR = 1e-8  # mean factor: a budget nearer to its end than this leaves nothing to polish
 DENSE_TOLERANCE = 1e-10
 GOLDEN = (np.sqrt(5) - 1) / 2  # its multiples spread evenly over the unit interval
@@ -73,7 +74,7 @@ class SplittingSolver:
         """Return the best feasible factors of all searches, and the dual variables of the best one."""
         n = problem.curves.n_frames
         baseline = problem.baseline()
-        if not weight_of_pairs(problem.frame_importance()) > 0:  # nothing differs from anything
+        if not problem.leaves_a_choice:
             return Solution(baseline, 0)
         if self.stages is not None:
             return search(problem, state_at(problem, baseline), self.stages)
@@ -119,7 +120,9 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
     """Return the best of more searches, as many as the number of frames allows."""
     n = problem.curves.n_frames
     if n <= SHORTEST:
-        return _polished(problem, best, int(np.clip(DENSE_WORK / n, *DENSE_STARTS)))
+        best = _polished(problem, best, int(np.clip(DENSE_WORK / n, *DENSE_STARTS)))
+        more = n <= MOST_FRAMES and problem.objective(best.factors) > NEGLIGIBLE
+        return _from_all_tracks(problem, best) if more else best
     alike = True
     if search_more:
         best, alike = _searched_elsewhere(problem, best)
@@ -131,6 +134,17 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
     if n > DENSE:
         return best
     return _polished(problem, best, 1 if alike else max(int(DENSE_CUBES / n**3), 1))
+
+
+def _from_all_tracks(problem: Problem, best: Solution) -> Solution:
+    """Return the best that searches and a dense solver make of the best of all tracks over a grid."""
+    for factors in exhaustive_starts(problem):
+        best = _better(problem, best, replace(best, factors=factors, iterations=0))
+        found = search(problem, state_at(problem, factors), HOP)
+        best = _better(problem, best, found)
+        polished, iterations = slsqp_from(problem, found.factors, DENSE_TOLERANCE)
+        best = _better(problem, best, replace(best, factors=polished, iterations=iterations))
+    return best
 
 
 def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, bool]:
@@ -203,6 +217,7 @@ def coarse_problem(problem: Problem) -> Problem:
         rate_limit=problem.rate_limit,
         importance=importance / importance.mean(),
         allowances=_coarse_allowances(problem.allowances, starts),
+        minimized=problem.minimized,
     )
 
 

@@ -1,13 +1,13 @@
-"""The iteration of the default solver: splitting the pair sum from the chain.
+"""The iteration of the default solver: splitting the objective from the chain.
 
 Two easy problems make up the hard one. For given targets, the factors that come nearest to them within the
 rate limit and the budget are a quadratic on a chain, solved exactly in O(N) (`optimizer.chain`), the budget
 being one multiplier. For given losses, the ones with less spread near them are a proximal step: a sort and an
-isotonic regression, O(N log N). The alternating direction method of multipliers (ADMM; Boyd et al. 2011,
-Found. Trends Mach. Learn. 3:1) alternates the two and carries the disagreement in a dual variable, which also
-certifies the answer (`optimizer.lower_bound`). Loss curves and rate limit are linearized about the last
-feasible factors, so at the fixed point they are exact. `optimizer.splitting` chooses where to start and the
-stages of the search.
+isotonic regression, O(N log N); other objectives have one too (`optimizer.objective`). The alternating
+direction method of multipliers (ADMM; Boyd et al. 2011, Found. Trends Mach. Learn. 3:1) alternates both and
+carries the disagreement in a dual variable, which also certifies the answer (`optimizer.lower_bound`). Loss
+curves and rate limit are linearized about the last feasible factors, so at the fixed point they are exact.
+`optimizer.splitting` chooses where to start and the stages of the search.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from evenlight.data_schema.arrays import Array
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.optimizer.chain import linearized_limits, within_budget
-from evenlight.method.optimizer.objective import LEAST_WEIGHT, proximal_spread
+from evenlight.method.optimizer.objective import LEAST_WEIGHT
 from evenlight.method.optimizer.optimize import Problem, Solution, feasible_blend, is_feasible
 
 OVER_RELAXATION = 1.6  # Boyd et al. (2011), section 3.4.3: 1.5 to 1.8 converge faster than 1
@@ -83,7 +83,7 @@ def state_at(problem: Problem, factors: Array, known: Solution | None = None) ->
 
 def search(problem: Problem, state: SplittingState, stages: tuple[SearchStage, ...]) -> Solution:
     """Return the best feasible factors of a series of stages, and the dual variables at its end."""
-    best, best_objective = state.factors, problem.spread(state.loss)
+    best, best_objective = state.factors, problem.value(state.loss)
     iteration = 0
     for stage in stages:
         milestone, since = best_objective, 0
@@ -92,40 +92,56 @@ def search(problem: Problem, state: SplittingState, stages: tuple[SearchStage, .
         while iteration < MOST_ITERATIONS and best_objective > NO_SPREAD and since < stage.patience:
             iteration += 1
             state = _step(problem, state, stage)
-            objective = problem.spread(state.loss)
+            objective = problem.value(state.loss)
             if objective < best_objective and is_feasible(problem, state.factors):
                 best, best_objective = state.factors, objective
             since += 1
             if best_objective < milestone * (1 - stage.worthwhile):
                 milestone, since = best_objective, 0
             if iteration % 10 == 0:
-                state = _rebalance(state)
-    # The weights count pairs divided by N; so does the price.
+                state = rebalanced(state)
+    # The weights are about the objective times its size, divided by N; so is the price.
     weights = state.stiffness * problem.frame_importance() * state.dual
     return Solution(best, iteration, weights, state.price)
 
 
 def _step(problem: Problem, state: SplittingState, stage: SearchStage) -> SplittingState:
     """Return the state after one iteration."""
-    stiffness, importance = state.stiffness, problem.importance
-    wanted, slope = _factors_at_targets(problem, state.factors, state.target - state.dual, stage.reach)
-    stiff = stiffness * slope**2 * (1.0 if importance is None else importance)
+    return moved(problem, state, *chained(problem, state, pull(problem, state, stage), stage))
+
+
+def pull(problem: Problem, state: SplittingState, stage: SearchStage) -> tuple[Array, Array]:
+    """Return the curvature and the linear part of what draws the factors to the targets, (N,) each."""
+    wanted, slope = factors_at_targets(problem, state.factors, state.target - state.dual, stage.reach)
+    stiff = state.stiffness * slope**2 * problem.frame_importance()
+    return stiff, -stiff * wanted
+
+
+def chained(
+    problem: Problem, state: SplittingState, drawn: tuple[Array, Array], stage: SearchStage
+) -> tuple[Array, float]:
+    """Return the feasible factors that a pull leads to, (N,), and the price of the budget there."""
+    stiff, gradient = drawn
     damping = DAMPING * float(np.mean(stiff)) + 1e-9
-    gradient = -stiff * wanted - damping * state.factors
+    quadratic = stiff + damping, gradient - damping * state.factors
     limits = linearized_limits(problem, state.factors, stage.trust)
-    factors, price = within_budget(
-        problem, (stiff + damping, gradient), limits, (state.price, state.price_step)
-    )
-    factors = feasible_blend(problem, np.clip(factors, problem.lowest_factor, 1.0))
+    factors, price = within_budget(problem, quadratic, limits, (state.price, state.price_step))
+    return feasible_blend(problem, np.clip(factors, problem.lowest_factor, 1.0)), price
+
+
+def moved(
+    problem: Problem, state: SplittingState, factors: Array, price: float, counted: float = 1.0
+) -> SplittingState:
+    """Return the state after factors and price have moved; its objective counts so much."""
     loss = problem.loss(factors)
     mixed = OVER_RELAXATION * loss + (1 - OVER_RELAXATION) * state.target + state.dual
-    target = proximal_spread(mixed, 1 / (stiffness * len(loss)), importance)
+    target = problem.minimized.proximal(mixed, counted / (state.stiffness * len(loss)), problem.importance)
     return SplittingState(
         factors=factors,
         loss=loss,
         target=target,
         dual=mixed - target,
-        stiffness=stiffness,
+        stiffness=state.stiffness,
         price=price,
         price_step=max(abs(price - state.price), 1e-9),
         disagreement=float(np.linalg.norm(loss - target)),
@@ -133,9 +149,7 @@ def _step(problem: Problem, state: SplittingState, stage: SearchStage) -> Splitt
     )
 
 
-def _factors_at_targets(
-    problem: Problem, factors: Array, targets: Array, reach: float
-) -> tuple[Array, Array]:
+def factors_at_targets(problem: Problem, factors: Array, targets: Array, reach: float) -> tuple[Array, Array]:
     """Return the factors at which the frames would have target losses, and the slopes on the way there.
 
     The slope is that of the chord to the target, at most `reach` and at least two knots long; with a reach
@@ -158,7 +172,7 @@ def _factors_at_targets(
     return start + np.clip((targets - problem.loss(start)) / slope, -1.0, 1.0), slope
 
 
-def _rebalance(state: SplittingState) -> SplittingState:
+def rebalanced(state: SplittingState) -> SplittingState:
     """Return the state with a stiffer or softer penalty where one residual is far above the other."""
     if state.disagreement > 5 * state.drift:
         scale = 2.0

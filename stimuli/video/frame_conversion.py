@@ -76,9 +76,8 @@ class ColourConverter:
             If the pixels are not gamma-encoded, or of a format or colour matrix that is not understood.
         """
         depth = _depth(frame.format)
-        if frame.color_trc in NOT_GAMMA_ENCODED:
-            raise UnsupportedColourError(f"{NOT_GAMMA_ENCODED[ColorTrc(frame.color_trc)]} pixels")
-        _complete_tags(frame)
+        require_gamma_encoded(frame)
+        complete_tags(frame)
         if frame.format.name.startswith(("gray", "ya")):
             pixels = _gray(frame, depth)
         elif depth <= 8:
@@ -105,7 +104,7 @@ class ColourConverter:
         alpha = "a" if _has_alpha(frame.format) else ""
         kind = f"gbr{alpha}p" if frame.format.is_rgb else f"yuv{alpha}444p"
         try:
-            planes = _planes(self._reformat(frame, f"{kind}{depth}le"))
+            planes = planes_of(self._reformat(frame, f"{kind}{depth}le"))
         except ValueError as error:  # FFmpeg has no such format
             raise UnsupportedColourError(f"pixel format {frame.format.name}") from error
         top = 2**depth - 1
@@ -146,7 +145,13 @@ def _has_alpha(pixel_format: VideoFormat) -> bool:
     return pixel_format.has_palette or any(component.is_alpha for component in pixel_format.components)
 
 
-def _complete_tags(frame: VideoFrame) -> None:
+def require_gamma_encoded(frame: VideoFrame) -> None:
+    """Refuse pixels that are encoded otherwise."""
+    if frame.color_trc in NOT_GAMMA_ENCODED:
+        raise UnsupportedColourError(f"{NOT_GAMMA_ENCODED[ColorTrc(frame.color_trc)]} pixels")
+
+
+def complete_tags(frame: VideoFrame) -> None:
     """Give a frame without colour tags the customary matrix and range."""
     gray = frame.format.name.startswith(("gray", "ya"))
     if not frame.format.is_rgb and not gray:
@@ -194,7 +199,7 @@ def _quantization(depth: int, full: bool) -> tuple[np.float32, np.float32, np.fl
 def _gray(frame: VideoFrame, depth: int) -> NDArray[Any]:
     """Return R = G = B from one channel of gray, which FFmpeg would treat as full range always."""
     packed = frame.format.name.startswith("ya")
-    (plane, *_) = _planes(frame)
+    (plane, *_) = planes_of(frame)
     values, alpha = (plane[:, 0::2], plane[:, 1::2]) if packed else (plane, None)
     black, span, _ = _quantization(depth, full=frame.color_range == ColorRange.JPEG)
     light = np.clip((values - black) / span, 0, 1)
@@ -205,7 +210,7 @@ def _gray(frame: VideoFrame, depth: int) -> NDArray[Any]:
     return np.repeat(levels[..., np.newaxis], 3, axis=-1)
 
 
-def _planes(frame: VideoFrame) -> list[NDArray[Any]]:
+def planes_of(frame: VideoFrame) -> list[NDArray[Any]]:
     """Return the planes of a frame as they lie in its memory, without the padding at the ends of rows."""
     name = frame.format.name
     bits = _depth(frame.format)
@@ -244,7 +249,7 @@ def coarser(frames: Iterable[Frame], shape: tuple[int, int], gamma: float) -> It
     """
     rows = columns = None
     for frame in frames:
-        height, width = frame.pixel_values.shape[:2]
+        height, width = frame.shape
         if rows is None or columns is None or (rows.shape[1], columns.shape[1]) != (height, width):
             rows, columns = area_weights(height, shape[0]), area_weights(width, shape[1])
         light = linear_light(frame.pixel_values, gamma)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,12 +70,22 @@ class ImageFolder:
         Raises
         ------
         InputError
+            As `frames_at`.
+        """
+        return self.frames_at(range(self.n_frames))
+
+    def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yield the images of some numbers.
+
+        Raises
+        ------
+        InputError
             If an image cannot be read, or differs in size from the first one.
         """
         rate = rate_from_number(self.frames_per_second)
         convert = ColourConverter()
         shape = None
-        for k, file in enumerate(self.files):
+        for k, file in ((k, self.files[k]) for k in numbers):
             pixels = _read_array(file) if file.suffix.lower() in ARRAYS else _read_image(file, convert)
             if shape not in (None, pixels.shape):
                 raise InputError(

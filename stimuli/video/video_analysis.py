@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort
+from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.contrast.pixel_floor import FlooredFrames
+from evenlight.stimuli.video.curves_cache import CurvesCache
+from evenlight.stimuli.video.video_source import VideoSource
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry
 
 
@@ -37,19 +41,73 @@ class VideoAnalysis:
     provenance: Provenance | None = None
     effort: AnalysisEffort = FULL_ANALYSIS
 
-    def curves(self, frames: Iterable[Frame], geometry: ViewingGeometry, video: str) -> LossCurves:
+    def curves(
+        self,
+        frames: Iterable[Frame],
+        geometry: ViewingGeometry,
+        video: str,
+        checkpoints: Checkpoints | None = None,
+    ) -> LossCurves:
         """Return the curves of frames as the display shows them; both are of `seen_video`.
 
         Parameters
         ----------
         frames, geometry, video : iterable of Frame, ViewingGeometry, str
             The frames, how they are seen, and the video's name.
+        checkpoints : Checkpoints, optional
+            As of `analyze_frames`.
         """
         display, by_pixels = geometry.display, self.actuator is Actuator.PIXELS
-        floored = FlooredFrames(display, self.model, self.factors, self.effort.threads)
+        begun = None if checkpoints is None else checkpoints.begun
+        earlier = None if begun is None else begun.floor
+        floored = FlooredFrames(display, self.model, self.factors, self.effort.threads, earlier)
+        if by_pixels and checkpoints is not None:
+            checkpoints = replace(checkpoints, keep=_with_floor(checkpoints.keep, floored))
         curves = analyze_frames(
             floored.watch(frames) if by_pixels else frames,
-            video, display, self.model, self.factors, self.provenance, self.effort,
+            video, display, self.model, self.factors, self.provenance, self.effort, checkpoints,
         )  # fmt: skip
         curves = floored.complete(curves) if by_pixels else curves
         return replace(curves, field_of_view=geometry.field_of_view)
+
+    def cache(
+        self, source: VideoSource, first: Frame, geometry: ViewingGeometry, say: Callable[[str], None]
+    ) -> CurvesCache | None:
+        """Return the place of the curves in the user's cache; None where none are kept.
+
+        Parameters
+        ----------
+        source, first, geometry : VideoSource, Frame, ViewingGeometry
+            The video, its first frame, and how it is seen; its SHA-256 is that of the provenance.
+        say : function of str
+            Tells the user why nothing is kept.
+        """
+        made = self.provenance
+        if made is None or made.inputs.get("video", "unknown") == "unknown":
+            return None
+        made_of: dict[str, object] = {
+            "video": made.inputs["video"],
+            "frames": [source.n_frames, first.time, first.duration],  # a folder of images has any frame rate
+            "display": sha256_of_record(geometry.display),
+            "sizes": [geometry.size, geometry.shown_size],
+            "contrast_model": sha256_of_record(self.model),
+            "factors": self.factors.tolist(),
+            "actuator": self.actuator.value,
+            "effort": [self.effort.tolerance, self.effort.device.value],
+            "versions": made.versions,
+        }
+        return CurvesCache.of(made_of, say)
+
+
+def _with_floor(
+    keep: Callable[[AnalysedFrames], None], floored: FlooredFrames
+) -> Callable[[AnalysedFrames], None]:
+    """Return what keeps frames with what the pixels' floor adds to their losses."""
+    end = 0 if floored.earlier is None else len(floored.earlier)
+
+    def keep_with_floor(part: AnalysedFrames) -> None:
+        nonlocal end
+        first, end = end, end + part.n_frames
+        keep(replace(part, floor=floored.added(first, end)))
+
+    return keep_with_floor

@@ -1,60 +1,58 @@
 """Frames of a video file of any format that FFmpeg reads, streamed; damage that can be noticed is refused.
 
 Decoders report damage, where by default they would guess the picture. The checksums inside FFV1 frames are
-compared here: FFmpeg's decoder sees them fail but does not report it (RFC 9043, 4.9). Files that are written
-here are lossless, FFV1 in Matroska, whole or not at all.
+compared here: FFmpeg's decoder sees them fail but does not report it (RFC 9043, 4.9).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import av
 import numpy as np
 from av.codec.context import CodecContext
 from av.error import FFmpegError
 from av.stream import Disposition
-from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_file
-from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
-from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
+from evenlight.stimuli.video.colour_planes import PixelReader
+from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
 from evenlight.stimuli.video.video_source import (
     ASSUMED_RATE,
     FrameTimes,
     frame_times,
-    rate_from_number,
     uniform_times,
 )
 
 if TYPE_CHECKING:
-    from av.container import InputContainer, OutputContainer
+    from av.container import InputContainer
     from av.video.stream import VideoStream
 
 REMEDY = "give a whole copy of it, or one encoded again"
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
+SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
 _REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 STRICT = {"err_detect": "crccheck+explode"}
 # FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
 STRICT_ALREADY = ("tiff",)
-FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
-# Version 3 with checksums: a damaged file is noticed. Every frame stands alone.
-FFV1_OPTIONS = {"level": "3", "slicecrc": "1", "g": "1"}
+# Decoders that report damage at the same frame as in one thread (docs/decisions/light-of-planes.md).
+DECODED_SIDE_BY_SIDE = ("h264", "hevc", "vp9")
 FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 
 
@@ -72,12 +70,15 @@ class VideoFile:
         Width of the file's pixels over their height; its frames come in square ones.
     field_of_view : float or None
         Angle that the width is to span for the viewer [deg]; None if the file does not say.
+    stamps : array of int, (frames,), or None
+        Time stamps of its frames, rising [ticks]; None where they do not tell them apart.
     """
 
     path: Path
     timeline: FrameTimes
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
+    stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -99,19 +100,44 @@ class VideoFile:
         Raises
         ------
         InputError
+            As `frames_at`.
+        """
+        return self._frames_from(0)
+
+    def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yield the frames of rising numbers; of those between them, no more are decoded than it takes.
+
+        Raises
+        ------
+        InputError
+            If a frame is damaged or missing, or differs in size from the first one.
+        """
+        for _, run in itertools.groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+            (_, first), *others = run
+            last = first + len(others)
+            # To the end of the file, so that one is noticed that ends before its time.
+            count = None if last == self.n_frames - 1 else len(others) + 1
+            yield from itertools.islice(self._frames_from(first), count)
+
+    def _frames_from(self, first: int) -> Iterator[Frame]:
+        """Yield the frames from one on.
+
+        Raises
+        ------
+        InputError
             If a frame is damaged or missing, or differs in size from the first one.
         """
         times, durations = self.timeline.times, self.timeline.durations
-        convert = ColourConverter(self.pixel_aspect)
-        shape, k = None, 0
-        with _opened(self.path) as container:
-            for picture in self._decoded(container):
+        reader = PixelReader(self.pixel_aspect)
+        shape, k = None, int(np.flatnonzero(durations)[first]) if first > 0 else 0
+        with self._decoded_from(k) as pictures:
+            for picture in pictures:
                 if k == len(times):
                     raise InputError(
                         f"{self.path} decodes to more than the {k} frames it announces; {REMEDY}"
                     )
                 try:
-                    pixels = convert.rgb(picture)
+                    pixels = reader.pixels(picture)
                 except UnsupportedColourError as error:
                     raise InputError(
                         f"{self.path} holds {error}; convert it to gamma-encoded R, G, B or Y, Cb, Cr"
@@ -128,13 +154,52 @@ class VideoFile:
         if k < len(times):
             raise InputError(f"{self.path} is damaged: {k} of {len(times)} frames can be decoded; {REMEDY}")
 
-    def _decoded(self, container: InputContainer) -> Iterator[av.VideoFrame]:
+    @contextmanager
+    def _decoded_from(self, first: int) -> Iterator[Iterator[av.VideoFrame]]:
+        """Yield the decoded frames from one of the file's on."""
+        for seconds in SEEK_BACK if first > 0 and self.stamps is not None else ():
+            with _opened(self.path) as container:
+                pictures = self._sought(container, first, seconds)
+                if pictures is not None:
+                    yield pictures
+                    return
+        with _opened(self.path) as container:
+            yield itertools.islice(self._decoded(container), first, None)
+
+    def _sought(
+        self, container: InputContainer, first: int, seconds: float
+    ) -> Iterator[av.VideoFrame] | None:
+        """Return the frames from one on, decoded from a key frame so long before it; None if it is not found.
+
+        It is found by its time stamp. A decoder passes over, or reports, what it cannot show without the
+        frames before the key frame: then the search begins earlier.
+        """
+        assert self.stamps is not None
+        stream, wanted = _video_stream(self.path, container), int(self.stamps[first])
+        try:
+            back = 0 if stream.time_base is None else round(seconds / stream.time_base)
+            container.seek(wanted - back, stream=stream)
+            pictures = self._decoded(container, sought=True)
+            for picture in pictures:
+                if picture.pts == wanted:
+                    return itertools.chain([picture], pictures)
+                if picture.pts is None or picture.pts > wanted:
+                    return None
+        except (InputError, FFmpegError):
+            pass
+        return None
+
+    def _decoded(self, container: InputContainer, sought: bool = False) -> Iterator[av.VideoFrame]:
         """Yield decoded frames; stop at the first that the decoder reports as damaged."""
         stream = _video_stream(self.path, container)
+        if stream.codec_context.name in DECODED_SIDE_BY_SIDE:
+            stream.thread_type = "FRAME"
         decode_strictly(stream.codec_context)
         k = 0
         try:
             for picture in container.decode(stream):
+                if sought and self.stamps is not None and picture.pts is not None:
+                    k = int(np.searchsorted(self.stamps, picture.pts))
                 if picture.is_corrupt:
                     raise InputError(f"{self.path} is damaged at frame {k}; {REMEDY}")
                 yield picture
@@ -158,7 +223,8 @@ def open_video_file(path: Path) -> VideoFile:
         raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
     with _opened(path) as container:
         aspect = pixel_aspect_of(path, _video_stream(path, container))
-        return VideoFile(path, _timeline(path, container), aspect, _field_of_view(path, container))
+        timeline, stamps = _timeline(path, container)
+        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps)
 
 
 def _field_of_view(path: Path, container: InputContainer) -> float | None:
@@ -209,8 +275,8 @@ def _video_stream(path: Path, container: InputContainer) -> VideoStream:
     return stream
 
 
-def _timeline(path: Path, container: InputContainer) -> FrameTimes:
-    """Read all packets, and return when their frames appear."""
+def _timeline(path: Path, container: InputContainer) -> tuple[FrameTimes, NDArray[np.int64] | None]:
+    """Read all packets, and return when their frames appear, and the rising time stamps that tell them."""
     stream = _video_stream(path, container)
     # An MP4 lists every packet before the first is read; other containers' indices may hold key frames only.
     promised = len(stream.index_entries) if "mp4" in container.format.name else 0
@@ -221,7 +287,9 @@ def _timeline(path: Path, container: InputContainer) -> FrameTimes:
     tick = stream.time_base or 1 / ASSUMED_RATE
     stamps = packets.stamps()
     if stamps is None:
-        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE)
+        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE), None
+    if len(stamps) > 1 and stamps.min() == stamps.max():
+        raise InputError(f"{path}: all its {len(stamps)} frames have the same time; {REMEDY}")
     times = frame_times(stamps, tick, packets.last_duration, rates)
     end = float(stamps.min() * tick) + float(times.times[-1] + times.durations[-1])
     promised_end = _promised_end(container, stream)
@@ -229,7 +297,8 @@ def _timeline(path: Path, container: InputContainer) -> FrameTimes:
         raise InputError(
             f"{path} is cut off: it ends at {end:.3f} s instead of {promised_end:.3f} s; {REMEDY}"
         )
-    return times
+    rising = np.sort(stamps)
+    return times, rising if (np.diff(rising) > 0).all() else None
 
 
 @dataclass(slots=True)
@@ -324,88 +393,3 @@ def decode_strictly(decoder: CodecContext) -> None:
     """Make a decoder that is not yet open stop at the first error, checksums included."""
     if decoder.name not in STRICT_ALREADY:
         decoder.options = STRICT
-
-
-def write_video(
-    path: Path,
-    frames: Iterable[Frame | NDArray[Any]],
-    frames_per_second: float,
-    bits: int | None = None,
-    field_of_view: float | None = None,
-) -> int:
-    """Write frames without loss, and return how many there were.
-
-    Parameters
-    ----------
-    path : Path
-        The file, ending in .mkv; it is there whole at the end, or not at all.
-    frames : iterable of Frame or array, (height, width, 3), uint8 or uint16
-        Gamma-encoded R, G, B over the full range of the integer type, all of one size.
-    frames_per_second : float
-        Constant frame rate [Hz].
-    bits : int, optional
-        Bits a channel: 8, 10, 12 or 16; those of the first frame's type if not given. Fewer bits than
-        the type holds are lossless only for values that lie on their grid, as those of the built-in
-        sequences do for 10 bits.
-    field_of_view : float, optional
-        Angle that the width is to span for the viewer [deg]; the file's tag `FIELD_OF_VIEW`.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or there is no frame.
-    """
-    if path.suffix.lower() != ".mkv":
-        raise InputError(f"cannot write {path}: lossless video is Matroska, give a name that ends in .mkv")
-    if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder, give the name of a file")
-    rate = rate_from_number(frames_per_second)
-    arrays = (frame.pixel_values if isinstance(frame, Frame) else frame for frame in frames)
-    written = 0
-    with (
-        _told_by_name(path),
-        results_folder(path.parent) as folder,
-        _matroska(folder / path.name) as container,
-    ):
-        if field_of_view is not None:
-            container.metadata[FIELD_OF_VIEW] = f"{field_of_view:.17g}"
-        stream = None
-        for array in arrays:
-            if stream is None:
-                depth = bits or 8 * array.dtype.itemsize
-                stream = container.add_stream("ffv1", rate=rate, options=FFV1_OPTIONS)
-                stream.height, stream.width = array.shape[:2]
-                stream.pix_fmt = FORMATS[depth]
-            container.mux(stream.encode(_picture(array, depth, stream)))
-            written += 1
-        if stream is None:
-            raise InputError(f"no frames to write to {path}")
-        container.mux(stream.encode())
-    return written
-
-
-def _matroska(path: Path) -> OutputContainer:
-    """Open a Matroska file to be written, without a random identifier: same frames, same bytes."""
-    return av.open(f"file:{path}", "w", format="matroska", container_options={"fflags": "+bitexact"})
-
-
-@contextmanager
-def _told_by_name(path: Path) -> Iterator[None]:
-    """Name the file that cannot be written."""
-    try:
-        yield
-    except (OSError, FFmpegError) as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-
-
-def _picture(pixels: NDArray[Any], bits: int, stream: VideoStream) -> VideoFrame:
-    """Return a frame in the pixel format of the stream; every conversion keeps the values as they are."""
-    if pixels.dtype not in (np.uint8, np.uint16) or (bits == 8) != (pixels.dtype == np.uint8):
-        raise ValueError(f"need uint8 for 8 bits and uint16 for more, got {pixels.dtype} for {bits} bits")
-    if pixels.shape != (stream.height, stream.width, 3):
-        raise ValueError(f"need frames of shape {(stream.height, stream.width, 3)}, got {pixels.shape}")
-    if bits == 8:
-        return VideoFrame.from_ndarray(np.ascontiguousarray(pixels), "rgb24").reformat(format=FORMATS[8])
-    top = 2**bits - 1
-    codes = pixels if bits == 16 else ((pixels.astype(np.uint32) * top + 32767) // 65535).astype(np.uint16)
-    return VideoFrame.from_ndarray(np.ascontiguousarray(codes), FORMATS[bits])

@@ -6,6 +6,7 @@ Times are uniform where the stream is uniform, else as its file says.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
@@ -56,10 +57,46 @@ def field_of_view_of(video: VideoSource) -> float | None:
 
 def size_of(video: VideoSource) -> tuple[int, int]:
     """Return width and height of a video [pixels], those of its first frame."""
-    frames = video.frames()
-    with contextlib.closing(frames) if isinstance(frames, Generator) else contextlib.nullcontext():
-        height, width, _ = next(frames).pixel_values.shape
+    with closing_frames(video.frames()) as frames:
+        height, width = next(frames).shape
     return width, height
+
+
+@contextlib.contextmanager
+def closing_frames(frames: Iterator[Frame]) -> Iterator[Iterator[Frame]]:
+    """Yield frames, and close what they come from."""
+    try:
+        yield frames
+    finally:
+        if isinstance(frames, Generator):
+            frames.close()
+
+
+@runtime_checkable
+class SeekableVideo(VideoSource, Protocol):
+    """A video that can show any of its frames, bit for bit as from its beginning."""
+
+    def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yield the frames of rising numbers, from 0 on."""
+
+
+def frames_from(video: VideoSource, first: int) -> Iterator[Frame]:
+    """Yield the frames of a video from one on, making no more than it takes."""
+    if isinstance(video, SeekableVideo) and video.n_frames is not None:
+        return video.frames_at(range(first, video.n_frames))
+    return itertools.islice(video.frames(), first, None)
+
+
+def frames_at(video: VideoSource, numbers: Sequence[int]) -> Iterator[Frame]:
+    """Yield some frames of a video, by their rising numbers from 0 on."""
+    if isinstance(video, SeekableVideo):
+        yield from video.frames_at(numbers)
+        return
+    with closing_frames(video.frames()) as frames:
+        begin = 0
+        for number in numbers:
+            yield next(itertools.islice(frames, number - begin, None))
+            begin = number + 1
 
 
 @dataclass(frozen=True, slots=True)

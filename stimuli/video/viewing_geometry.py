@@ -137,6 +137,6 @@ def seen_video(
     first = next(frames, None)
     if first is None:
         return frames, ViewingGeometry(display, field_of_view, (0, 0), (0, 0))
-    height, width = first.pixel_values.shape[:2]
+    height, width = first.shape
     geometry = viewing_geometry((width, height), display, field_of_view, video)
     return geometry.shown(itertools.chain([first], frames)), geometry

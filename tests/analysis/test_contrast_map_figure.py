@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from evenlight.analysis.figure_style import COLUMN, LOST, PAGE, SLIDE, FigureFormat
 from evenlight.analysis.tracks.contrast_map_figure import (
+    WIDEST_MAP,
     ContrastMap,
     contrast_map,
     contrast_map_figure,
@@ -46,6 +47,21 @@ def test_the_loss_beside_a_map_is_that_of_the_definition() -> None:
     by_definition = contrast_loss(emitted_luminance(frame, display), 0.3, display)
     assert by_definition > 0
     assert contrast_map(frame, 0.3, display).loss == pytest.approx(by_definition, abs=1e-12)
+
+
+def test_a_wide_frame_is_mapped_as_its_averages_seen_from_as_far() -> None:
+    """Each pixel of a small frame twice across and down: the averages are the small frame again."""
+    display, small = load_display("varjo-xr3"), np.tile(checked_frame(), (1, 11, 1))
+    wide = small.repeat(2, axis=0).repeat(2, axis=1)
+    assert small.shape[1] < WIDEST_MAP < wide.shape[1]
+    coarse = dataclasses.replace(display, pixels_per_degree=display.pixels_per_degree / 2)
+    expected, made = contrast_map(small, 0.3, coarse), contrast_map(wide, 0.3, display, loss=0.123)
+    assert made.frequency == expected.frequency
+    assert np.mean(made.reference != expected.reference) < 1e-3  # where rounding decides
+    assert np.mean(made.dimmed != expected.dimmed) < 1e-3
+    assert made.loss == 0.123  # that of the frame itself, which the averages do not know
+    assert made.averaged
+    assert not expected.averaged
 
 
 def test_lost_contrast_is_red_and_counted_among_what_was_visible() -> None:

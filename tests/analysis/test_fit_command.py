@@ -207,7 +207,7 @@ def test_the_safe_and_the_log_log_limit_are_files_that_the_optimizer_takes(
     for name in ("rate_limit_safe.json", "rate_limit_log_log.json"):
         out = tmp_path / name
         result = command(
-            "optimize", "checkerboard", "--fps", 2, "--budget", 0.5, "--rate-limit", results / name,
+            "optimize", "checkerboard", "--fps", 0.5, "--budget", 0.5, "--rate-limit", results / name,
             "--out", out, "--quiet",
         )  # fmt: skip
         assert result.code == 0, result.err

@@ -92,6 +92,17 @@ def test_the_joint_model_is_the_default_and_the_limit_says_so(joint: Calibration
     assert set(joint.models.others) == {RateLimitModel.INDIVIDUAL, RateLimitModel.POOLED}
 
 
+def test_the_limit_knows_the_psychometric_function_that_it_is_a_point_of(joint: Calibration) -> None:
+    """Width 1.4, guess rate 0.05, lapse rate 0.02 for everyone; pooled answers are nobody's."""
+    for model in (RateLimitModel.JOINT, RateLimitModel.INDIVIDUAL):
+        limit = joint.models.fits[model].limit
+        assert limit.width == pytest.approx(1.4, rel=0.15), model
+        assert limit.guess_rate == pytest.approx(0.05, abs=0.02), model
+        assert limit.lapse_rate == pytest.approx(0.02, abs=0.02), model
+    pooled = joint.models.fits[RateLimitModel.POOLED].limit
+    assert (pooled.width, pooled.guess_rate, pooled.lapse_rate) == (None, None, None)
+
+
 def test_each_model_finds_the_median_persons_threshold(joint: Calibration) -> None:
     """3 %/s; seven people of SD 0.25 tell it to 0.25/sqrt(7) = 9 %, so three times that is the worst."""
     for fit in joint.models.fits.values():
@@ -148,6 +159,7 @@ def test_a_limit_file_of_an_older_version_has_a_pointwise_band_of_no_known_model
     }  # fmt: skip
     limit = record_from_mapping(RateLimit, old, "old")
     assert (limit.model, limit.band_kind) == (None, BandKind.POINTWISE)
+    assert (limit.width, limit.guess_rate, limit.lapse_rate) == (None, None, None)
 
 
 @pytest.mark.parametrize(

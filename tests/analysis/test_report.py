@@ -36,7 +36,8 @@ from evenlight.analysis.report_sections import (
 from evenlight.analysis.tracks.closed_loop import origins_of
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.ramp import RampDesign
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
 from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
 from evenlight.method.preset_files import load_display, load_rate_limit

@@ -10,8 +10,9 @@ import evenlight
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.contrast.loss_curves import analyze_frames
-from evenlight.method.online.control_curves import control_curves
+from evenlight.method.online.control_curves import VideoLookahead, control_ahead, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
+from evenlight.method.online.lookahead import LookaheadSettings
 from evenlight.method.rate_limit import allowed_rate, modulation_rate, scalar_rate_limit
 
 RATE = 10.0  # [Hz]
@@ -67,6 +68,46 @@ def test_a_budget_is_met_over_the_horizon(unit: str) -> None:
     assert factors[100:].mean() == pytest.approx(0.5, abs=0.02)
 
 
+def test_the_buffer_of_a_player_gives_the_factors_of_the_command() -> None:
+    frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
+    display, limit = evenlight.load_display("varjo-xr3"), evenlight.load_rate_limit("surace2025")
+    curves = analyze_frames(iter(frames), "scene", display)
+    known = control_ahead(
+        curves,
+        Controller(ControllerSettings(0.05), scalar_rate_limit(limit, display.reflected_luminance)),
+        VideoLookahead(LookaheadSettings(1.0)),
+    )
+    online = evenlight.OnlineController(0.05, frames_per_second=RATE, lookahead=1.0)
+    factors: list[float] = []
+    for k, frame in enumerate(frames):
+        factors += online.push(frame)
+        assert len(factors) == max(k - 9, 0)  # the frame that begins 1 s later is known
+    factors += online.finish()
+    np.testing.assert_allclose(factors, known.factors, atol=1e-9)
+    assert online.factor == factors[-1]
+    assert online.loss == pytest.approx(known.contrast_loss[-1], abs=1e-9)
+    assert online.warnings == ()  # 12 s are less than the horizon
+
+
+def test_step_and_push_are_not_mixed() -> None:
+    frame = np.full((16, 16, 3), 100, dtype=np.uint8)
+    with pytest.raises(evenlight.InputError, match="with lookahead, push frames"):
+        evenlight.OnlineController(0.05, lookahead=0.0).step(frame)
+    with pytest.raises(evenlight.InputError, match="without it, use step"):
+        evenlight.OnlineController(0.05).push(frame)
+
+
+def test_a_walk_without_gain_is_warned_of() -> None:
+    """The gains are 0: that is constant dimming."""
+    online = evenlight.OnlineController(
+        0.1, horizon=1.0, frames_per_second=RATE, proportional=0.0, integral=0.0, derivative=0.0
+    )
+    for pixels in scene(3.0):
+        online.step(pixels)
+    assert len(online.warnings) == 1
+    assert online.warnings[0].startswith("nothing is gained")
+
+
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan")])
 def test_a_frame_lasts_some_time_and_a_refused_one_leaves_the_controller_as_it_was(duration: float) -> None:
     frame = np.full((16, 16, 3), 100, dtype=np.uint8)
@@ -97,6 +138,7 @@ def test_frames_of_another_size_are_refused() -> None:
         ({"target_loss": 0.1, "start_factor": 0.1}, "start_factor"),
         ({"target_loss": 0.1, "frames_per_second": 0.0}, "frames_per_second"),
         ({"budget": 0.1}, "budget"),
+        ({"target_loss": 0.1, "lookahead": -1.0}, "lookahead must be a number in 0 to 60"),
         ({"budget": 50.0, "budget_unit": "watt"}, "budget"),
         ({"target_loss": 0.1, "gain_rate": 0.0}, "gain_rate must be above 0"),
     ],

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import evenlight
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import OptimizationSummary
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
 def scene(seed: int = 1) -> list[NDArray[np.uint8]]:

@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import curves_subject, frame_points, memory_claims, video_definition, video_points
+from benchmarks import (
+    curves_subject,
+    decoding_points,
+    frame_points,
+    memory_claims,
+    video_definition,
+    video_points,
+)
 from benchmarks.curves_memory import DISPLAY, analyze_minutes, curves_size
 from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.stopwatch import Times
@@ -185,3 +192,15 @@ def test_the_lead_is_reckoned_from_the_points() -> None:
     lead = curves_subject._lead(FRAMES, videos)
     for words in ("50 ms", "100 times less", "3e-05", "0.25 of the time", "0.0004", "0.03"):
         assert words in lead
+
+
+def test_a_file_is_timed_step_by_step_and_its_planes_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decoding_points, "QUICK_SIZES", ((64, 36),))
+    points = decoding_points.decoding_points(RunSettings(quick=True), DISPLAY)
+    by_name = {p.approach: p for p in points}
+    assert all(p.size == 64 * 36 and p.time > 0 for p in points)
+    assert by_name[decoding_points.OF_PLANES].error == 0
+    slow = replace(by_name[decoding_points.TWO_JOBS], ratio=0.6)
+    equal, jobs = decoding_points.decoding_claims([slow, by_name[decoding_points.OF_PLANES]])
+    assert equal.met
+    assert not jobs.met  # 1 / 0.6 is below 1.7

@@ -13,11 +13,11 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
-    OptimizationSummary,
     TrackHeader,
     write_track,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
 def problems_of(path: Path) -> list[str]:
@@ -38,7 +38,8 @@ def results(folder: Path, **changes: Any) -> Path:
     factors, rest = np.full(4, 0.6), [np.full(4, value) for value in (20.0, 0.0, 2.0, 0.5)]
     times = np.arange(4) * 0.04
     write_track(folder / "track.csv", BrightnessTrack(times, factors, loss, *rest, header=header))
-    values: dict[str, Any] = {field.name: 0.5 for field in dataclasses.fields(OptimizationSummary)} | {
+    required = (f.name for f in dataclasses.fields(OptimizationSummary) if f.default is dataclasses.MISSING)
+    values: dict[str, Any] = dict.fromkeys(required, 0.5) | {
         "video": "v",
         "display": "bench",
         "rate_limit": "limit",

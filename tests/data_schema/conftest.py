@@ -45,7 +45,8 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
 from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, OptimizationSummary, WeightSection
+from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
+from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 
 Values = dict[str, Any]
 
@@ -108,8 +109,10 @@ def consistent_limit(values: Values) -> Values:
     n = n if n >= 2 else 0
     # Legendre polynomials lie within -1 and 1, so the sum of the coefficients' sizes bounds the curve.
     scale = max(1.0, sum(abs(c) for c in values["coefficients"]) / 40)
+    # The first is the mean of the curve: a rate that is below 0 everywhere is refused.
+    mean, *others = (c / scale for c in values["coefficients"])
     return values | {
-        "coefficients": tuple(c / scale for c in values["coefficients"]),
+        "coefficients": (abs(mean), *others),
         "luminance_range": (low, 2 * high),
         "band_luminance": tuple(low + (2 * high - low) * k / (n - 1) for k in range(n)),
         "band_lower": (0.0,) * n,
@@ -338,6 +341,7 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     PassPower: used_if_measured,
     VersionPower: a_whole_interval,
     WeightSection: lambda values: values | {"end": 2 * values["start"] + 1},
+    MinimizedOutcome: lambda values: values | {"bound": min(values["bound"], values["value"])},
     AllowanceSection: lambda values: values | {"end": 2 * values["start"] + 1},
     Provenance: lambda values: values | {"schema_version": 1},
 }

@@ -28,7 +28,6 @@ from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
-    OptimizationSummary,
     TrackHeader,
     read_track,
     write_track,
@@ -39,6 +38,7 @@ from evenlight.data_schema.tracks.loss_curves import (
     read_loss_curves,
     write_loss_curves,
 )
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 Strategies = Callable[[type[Any]], st.SearchStrategy[Any]]
 JSON_AND_TOML = [

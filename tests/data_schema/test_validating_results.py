@@ -10,7 +10,8 @@ from checked_files import problems_of, results
 
 from evenlight.data_schema.checking.validation import mean_absolute_difference, validate
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, OptimizationSummary
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
 def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.control import LiveRefresh, LoopReport, TuningReport
 from evenlight.experiments.playback.live_record import live_control
-from evenlight.experiments.playback.walk import between_answers, over_time
+from evenlight.experiments.playback.walk import WalkResult, between_answers, over_time, walk_summary
 from evenlight.experiments.playback.walk_request import settings_of
 from evenlight.method.choices import LimitCurve
 from evenlight.method.preset_files import load_rate_limit
@@ -70,3 +70,17 @@ def test_the_time_between_answers_is_from_one_that_is_new_to_the_next() -> None:
     rows = [LiveRefresh(k, k / 10, 0.5, measured_refresh=one) for k, one in enumerate(measured)]
     assert between_answers(rows) == pytest.approx(0.2)
     assert between_answers(rows[:2]) is None
+
+
+@pytest.mark.parametrize(("moves", "warned"), [(False, True), (True, False)])
+def test_a_walk_that_gains_nothing_says_so_at_its_end(moves: bool, warned: bool) -> None:
+    """Content that loses s (1 - b)^1.5, over more than a minute: constant dimming, or a loss that stays."""
+    rows = []
+    for k in range(140):
+        strength = 0.1 + 0.05 * (k % 2)
+        factor = 1 - (0.03 / strength) ** (1 / 1.5) if moves else 0.5
+        loss = strength * (1 - factor) ** 1.5
+        rows.append(LiveRefresh(k, k / 2, factor, loss, k, factor))
+    walked = WalkResult(tuple(row.flip_time for row in rows), 0, ())
+    assert ("; nothing is gained: the loss varies" in walk_summary("house", walked, rows, None)) is warned
+    assert "nothing is gained" not in walk_summary("house", walked, rows[:100], None)  # under a minute

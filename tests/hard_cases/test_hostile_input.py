@@ -33,7 +33,7 @@ from evenlight.method.preset_files import load_display
 from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.typesetting import require_font
-from evenlight.stimuli.video.video_file import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 
 @pytest.fixture(autouse=True)

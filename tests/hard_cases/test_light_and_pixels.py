@@ -16,6 +16,7 @@ from evenlight.method.adaptation import half_saturation
 from evenlight.method.contrast.contrast_loss import contrast_loss, visible_contrast
 from evenlight.method.contrast.critical_factor import band_table
 from evenlight.method.contrast.csf import contrast_sensitivity, optical_blur, pupil_diameter
+from evenlight.method.contrast.frame_light import convert_integers
 from evenlight.method.contrast.loss_curves import (
     analyze_frames,
     brightness_factors,
@@ -23,7 +24,7 @@ from evenlight.method.contrast.loss_curves import (
 )
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.masking import perceived_contrast
-from evenlight.method.contrast.one_pass import convert_integers, expanded, reduced
+from evenlight.method.contrast.one_pass import expanded, reduced
 from evenlight.method.contrast.pyramid import (
     adaptation_luminance,
     gaussian_pyramid,

@@ -43,13 +43,9 @@ from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.tables import read_rows, write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import (
-    AllowanceSection,
-    BudgetUnit,
-    WeightSection,
-    read_track,
-)
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 from evenlight.experiments import design_files
 from evenlight.experiments.design_files import load_sweep_design, load_task_design
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation

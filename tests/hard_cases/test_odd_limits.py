@@ -12,7 +12,7 @@ from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import SolverName
-from evenlight.method.optimizer.evaluate import calmed
+from evenlight.method.optimizer.calm import calmed
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, feasible_blend, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request

@@ -109,7 +109,12 @@ def limits(draw: st.DrawFn) -> RateLimit:
         )
     )
     measured = draw(st.sampled_from([(1.0, 100.0), (1e-6, 1e6), (10.0, 10.01), (1e-3, 0.1)]))
-    return RateLimit("any", "any", "", draw(st.sampled_from(RateLimitForm)), coefficients, measured)
+    form = draw(st.sampled_from(RateLimitForm))
+    if (
+        form is RateLimitForm.RATE
+    ):  # one that is below 0 everywhere is refused: the mean is the first coefficient
+        coefficients = (abs(coefficients[0]), *coefficients[1:])
+    return RateLimit("any", "any", "", form, coefficients, measured)
 
 
 @st.composite

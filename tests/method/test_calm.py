@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evenlight.method.optimizer.evaluate import calmed, taut_string
-from evenlight.method.optimizer.splitting import SplittingSolver
+from evenlight.method.optimizer.calm import calmed, taut_string
+from evenlight.method.optimizer.evaluate import reversals
+from evenlight.method.optimizer.splitting import FAR_TO_NEAR, SplittingSolver
 
 
 def flickering(make_curves, n=200):
@@ -34,6 +35,34 @@ def test_a_share_of_nothing_changes_nothing(make_curves, make_problem) -> None:
     problem = make_problem(flickering(make_curves, 40), 0.5)
     best = SplittingSolver().solve(problem).factors
     np.testing.assert_array_equal(calmed(problem, best, 0.0), best)
+
+
+def test_it_no_longer_runs_at_the_limit_and_turns_back_less_often(make_curves, make_problem) -> None:
+    problem = make_problem(flickering(make_curves), 0.5)
+    best = SplittingSolver(stages=FAR_TO_NEAR).solve(problem).factors
+    calm = calmed(problem, best, 0.05)
+
+    def at_the_limit(factors):
+        rate = np.abs(np.diff(factors)) * 50.0 * 5.0  # luminance 50, 5 frames a second
+        limit = 0.03 * 50.0 * np.minimum(factors[:-1], factors[1:])
+        return np.mean(rate >= 0.99 * limit)
+
+    assert at_the_limit(best) > 0.5
+    assert at_the_limit(calm) == 0
+    assert reversals(calm) <= 0.5 * reversals(best)
+    gain = problem.objective(problem.baseline()) - problem.objective(best)
+    assert problem.objective(calm) <= problem.objective(best) + 0.05 * gain
+
+
+def test_another_objective_can_be_kept(make_curves, make_problem) -> None:
+    problem = make_problem(flickering(make_curves, 40), 0.5)
+    best = SplittingSolver(stages=FAR_TO_NEAR).solve(problem).factors
+
+    def value(factors):
+        return float(np.ptp(problem.loss(factors)))  # the widest difference, not the mean one
+
+    calm = calmed(problem, best, 0.1, value)
+    assert value(calm) <= value(best) + 0.1 * (value(problem.baseline()) - value(best))
 
 
 paths = arrays(np.float64, st.integers(2, 25), elements=st.floats(0.2, 1.0))

@@ -17,7 +17,12 @@ HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 SHAPE = (72, 120)
 FACTORS = np.array([0.2, 0.4, 0.7, 1.0])
 TOLERANCE = 2e-4  # of a contrast loss or visible contrast: a few of the 8640 pixels of the finest band
-MODELS = {centre: ContrastModel(masking=centre) for centre in MaskingNeighbourhood}
+MODELS = {centre.value: ContrastModel(masking=centre) for centre in MaskingNeighbourhood}
+OTHERS = {
+    "no masking": ContrastModel(masking_strength=0.0),
+    "strong masking": ContrastModel(masking_strength=2.5),
+    "high threshold": ContrastModel(threshold=2.0),
+}
 
 
 def by_definition(frame, model):
@@ -31,9 +36,22 @@ def losses_of(contrasts):
     return np.array([loss_of(C_v, contrasts[-1]) for C_v in contrasts])
 
 
-@pytest.mark.parametrize("model", MODELS.values(), ids=[centre.value for centre in MODELS])
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @pytest.mark.parametrize("name", ["photograph", "black letters", "faint letters"])
 def test_all_four_forms_agree(name, model):
+    require_agreement(name, model)
+
+
+@pytest.mark.parametrize("model", OTHERS.values(), ids=OTHERS)
+def test_all_four_forms_agree_on_the_free_choices(model):
+    require_agreement("photograph", model)
+    # ... and these choices matter: the forms could not agree by ignoring them.
+    frame = frame_of(pictures(SHAPE)["photograph"])
+    usual, other = (losses_of(by_definition(frame, of)) for of in (ContrastModel(), model))
+    assert np.abs(usual - other).max() > 50 * TOLERANCE
+
+
+def require_agreement(name, model):
     frame = frame_of(pictures(SHAPE)[name])
     defined = by_definition(frame, model)
     one_pass = FrameAnalysis(SHAPE, HEADSET, model, FACTORS).of(frame)

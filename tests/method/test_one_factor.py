@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
+    LossForm,
     MaskingNeighbourhood,
     PixelToLuminance,
     SensitivityModel,
@@ -58,8 +59,13 @@ def test_it_is_the_definition(size: tuple[int, int], factor: float) -> None:
         {"visibility": Visibility.POSITIVE_ONLY},
         {"pixel_to_luminance": PixelToLuminance.LUMA_FIRST},
         {"band_count": 2},
+        {"visibility": Visibility.SOFT},
+        {"loss": LossForm.ABSOLUTE},
+        {"loss": LossForm.SUPRATHRESHOLD},
+        {"loss": LossForm.SUPRATHRESHOLD, "visibility": Visibility.POSITIVE_ONLY},
+        {"visibility": Visibility.SOFT, "masking": MaskingNeighbourhood.WITHOUT_CENTRE},
     ],
-    ids=lambda choice: next(iter(choice)),
+    ids=lambda choice: "-".join(str(getattr(value, "value", value)) for value in choice.values()),
 )
 @pytest.mark.parametrize("reflected", [0.0, 2.0])
 def test_it_is_the_definition_for_every_choice(choice: dict, reflected: float) -> None:

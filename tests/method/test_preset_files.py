@@ -4,6 +4,7 @@ import pytest
 
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, Visibility
 from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.measures import MEASURES
 from evenlight.method.preset_files import (
     load_contrast_model,
     load_display,
@@ -28,6 +29,12 @@ def test_the_power_model_is_the_papers() -> None:
 
 def test_the_default_contrast_model_is_the_one_of_the_code() -> None:
     assert load_contrast_model("default") == DEFAULT_MODEL
+
+
+def test_each_measure_is_a_contrast_model_of_its_name_and_relative_the_default() -> None:
+    assert load_contrast_model("relative") == DEFAULT_MODEL
+    assert set(preset_names("contrast_model")) == {*MEASURES, "default", "as-printed"}
+    assert {name: load_contrast_model(name) for name in MEASURES} == MEASURES
 
 
 def test_as_printed_counts_positive_contrast_alone() -> None:

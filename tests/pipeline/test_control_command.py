@@ -11,8 +11,8 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.control import TargetRow
+from evenlight.data_schema.tracks.loaded_track import load_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.experiments.playback.loaded_track import load_track, require_fit
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
@@ -20,7 +20,8 @@ from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_file import write_video
+from evenlight.stimuli.video.track_fit import require_fit
+from evenlight.stimuli.video.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -221,6 +222,11 @@ def test_a_target_that_is_out_of_reach_is_told(command, tmp_path: Path, walk: Pa
         (("--budget", 0.5, "--curves", "x.npz", "--jobs", 3), "--jobs and --device are for computing loss"),
         (("--budget", 0.5, "--curves", "x.npz", "--device", "gpu"), "--jobs and --device are for computing"),
         (("--budget", 0.5, "--horizon", 0), "--horizon must lie in 0.1 to 1e+06, got 0"),
+        (("--budget", 0.5, "--lookahead", -1), "--lookahead must lie in 0 to 60, got -1"),
+        (("--budget", 0.5, "--lookahead", 2, "--tune"), "--tune is for the PID controller; --lookahead does"),
+        (("--budget", 0.5, "--lookahead", 2, "--sweep", "0.1:0.2:2"), "--sweep is for the PID controller"),
+        (("--budget", 0.5, "--lookahead", 0, "--integral", 0), "--integral is for the PID controller"),
+        (("--budget", 0.5, "--lookahead", 0, "--gain-rate", 90), "--gain-rate is for the PID controller"),
         (("--target-loss", 0.1, "--jobs", -1), "--jobs must be 0 (all cores) or more, got -1"),
     ],
 )
@@ -232,3 +238,56 @@ def test_what_cannot_be_done_is_said_in_one_line(
     assert says in result.err
     assert result.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_lookahead_knows_so_much_and_no_more(
+    command, tmp_path: Path, walk: Path, another_end: Path
+) -> None:
+    """The videos differ from the frame at 12 s on: with 2 s, the frame at 9.8 s knows nothing of that."""
+    tracks = []
+    for name, video in (("one", walk), ("other", another_end)):
+        track, summary, control, _ = controlled(
+            command, tmp_path / name, video, "--budget", 0.6, "--horizon", 10, "--lookahead", 2
+        )
+        assert (summary["solver"], control["lookahead_s"], control["steered_horizon_s"]) == (
+            "lookahead",
+            2,
+            10,
+        )
+        gains = ("proportional", "integral", "derivative", "gain_rate_hz")
+        assert [control[name] for name in gains] == [None] * 4
+        tracks.append(track)
+    np.testing.assert_array_equal(tracks[0].factors[:50], tracks[1].factors[:50])
+    assert (tracks[0].factors[50:60] != tracks[1].factors[50:60]).any()
+    checked = command("validate", tmp_path / "one")
+    assert checked.code == 0, checked.out
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_where_nothing_is_gained_is_told(command, tmp_path: Path, walk: Path) -> None:
+    """Without gains the factor stays: that is constant dimming."""
+    none = ("--proportional", 0, "--integral", 0, "--derivative", 0)
+    *_, said = controlled(command, tmp_path / "out", walk, "--target-loss", 0.05, *none)
+    assert said.count("warning: nothing is gained: the loss varies 1.00 times as much") == 1
+    *_, said = controlled(command, tmp_path / "ahead", walk, "--target-loss", 0.05, "--lookahead", 2)
+    assert "nothing is gained" not in said
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_lookahead_that_the_pid_controller_beats_is_told(command, tmp_path: Path) -> None:
+    """A room whose light rises: what comes is unlike what came. Of a lookahead of 0.1 s no frame is left."""
+    video, curves = tmp_path / "dawn.mkv", tmp_path / "without" / "loss_curves.npz"
+    write_video(video, [room(1, light) for light in np.geomspace(0.02, 0.7, 150)], 5.0)
+    ratios, said = {}, {}
+    for name, more in (("without", ()), ("with", ("--curves", curves, "--lookahead", 0.1))):
+        *_, control, said[name] = controlled(command, tmp_path / name, video, "--budget", 0.5, *more)
+        ratios[name] = control["sd_loss"] / control["sd_loss_constant"]
+    assert ratios["without"] < ratios["with"]
+    words = "times as much as with constant dimming by the mean factor, with it"
+    warning = (
+        f"without --lookahead the loss varies {ratios['without']:.2f} {words} {ratios['with']:.2f} times"
+    )
+    assert warning in said["with"]
+    assert "without --lookahead" not in said["without"]
+    assert "a lookahead of 0.1 s is less than one frame, 0.2 s: as 0" in said["with"]

@@ -13,7 +13,8 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import OptimizationSummary, read_track
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.rate_limit import rate_limit_at
 from evenlight.stimuli.sequences import built_in_sequence
 
@@ -47,6 +48,16 @@ def test_the_rate_limit_comes_from_the_data_set_beside_it(folder) -> None:
     assert limit.provenance is not None
     assert len(read_rows(Threshold, folder / "calibration" / "thresholds.csv")) == 4 * 10
     assert limit.provenance.inputs["dataset"]
+
+
+def test_the_track_is_calm_and_says_how_detectable_it_is_by_the_calibration(folder) -> None:
+    limit, summary = limit_and_summary(folder)
+    assert summary.calm == 0.05
+    assert summary.share_at_limit < 0.05
+    # One window for each ramp's duration; a change in all of them would be "yes" in at most 75 %.
+    assert summary.windows == round(summary.duration / limit.ramp_duration)
+    assert limit.guess_rate * summary.windows <= summary.windows_noticed <= 0.75 * summary.windows
+    assert summary.detectability > 0
 
 
 def test_the_track_is_better_than_constant_dimming_at_equal_power(folder) -> None:

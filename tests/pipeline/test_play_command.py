@@ -26,10 +26,11 @@ from evenlight.data_schema.tracks.brightness_track import (
     read_track,
     write_track,
 )
-from evenlight.experiments.playback.loaded_track import floor_note, mean_factor
+from evenlight.data_schema.tracks.loaded_track import mean_factor
+from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.video_file import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 ROOT = Path(evenlight.__file__).parents[1]
 N, RATE = 30, 25.0

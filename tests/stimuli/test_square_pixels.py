@@ -14,8 +14,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.inputs import video_of
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.square_pixels import pixel_aspect
-from evenlight.stimuli.video.video_file import write_video
 from evenlight.stimuli.video.video_source import size_of
+from evenlight.stimuli.video.video_writer import write_video
 
 WIDE = Fraction(4, 3)
 ROWS, COLUMNS, NARROW = 144, 256, 192  # 192 pixels of 4:3 are as wide as 256 squares

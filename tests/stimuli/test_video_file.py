@@ -13,7 +13,8 @@ from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_file import open_video_file, write_video
+from evenlight.stimuli.video.video_file import open_video_file
+from evenlight.stimuli.video.video_writer import write_video
 
 
 def moving_picture(k, size=(96, 64)):

@@ -5,7 +5,7 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_file import write_video
+from evenlight.stimuli.video.video_writer import write_video
 
 
 def noise(kind, size=(33, 17), frames=4):

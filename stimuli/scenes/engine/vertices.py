@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.stimuli.scenes.engine.camera import FAR, NEAR
 from evenlight.stimuli.scenes.engine.light.bake import Charts
 from evenlight.stimuli.scenes.engine.scene import Floats, Patches, Scene
@@ -198,7 +198,7 @@ def _distance(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(2 * FAR * NEAR / (FAR + NEAR - (2 * depth - 1) * (FAR - NEAR)), dtype=np.float32)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _visible(low, high, matrix, distance):
     """Return which boxes have a pixel of the rectangle around them that nothing nearer covers."""
     rows, columns = distance.shape
@@ -227,7 +227,7 @@ def _visible(low, high, matrix, distance):
     return seen
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _any_behind(distance, low_row, high_row, first, last, limit):
     """Return whether a rectangle of pixels has one that is farther than a limit."""
     for row in range(low_row, high_row + 1):
@@ -264,7 +264,7 @@ def shown_first_to_last(
     return np.asarray(patches[np.argsort(depth, kind="stable")[np.count_nonzero(depth < 0) :]])
 
 
-@numba.njit(cache=True)
+@compiled_loop()
 def _run_by_run(order, runs):
     """Return what runs of an order hold."""
     found = np.empty(runs[:, 1].sum(), np.int64)
@@ -275,7 +275,7 @@ def _run_by_run(order, runs):
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _depths(corners, planes, triangle, patches, matrix, eye):
     """Return how far patches reach, from 0 to DEPTHS - 1, or -1 for those that are not seen."""
     depths = np.empty(len(patches), np.int16)

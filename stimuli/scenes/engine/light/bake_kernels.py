@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.stimuli.scenes.engine.light.ray_tree import DEPTH, nearest
 
 NOTHING, BACK = -1, -2  # a ray that reached the sky; one that met the back of a surface
@@ -20,7 +20,7 @@ UNLIKE = 0.5  # natural log of light: beyond it, neighbours are on two sides of 
 OFFSET = np.float32(0.004)  # [m] rays start this far in front of a surface
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def hashed(value, salt):
     """Return a number in [0, 1) that looks random."""
     # Products of 32-bit numbers have 64 bits here: they are cut back each time.
@@ -32,7 +32,7 @@ def hashed(value, salt):
     return np.float64(x >> np.uint32(8)) / 16777216.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def radical_inverse(k):
     """Return the binary digits of k behind the point, reversed."""
     x = np.uint32(k)
@@ -44,7 +44,7 @@ def radical_inverse(k):
     return np.float64(x) / 4294967296.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def upright_to(nx, ny, nz):
     """Return a unit vector at right angles to another (Duff et al. 2017)."""
     sign = 1.0 if nz >= 0 else -1.0
@@ -52,7 +52,7 @@ def upright_to(nx, ny, nz):
     return 1.0 + sign * nx * nx * a, sign * nx * ny * a, -sign * nx
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def gather(begin, end, tree, charts, windows, place, normal, own, both, sky, hits, open_, near):
     """Trace rays from every sample, spread as the cosine law weighs them.
 
@@ -127,7 +127,7 @@ def gather(begin, end, tree, charts, windows, place, normal, own, both, sky, hit
         near[i, 1] = buried / rays
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _through_any(windows, ox, oy, oz, dx, dy, dz):
     """Return whether a ray goes through one of the windows."""
     for w in range(len(windows)):
@@ -147,7 +147,7 @@ def _through_any(windows, ox, oy, oz, dx, dy, dz):
     return False
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def bounce(begin, end, hits, sent, received):
     """Set the light that each sample receives from those that its rays met.
 
@@ -165,7 +165,7 @@ def bounce(begin, end, hits, sent, received):
         received[i, 0], received[i, 1], received[i, 2] = red / rays, green / rays, blue / rays
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def smooth(begin, end, columns, rows, start, step, triangle, reach, good, raw, out):
     """Blur the light of each chart where things are far, not where they are near, and fill what is buried.
 

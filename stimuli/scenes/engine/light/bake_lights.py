@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.stimuli.fractal_noise import fractal_noise, smoothstep
 from evenlight.stimuli.scenes.engine.light.bake_kernels import OFFSET, hashed, radical_inverse
 from evenlight.stimuli.scenes.engine.light.ray_tree import DEPTH, blocker
@@ -23,13 +23,13 @@ SKY_SIZE = (512, 2048)  # rows and columns of the picture
 GRADIENT = 0.45  # exponent of the change from horizon to zenith over the sine of the altitude
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _jitter(value, salt):
     """Return a place in the middle half of a cell: no bands, and less noise than anywhere in it."""
     return 0.25 + 0.5 * hashed(value, salt)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
     """Add the light of lamps, each seen from every sample at a grid of its points.
 
@@ -83,7 +83,7 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
                 light[i, c] += share * lamps[6][m, c]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _sizes(along, across):
     """Return the lengths of edges, (n, 2)."""
     sizes = np.empty((len(along), 2))
@@ -92,7 +92,7 @@ def _sizes(along, across):
     return sizes
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _seen(tree, lamps, m, i, s, t, place, normal, own, both, guesses, stack):
     """Return cos cos / distance^2 towards a point of a lamp [1/m^2], 0 if it is hidden."""
     if lamps[4][m] and s + t > 1:
@@ -122,7 +122,7 @@ def _seen(tree, lamps, m, i, s, t, place, normal, own, both, guesses, stack):
     return here * there / max(squared, 0.01)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _first_on(tree, place, normal, side, d, far, own, other, ray, guess, stack):
     """Return what stops a ray, as `blocker` does, that starts somewhat to the side of a place, (3,)."""
     return blocker(
@@ -132,7 +132,7 @@ def _first_on(tree, place, normal, side, d, far, own, other, ray, guess, stack):
     )  # fmt: skip
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def through_windows(begin, end, tree, windows, sky, place, normal, own, both, light):
     """Add the light of the sky that comes through windows; parameters as in `gather` and `from_lamps`."""
     stack = np.empty((2, DEPTH))
@@ -185,7 +185,7 @@ def through_windows(begin, end, tree, windows, sky, place, normal, own, both, li
                         light[i, c] += share * (sky[1][c] + height * (sky[0][c] - sky[1][c]))
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled_loop(nogil=True, error_model="numpy")
 def from_sun(begin, end, tree, towards, spread, place, normal, own, both, light):
     """Set, per sample, which share of the sun's light arrives, over a few points around it.
 

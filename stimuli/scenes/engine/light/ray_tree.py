@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.method.compiled_loop import compiled_loop
 from evenlight.stimuli.scenes.engine.scene import Patches
 
 LEAF = 2  # patches at most, where they can be told apart
@@ -64,7 +64,7 @@ def ray_tree(patches: Patches, coverage: NDArray[np.float64]) -> RayTree:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _build(low, high):
     """Return the order of the patches and the nodes' boxes, first entries and counts.
 
@@ -103,7 +103,7 @@ def _build(low, high):
     return order, node_low[:used], node_high[:used], first[:used], count[:used]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _split(low, high, order, begin, many):
     """Sort patches into two groups, such that rays have least to do; return where the second begins."""
     best, best_axis, best_edge = np.inf, -1, 0.0
@@ -130,7 +130,7 @@ def _split(low, high, order, begin, many):
     return left if begin < left < begin + many else begin + many // 2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _cheapest(low, high, order, begin, many, axis, a, b):
     """Return the least cost of a split along an axis, and where it is (as twice the coordinate)."""
     box = np.empty((BINS, 6))
@@ -151,7 +151,7 @@ def _cheapest(low, high, order, begin, many, axis, a, b):
     return best, edge
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _cost(box, counts):
     """Return the surface of the box around some bins times the patches in it."""
     many = counts.sum()
@@ -163,13 +163,13 @@ def _cost(box, counts):
     return many * (size[0] * size[1] + size[1] * size[2] + size[2] * size[0])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _inverse(x):
     """Return 1 / x, finite."""
     return np.float32(1) / x if abs(x) > np.float32(1e-12) else np.float32(1e12)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _enters(box, node, ox, oy, oz, ix, iy, iz, far):
     """Return how far along a ray a node's box begins, or infinity if it is missed or beyond `far`."""
     x0, x1 = (box[node, 0] - ox) * ix, (box[node, 3] - ox) * ix
@@ -180,7 +180,7 @@ def _enters(box, node, ox, oy, oz, ix, iy, iz, far):
     return near if near <= end else np.float32(np.inf)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _meets(edges, triangle, k, ox, oy, oz, dx, dy, dz):
     """Return distance and place (s, t) where a ray meets a patch's plane; infinity if not on the patch."""
     ax, ay, az = edges[k, 3], edges[k, 4], edges[k, 5]
@@ -202,7 +202,7 @@ def _meets(edges, triangle, k, ox, oy, oz, dx, dy, dz):
     return (bx * qx + by * qy + bz * qz) * inverse, s, t
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _let_through(coverage, patch, k, ray):
     """Return whether a ray, by its number, finds a hole in a patch."""
     if coverage[k] >= 1:
@@ -213,7 +213,7 @@ def _let_through(coverage, patch, k, ray):
     return np.float32(mixed >> np.uint32(8)) / np.float32(16777216) >= coverage[k]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def nearest(tree, ox, oy, oz, dx, dy, dz, own, ray, stack):
     """Return the entry of the first patch that a ray meets (-1 for none), with distance and place on it.
 
@@ -251,7 +251,7 @@ def nearest(tree, ox, oy, oz, dx, dy, dz, own, ray, stack):
         node = int(stack[0, top])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def blocker(tree, ox, oy, oz, dx, dy, dz, far, own, other, ray, guess, stack):
     """Return the entry of a patch nearer than `far` that stops a ray, other than two patches; -1 for none.
 
@@ -282,7 +282,7 @@ def blocker(tree, ox, oy, oz, dx, dy, dz, far, own, other, ray, guess, stack):
         node = int(stack[0, top])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled_loop(error_model="numpy")
 def _stops(tree, k, ox, oy, oz, dx, dy, dz, far, own, other, ray):
     """Return whether an entry stops a ray before `far`."""
     distance = _meets(tree.edges, tree.triangle, k, ox, oy, oz, dx, dy, dz)[0]

@@ -1,0 +1,196 @@
+"""What an optimization achieved: how evenly contrast is lost, by which measures, at what rates and power."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.recordings.ramp import Procedure
+from evenlight.data_schema.tracks.brightness_track import PROCEDURE, WIDE_BAND, BudgetUnit, TrackHeader
+
+
+@dataclass(frozen=True, slots=True)
+class MinimizedOutcome:
+    """What a track achieves of something that was minimized."""
+
+    name: str = described(
+        "spread+mean (and level_weight times the mean contrast loss, frames by their weights), minimax (the "
+        "largest contrast loss of any frame that counts), worst of A, B, ... (the largest spread by these "
+        "measures, each as a share of that of constant dimming, of at least 1e-6), or a measure (the spread "
+        "by it)"
+    )
+    value: float = quantity("1", "of the track", minimum=0.0)
+    baseline: float = quantity("1", "of constant dimming at equal power", minimum=0.0)
+    bound: float = quantity(
+        "1", "no track within the limits has a smaller value; 0 for one of several clips", minimum=0.0
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.bound > self.value:
+            raise ValueError(f"bound must be at most the value, got {self.bound:g} and {self.value:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class OptimizationSummary:
+    """What an optimization achieved; the keys of `summary.json`."""
+
+    video: str = as_in(TrackHeader, "video")
+    display: str = described("name of the display")
+    rate_limit: str = as_in(TrackHeader, "rate_limit")
+    power_model: str = as_in(TrackHeader, "power_model")
+    frames: int = quantity("1", "number of frames", minimum=1)
+    duration: float = quantity("s", "duration of the video", above=0.0)
+    budget: float = quantity(
+        "1", "what was asked, in budget_unit; one of several clips has that of all", above=0.0
+    )
+    budget_unit: BudgetUnit = described("what the budget counts")
+    achieved: float = quantity("1", "what the track has, in the budget's unit", above=0.0)
+    objective: float = quantity(
+        "1", "mean absolute difference of contrast loss between two frames of the track", minimum=0.0
+    )
+    objective_baseline: float = quantity("1", "the same for constant dimming at equal power", minimum=0.0)
+    lower_bound: float = quantity(
+        "1",
+        "no track within the limits has a smaller objective; 0 for one of several clips, and where losses "
+        "themselves are minimized (see minimized)",
+        minimum=0.0,
+    )
+    max_rate_ratio: float = quantity(
+        "1", "largest ratio of a step's rate to its limit; at most 1", minimum=0.0
+    )
+    mean_contrast_loss: float = quantity("1", "mean contrast loss of the track", minimum=0.0)
+    mean_contrast_loss_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
+    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0)
+    baseline_factor: float = quantity("1", "factor of constant dimming at equal power", above=0.0)
+    mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
+    baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
+    full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
+    limit_curve: str = described(
+        "curve of the rate limit that was obeyed: fitted or safe (the lower edge of its band)"
+    )
+    modulated: str = described("luminance that the rate limit was about: frame_mean or white_field")
+    lowest_factor: float = quantity("1", "lowest brightness factor allowed", above=0.0, maximum=1.0)
+    pixels_per_degree: float = quantity("1", "pixels of the video per degree of the visual field", above=0.0)
+    contrast_model: str = described("choices of the contrast model, by name or file")
+    simulated: bool = described("true if the rate limit rests on simulated participants")
+    frames_without_contrast: int = quantity(
+        "1", "frames in which nothing is visible even undimmed; they have nothing to lose", minimum=0
+    )
+    solver: str = described("which solver made the track")
+    iterations: int = quantity(
+        "1", "iterations of the solver; for one of several clips, those of all", minimum=0
+    )
+    calm: float = quantity(
+        "1", "share of the gain that may be given up, at most, for a calmer track", minimum=0.0, maximum=1.0
+    )
+    solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
+    curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
+    bound_s: float = quantity("s", "time that the lower bound took", minimum=0.0, key="bound_s")
+    seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
+    versions: dict[str, str] = described(
+        "versions of Evenlight and of the packages that the numbers depend on"
+    )
+    provenance: Provenance = described("how the file was made")
+    rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
+    curves_tolerance: float = quantity(
+        "1",
+        "error of the loss curves that was accepted for not counting all of every frame",
+        minimum=0.0,
+        default=0.0,
+    )
+    counted: float = quantity(
+        "1", "share of the pixels that was counted for the loss curves", minimum=0.0, maximum=1.0, default=1.0
+    )
+    curves_computed_on: str = described(
+        "what computed the loss curves: cpu, or gpu and its name", default="cpu"
+    )
+    clips: int = quantity("1", "number of clips that share the budget", minimum=1, default=1)
+    weighted: bool = described(
+        "true if frames count differently in the objective, its baseline's and the bound", default=False
+    )
+    largest_allowance: float | None = quantity(
+        "1",
+        "largest multiple of the rate limit that a step of the video may reach",
+        minimum=0.0,
+        default=None,
+    )
+    max_rate_ratio_fitted: float | None = quantity(
+        "1",
+        "largest ratio of a step's rate to the limit without allowances; null in older files",
+        minimum=0.0,
+        default=None,
+    )
+    wide_band_accepted: bool = described(WIDE_BAND, default=False)
+    field_of_view: float | None = as_in(TrackHeader, "field_of_view")
+    pixel_aspect: float = quantity(
+        "1",
+        "width of a pixel of the video's file over its height; if not 1, the frames were resampled to square "
+        "pixels. One for several clips is that of the first",
+        above=0.0,
+        default=1.0,
+    )
+    share_at_limit: float | None = quantity(
+        "1",
+        "share of the time in which the rate is within 1 % of the limit; null in older files",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    share_near_limit: float | None = quantity(
+        "1",
+        "share of the time in which the rate is above 0.9 of the limit; null in older files",
+        minimum=0.0,
+        maximum=1.0,
+        default=None,
+    )
+    reversals_per_s: float | None = quantity(
+        "1/s",
+        "how often brightness turns from rising to falling or back; null in older files",
+        minimum=0.0,
+        key="reversals_per_s",
+        default=None,
+    )
+    detectability: float | None = quantity(
+        "1",
+        "d′ of who watches the whole track on a plain screen for changes of brightness; null if the rate "
+        "limit's psychometric function is not known",
+        minimum=0.0,
+        default=None,
+    )
+    windows: int | None = quantity(
+        "1", "ramps of the calibration's duration that d′ is accumulated over", minimum=1, default=None
+    )
+    windows_noticed: float | None = quantity(
+        "1",
+        "those of them expected to be reported as a change, false alarms among them; null if not known, as "
+        "for a calibration by two intervals",
+        minimum=0.0,
+        default=None,
+    )
+    minimized: MinimizedOutcome | None = described(
+        "what was minimized, where that is not the objective (the spread); else null", default=None
+    )
+    level_weight: float | None = quantity(
+        "1",
+        "weight of the mean contrast loss that was added to the spread; null if none was",
+        above=0.0,
+        default=None,
+    )
+    by_measure: tuple[MinimizedOutcome, ...] = described(
+        "the spread by each measure, where the worst of several was minimized; the first is the objective",
+        default=(),
+    )
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        if self.lower_bound > self.objective:
+            raise ValueError(
+                f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"
+            )
+
+    def __repr__(self) -> str:
+        budget = f"budget {self.budget:g} ({self.budget_unit.value})"
+        losses = f"objective {self.objective:.3g}, baseline {self.objective_baseline:.3g}"
+        return f"<OptimizationSummary {self.video!r}: {self.frames} frames, {budget}, {losses}>"

@@ -1,0 +1,55 @@
+"""Compile the loops of analysis and optimizer, once per machine: `python -m evenlight.compile_kernels`.
+
+Set-up does that, so that the first command need not. What is compiled lies beside the source, or where
+NUMBA_CACHE_DIR says; where neither can be written, in the user's cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import evenlight
+from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.frame import LumaChroma
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.method.contrast.frame_light import FrameLight
+from evenlight.method.contrast.measures import MEASURES
+from evenlight.method.optimizer.factor_grid import grid_starts
+from evenlight.method.optimizer.optimize import pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.preset_files import load_power_model
+
+SIZE = (288, 232)  # [pixels] width and height: large enough for fine bands that are counted where they change
+FRAMES = 20  # more than a stretch
+
+
+def compile_kernels() -> None:
+    """Analyse and optimize a little of everything: types of pixels, actuators, measures, a calm track."""
+    width, height = SIZE
+    noise = np.random.default_rng(1).random((FRAMES, height, width, 1), dtype=np.float32) / 8
+    grays = np.repeat(noise + np.linspace(0, 0.8, FRAMES, dtype=np.float32)[:, None, None, None], 3, axis=3)
+    evenlight.frame_loss(grays[0], 0.5)
+    few = grays[::9]
+    for frames in (
+        few,
+        few.astype(np.float64),
+        (few * 255).astype(np.uint8),
+        (few * 65535).astype(np.uint16),
+    ):
+        evenlight.loss_curves(frames, actuator="pixels")
+    for measure in MEASURES.values():
+        evenlight.loss_curves(few[:1], contrast_model=measure)
+        evenlight.frame_loss(grays[0], 0.5, contrast_model=measure)
+    luma = (few[0, ..., 0] * 255).astype(np.uint8)
+    planes = LumaChroma(
+        (luma, luma[::2, ::2], luma[::2, ::2]), (0.2126, 0.0722), False, (True, True), luma.copy
+    )
+    FrameLight(evenlight.load_display("varjo-xr3"), PixelToLuminance.LINEAR_FIRST).luminance(planes)
+    for count in (3, FRAMES):
+        track = evenlight.optimize(grays[:count], 0.5, calm=0.1)
+    limit, power = evenlight.load_rate_limit("surace2025"), load_power_model("surace2025")
+    grid_starts(pose(track.curves, Request(0.5, BudgetUnit.FACTOR, power, limit)))
+
+
+if __name__ == "__main__":
+    compile_kernels()

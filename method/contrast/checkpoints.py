@@ -1,0 +1,95 @@
+"""What is known of a video whose analysis was interrupted, so that another can go on there.
+
+A frame's curve depends on the stretch of frames that it lies in (`contrast.frame_losses`), and on nothing
+before that: an analysis that goes on where a stretch begins gives the same numbers, bit for bit.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from evenlight.data_schema.arrays import Array
+from evenlight.method.contrast.frame_losses import LONGEST_STRETCH
+
+MINUTE = 60.0  # [s] of a video, from one checkpoint to the next
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysedFrames:
+    """Frames of a video, one after the other, that were analysed.
+
+    Attributes
+    ----------
+    times, durations, shown : array (n,)
+        When each frame appears and for how long [s], and the number of its content in the video.
+    rows : array (contents, 6 + K)
+        Of each content: visible contrast, mean luminance, means of three channels, share counted, losses.
+    floor : array (n, K) or None
+        What the pixels' floor adds to the loss of each frame, where pixels dim.
+    """
+
+    times: Array
+    durations: Array
+    shown: Array
+    rows: Array
+    floor: Array | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames."""
+        return len(self.times)
+
+
+@dataclass(slots=True)
+class Checkpoints:
+    """Hands on what has been analysed of a video, a minute at a time.
+
+    Attributes
+    ----------
+    keep : function of AnalysedFrames
+        Takes the frames since the checkpoint before.
+    begun : AnalysedFrames or None
+        Those of the video's beginning that another analysis kept; the frames that follow are given.
+    interval : float
+        From one checkpoint to the next, in the video [s].
+    """
+
+    keep: Callable[[AnalysedFrames], None]
+    begun: AnalysedFrames | None = None
+    interval: float = MINUTE
+    _frames: int = field(default=0, init=False)  # kept by now
+    _contents: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        if self.begun is not None:
+            self._frames, self._contents = self.begun.n_frames, len(self.begun.rows)
+
+    def at(self, numbers: array[float], width: int, frames: tuple[Sequence[float], ...]) -> None:
+        """Keep what is complete, if another analysis can go on there and a minute has passed.
+
+        Parameters
+        ----------
+        numbers : array of float
+            The rows so far, one after the other.
+        width : int
+            Of a row.
+        frames : (times, durations, shown)
+            Of all frames so far; they may be further than the rows.
+        """
+        times, durations, shown = frames
+        contents = len(numbers) // width
+        if contents % LONGEST_STRETCH or shown[-1] < contents:
+            return
+        end = bisect_left(shown, contents)  # the frame in which the next content appears
+        if times[end] - times[self._frames] < self.interval:
+            return
+        part = slice(self._frames, end)
+        rows = np.array(numbers[self._contents * width :]).reshape(-1, width)
+        kept = np.array(times[part]), np.array(durations[part]), np.array(shown[part])
+        self.keep(AnalysedFrames(*kept, rows))
+        self._frames, self._contents = end, contents

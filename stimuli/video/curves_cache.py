@@ -1,0 +1,185 @@
+"""Loss curves of videos in the user's cache, under the SHA-256 of all that they depend on.
+
+Decision (docs/decisions/curve-cache.md): a later run finds them, and one that was interrupted goes on after
+the last minute that is there. What is damaged counts as not there; where nothing can be written, nothing is.
+Runs that do the same at once write the same bytes, whole or not at all: they need not wait for each other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from evenlight.data_schema import contrast_model
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.data_schema.tracks.loss_curves import (
+    UNREADABLE,
+    LossCurves,
+    read_loss_curves,
+    write_loss_curves,
+)
+from evenlight.method.contrast import checkpoints
+from evenlight.method.contrast.checkpoints import AnalysedFrames
+from evenlight.stimuli.scenes.engine.array_cache import cache_folder
+
+MOST = "EVENLIGHT_CURVES_CACHE_MB"  # what all of it may take, in the environment; 0 for none
+STANDARD_MOST = "2000"  # [MB]
+# What turns a video into loss curves.
+_METHOD = Path(checkpoints.__file__).parents[1]
+SOURCES = (
+    Path(contrast_model.__file__).parent,
+    _METHOD,
+    *(_METHOD / name for name in ("contrast", "gpu", "shaders")),
+    Path(__file__).parent,
+)
+
+
+@cache
+def model_sha256() -> str:
+    """Return the SHA-256 of the source that turns a video into loss curves."""
+    digest = hashlib.sha256()
+    for folder in SOURCES:
+        for file in sorted(folder.iterdir()):
+            if file.suffix in (".py", ".glsl"):
+                digest.update(f"{folder.name}/{file.name}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def most_bytes() -> float:
+    """Return how much curves may take in the cache [bytes].
+
+    Raises
+    ------
+    InputError
+        If the environment asks for what is no number from 0 on.
+    """
+    words = os.environ.get(MOST) or STANDARD_MOST
+    with suppress(ValueError):
+        if (megabytes := float(words)) >= 0:
+            return 1e6 * megabytes
+    raise InputError(
+        f"{MOST} is {words!r}: give the megabytes that loss curves may take in the cache, or 0 for none"
+    )
+
+
+@dataclass(slots=True)
+class CurvesCache:
+    """The place of one video's curves.
+
+    Attributes
+    ----------
+    folder, key : Path, str
+        Where they lie, and the SHA-256 of what they depend on.
+    say : function of str
+        Tells the user, once, why nothing is kept.
+    """
+
+    folder: Path
+    key: str
+    say: Callable[[str], None]
+    _parts: int = field(default=0, init=False)  # that are there
+    _refused: bool = field(default=False, init=False)  # whether something could not be written
+
+    @classmethod
+    def of(cls, made_of: dict[str, object], say: Callable[[str], None]) -> CurvesCache | None:
+        """Return the place of curves that depend on values of these names; None where none are kept."""
+        if not most_bytes():
+            return None
+        content = json.dumps({**made_of, "source": model_sha256()}, sort_keys=True)
+        return cls(cache_folder() / "curves", hashlib.sha256(content.encode()).hexdigest(), say)
+
+    def read(self) -> LossCurves | None:
+        """Return the curves; None if they are not there."""
+        path = self.folder / f"{self.key}.npz"
+        with suppress(InputError):
+            curves = read_loss_curves(path)
+            with suppress(OSError):
+                os.utime(path)  # used now: it is not the next to go
+            return curves
+        return None
+
+    def store(self, curves: LossCurves) -> None:
+        """Store the curves, instead of their parts."""
+        self._write(lambda: write_loss_curves(self.folder / f"{self.key}.npz", curves))
+        if not self._refused:
+            with suppress(OSError):
+                for part in self.folder.glob(f"{self.key}.part-*"):
+                    part.unlink(missing_ok=True)
+
+    def begun(self) -> AnalysedFrames | None:
+        """Return the frames of all parts before the first that is not there, or does not go on with them."""
+        parts: list[AnalysedFrames] = []
+        while (part := _read_part(self._part(len(parts)))) is not None:
+            if parts and not _goes_on(parts[-1], part):
+                break
+            parts.append(part)
+        self._parts = len(parts)
+        if not parts:
+            return None
+        names = [name for name in AnalysedFrames.__slots__ if getattr(parts[0], name) is not None]
+        return AnalysedFrames(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        )
+
+    def keep(self, part: AnalysedFrames) -> None:
+        """Store the part that follows."""
+        arrays = {name: getattr(part, name) for name in AnalysedFrames.__slots__}
+        stream = io.BytesIO()
+        np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
+        self._write(lambda: write_whole(self._part(self._parts), stream.getvalue()))
+        self._parts += 1
+
+    def _part(self, number: int) -> Path:
+        """Return the file of a part."""
+        return self.folder / f"{self.key}.part-{number:05d}"
+
+    def _write(self, write: Callable[[], None]) -> None:
+        """Write something, unless that failed before, and keep within the bound."""
+        if self._refused:
+            return
+        try:
+            write()
+            self._trim()
+        except (InputError, OSError) as error:
+            self._refused = True
+            self.say(f"loss curves are not kept for later runs: {error}")
+
+    def _trim(self) -> None:
+        """Delete what was not used for longest, until the rest is within the bound."""
+        found = []
+        for path in self.folder.iterdir():
+            with suppress(FileNotFoundError):  # another run has deleted it
+                state = path.stat()
+                found.append((state.st_mtime_ns, state.st_size, path))
+        too_much = sum(size for _, size, _ in found) - most_bytes()
+        for _, size, path in sorted(found):
+            if too_much <= 0:
+                return
+            path.unlink(missing_ok=True)
+            too_much -= size
+
+
+def _goes_on(last: AnalysedFrames, part: AnalysedFrames) -> bool:
+    """Whether a part begins with the content after another's last, and has the same columns."""
+    follows = part.shown[0] == last.shown[-1] + 1 and part.times[0] > last.times[-1]
+    floors = [None if floor is None else floor.shape[1] for floor in (last.floor, part.floor)]
+    return bool(follows and part.rows.shape[1] == last.rows.shape[1] and floors[0] == floors[1])
+
+
+def _read_part(path: Path) -> AnalysedFrames | None:
+    """Return a part of an analysis; None if there is none that can be read."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return AnalysedFrames(**arrays)
+    except UNREADABLE:
+        return None

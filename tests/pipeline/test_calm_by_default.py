@@ -1,0 +1,59 @@
+"""Tracks are calm unless asked otherwise; the reproduction and `calm=0` solve the paper's problem exactly."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import evenlight
+from evenlight.analysis.optimize_command import optimize as optimize_command
+from evenlight.analysis.reproduction.reproduction import Panel, _job
+from evenlight.analysis.wording import detection_in_words
+from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.method.optimizer.optimize import pose
+from evenlight.method.optimizer.request import Request
+from evenlight.method.optimizer.splitting import SplittingSolver
+from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
+from evenlight.stimuli.sequences import built_in_sequence
+
+
+@pytest.fixture(scope="module")
+def tracks(make_curves):
+    """A clip of two trembling scenes: its curves, and its tracks as they come, and exact."""
+    rng = np.random.default_rng(2)
+    strengths = np.repeat([0.3, 0.6], 15) + 0.03 * rng.standard_normal(30)
+    curves = make_curves(strengths, frames_per_second=2.5)
+    return curves, evenlight.optimize(curves, 0.5), evenlight.optimize(curves, 0.5, calm=0.0)
+
+
+def test_a_twentieth_of_the_gain_is_given_up_by_default(tracks) -> None:
+    _, calm, exact = tracks
+    assert (calm.summary.calm, exact.summary.calm) == (0.05, 0.0)
+    assert inspect.signature(optimize_command).parameters["calm"].default == 0.05
+    gain = exact.objective_baseline - exact.objective
+    assert exact.objective < calm.objective <= exact.objective + 0.05 * gain
+    assert exact.summary.share_at_limit > 0.5
+    assert calm.summary.share_at_limit == 0
+    for made in (calm, exact):
+        near = np.abs(made.track.rate) > 0.9 * made.track.rate_limit  # frames last equally long
+        assert made.summary.share_near_limit == pytest.approx(near.mean())
+        assert f"{100 * near.mean():.0f} % of the time above 0.9" in detection_in_words(made.summary)
+
+
+def test_without_calm_it_is_the_solvers_answer_to_the_bit(tracks) -> None:
+    curves, _, exact = tracks
+    power, limit = load_power_model("surace2025"), load_rate_limit("surace2025")
+    problem = pose(curves, Request(0.5, BudgetUnit.FACTOR, power, limit))
+    np.testing.assert_array_equal(exact.factors, SplittingSolver().solve(problem).factors)
+
+
+def test_the_reproduction_solves_the_papers_problem() -> None:
+    power: PowerModel = load_power_model("surace2025")
+    panel = Panel(load_display("varjo-xr3"), power, load_rate_limit("surace2025"))
+    assert _job(built_in_sequence("sunrise", duration=1.0), 0.5, panel).calm == 0
+
+
+def test_what_the_published_limit_cannot_tell_is_null(tracks) -> None:
+    summary = tracks[1].summary
+    assert (summary.detectability, summary.windows, summary.windows_noticed) == (None, None, None)
