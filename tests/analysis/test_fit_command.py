@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.published_rate_limit import published_fit
+from evenlight.analysis.calibration.choices import choice_on_clip
 from evenlight.analysis.fit_commands import fit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
@@ -42,7 +43,10 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
-    fit(dataset, out=folder, quiet=True)  # with its clip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choice_on_clip, "DEFAULT_SIZE", (64, 36))
+        patch.setattr(choice_on_clip, "DEFAULT_FPS", 2.0)
+        fit(dataset, out=folder, quiet=True)  # with its clip
     return folder
 
 

@@ -39,7 +39,7 @@ from evenlight.analysis.calibration.choices.limit_choices_report import (
 from evenlight.analysis.calibration.limit_models import LimitModels
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
-from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
+from evenlight.analysis.figure_style import COLUMN, PAGE, FigureFormat, png_bytes
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
@@ -261,7 +261,7 @@ def test_without_a_clip_its_columns_are_empty(choices: LimitChoices, tmp_path: P
     assert json.loads((tmp_path / "limit_choices.json").read_text())["clip"] is None
 
 
-@pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
+@pytest.mark.parametrize("medium", [PAGE, COLUMN], ids=["page", "column"])
 def test_the_figure_draws_each_curve_and_each_track(
     choices: LimitChoices, clip: LossCurves, medium: FigureFormat
 ) -> None:

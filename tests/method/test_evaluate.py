@@ -35,7 +35,7 @@ def summary_with(make_curves):
 
 @pytest.mark.parametrize("share", [1.0001, 2.0, np.inf])
 def test_a_bound_above_the_objective_of_an_answer_is_refused(summary_with, share) -> None:
-    with pytest.raises(RuntimeError, match=r"lower bound .* above the objective"):
+    with pytest.raises(RuntimeError, match=r"lower bound .* is above .*, which an answer has"):
         summary_with(share)
 
 
