@@ -33,6 +33,8 @@ def odd_problem(make_curves, seed: int) -> tuple[Problem, np.random.Generator]:
     )
     form = list(RateLimitForm)[int(rng.integers(3))]
     coefficients = tuple(rng.normal(0, 1.5, int(rng.integers(1, 6))).tolist())
+    if form is RateLimitForm.RATE:  # one that is below 0 everywhere is refused; the first is its mean
+        coefficients = (abs(coefficients[0]), *coefficients[1:])
     limit = RateLimit("odd", "d", "", form, coefficients, (1.0, 100.0))
     budget = float(rng.choice([0.2, 1.0, rng.uniform(0.2, 1.0)]))
     return pose(curves, Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)), rng
