@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -249,6 +251,8 @@ def test_what_was_not_used_for_longest_goes_first(folder: Path, monkeypatch: pyt
     for job in jobs[:2]:
         loss_curves_of(job, FrameSamples())
         names += [path.name for path in folder.iterdir() if path.name not in names]
+    for age, name in enumerate(reversed(names), start=1):  # the first is older; clocks of files tick slowly
+        os.utime(folder / name, (-60.0 * age + time.time(),) * 2)
     loss_curves_of(jobs[0], FrameSamples())
     size = (folder / names[0]).stat().st_size
     monkeypatch.setenv("EVENLIGHT_CURVES_CACHE_MB", str(2.5e-6 * size))
