@@ -86,7 +86,7 @@ if [ "${1:-}" = lab ]; then
 fi
 echo "installing Evenlight into .venv (some minutes the first time)"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt --editable ".[$extras]"
-echo "compiling its loops (a quarter of a minute the first time)"
+echo "compiling its loops (half a minute the first time)"
 .venv/bin/python -m evenlight.compile_kernels ||
     echo "evenlight: the loops were not compiled; the first command that needs them does it" >&2
 touch .venv/.ready
