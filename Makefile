@@ -14,11 +14,15 @@ lab: .venv/.lab-ready
 .venv/.lab-ready: setup.sh pyproject.toml constraints.txt
 	@./setup.sh lab
 
+# What the tests need beside it: a browser, and the players that follow a track.
+.venv/.test-ready: setup.sh pyproject.toml constraints.txt
+	@./setup.sh test
+
 demo: setup
 	$(BIN)/evenlight demo --out demo
 
 # The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
-test: lab
+test: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 
 # Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.

@@ -1,13 +1,15 @@
 #!/bin/sh
 # Set up Evenlight in .venv beside this file: the system's Python with venv, then the packages of constraints.txt.
 # `./setup.sh lab` adds PsychoPy, with which sessions are run, and on Debian and Ubuntu the libraries that it opens a
-# window and a keyboard with, and a virtual screen to rehearse on.
+# window and a keyboard with, and a virtual screen to rehearse on. `./setup.sh test` adds to that the browser and
+# the players that the tests try pages and videos with.
 # As root on Debian or Ubuntu it installs what the system lacks; elsewhere it says what is missing.
 set -eu
 cd "$(dirname "$0")"
 
 LAB_PACKAGES="xvfb libgl1 libgl1-mesa-dri libglu1-mesa libegl1 libasound2 libjack-jackd2-0 libusb-1.0-0 libfribidi0"
 LAB_PACKAGES="$LAB_PACKAGES libxtst6"  # with which the tests press keys
+TEST_PACKAGES="chromium chromium-driver mpv ffmpeg"
 
 stop() {
     echo "evenlight: $1" >&2
@@ -46,9 +48,9 @@ install_with_apt() {
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $1 >/dev/null || return 1
 }
 
-lab_packages_missing() {
+packages_missing() {
     command -v dpkg-query >/dev/null 2>&1 || return 0
-    for package in $LAB_PACKAGES; do
+    for package in $1; do
         # Newer releases have libasound2t64 in its place, which says that it provides it.
         dpkg-query -W -f '${Status} ' "$package" "${package}t64" 2>/dev/null | grep -q 'ok installed' ||
             printf '%s ' "$package"
@@ -78,12 +80,14 @@ venv_package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 fits .venv/bin/python || stop "the Python in .venv is not 3.11 or 3.12: remove the folder .venv, then run make again"
 extras=dev
-if [ "${1:-}" = lab ]; then
-    extras=dev,lab
-    missing=$(lab_packages_missing)
-    [ -z "$missing" ] || install_with_apt "$missing" ||
-        echo "evenlight: without $missing no window may open here; as root: apt-get install $missing" >&2
-fi
+packages=
+case "${1:-}" in
+    lab) extras=dev,lab packages=$LAB_PACKAGES ;;
+    test) extras=dev,lab packages="$LAB_PACKAGES $TEST_PACKAGES" ;;
+esac
+missing=$(packages_missing "$packages")
+[ -z "$missing" ] || install_with_apt "$missing" ||
+    echo "evenlight: without $missing some windows, pages or players do not open here; as root: apt-get install $missing" >&2
 echo "installing Evenlight into .venv (some minutes the first time)"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt --editable ".[$extras]"
 echo "compiling its loops (half a minute the first time)"
@@ -91,3 +95,4 @@ echo "compiling its loops (half a minute the first time)"
     echo "evenlight: the loops were not compiled; the first command that needs them does it" >&2
 touch .venv/.ready
 [ "$extras" = dev ] || touch .venv/.lab-ready
+[ "${1:-}" != test ] || touch .venv/.test-ready

@@ -244,6 +244,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         field_of_view=curves.field_of_view,
         wide_band_accepted=bool(request.rate_limit.wide_band),
         actuator=curves.actuator,
+        display=display,
     )
 
 

@@ -84,6 +84,9 @@ class TrackHeader:
         maximum=1.0,
         default=None,
     )
+    display: Display | None = described(
+        "the display that it was made for; null in tracks of earlier versions", default=None
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

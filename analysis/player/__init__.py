@@ -1,0 +1,1 @@
+"""The player page: a video beside its dimmed versions, in any browser."""

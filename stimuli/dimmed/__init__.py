@@ -1,0 +1,1 @@
+"""Videos dimmed by their tracks: as files, and as recipes for other programs."""
