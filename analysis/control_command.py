@@ -22,6 +22,7 @@ from evenlight.analysis.track_options import (
     MinFactorOption,
     ModulatedOption,
     NoCacheOption,
+    NoPlayerOption,
     OtherDisplayOption,
     PowerModelOption,
     QuietOption,
@@ -105,6 +106,7 @@ def control(
     other_display_ok: OtherDisplayOption = False,
     accept_wide_band: AcceptWideBandOption = False,
     no_cache: NoCacheOption = False,
+    no_player: NoPlayerOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Dim a video online: hold a contrast loss, or a power budget, knowing little of the frames to come."""
@@ -173,6 +175,7 @@ def control(
         actuator=actuator,
         curves=curves,
         cached=not no_cache,
+        player=not no_player,
         quiet=quiet,
         effort=effort,
     )

@@ -38,6 +38,7 @@ TRACK_FILES = (
     "summary.json",
     "contrast_map.png",
     "loss_curves.npz",
+    "player.html",
     "control.json",
     "tuning.json",
     "tuning.png",

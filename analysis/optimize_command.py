@@ -22,6 +22,7 @@ from evenlight.analysis.track_options import (
     MinFactorOption,
     ModulatedOption,
     NoCacheOption,
+    NoPlayerOption,
     OtherDisplayOption,
     PowerModelOption,
     QuietOption,
@@ -119,6 +120,7 @@ def optimize(
     accept_wide_band: AcceptWideBandOption = False,
     seed: Annotated[int, typer.Option(help="Seed of the solver's start (slsqp).")] = 1,
     no_cache: NoCacheOption = False,
+    no_player: NoPlayerOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Find the brightness track of a video under a power budget."""
@@ -196,6 +198,7 @@ def optimize(
             tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)
         ),
         cached=not no_cache,
+        player=not no_player,
         robust=judged,
         quiet=quiet,
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from evenlight.data_schema.storage.whole_files import write_whole
 
 Cell = str | int | float | None
 MANY_COLUMNS = 8  # from which on a table is set smaller
+LONG_TABLE = 30  # rows above which a table scrolls by itself on screen, its header staying in sight
 LONGEST_WHOLE = 16  # characters of a name that stays on one line
 
 SIMULATED_NOTE = (
@@ -83,6 +84,8 @@ class Section:
         What else the heading says of where it comes from, e.g. "computed".
     below : bool
         Whether it belongs to the section before it: a smaller heading, and no line of the contents.
+    links : tuple of (str, str)
+        Pages beside the report, by their paths, and what they show.
     """
 
     title: str
@@ -93,6 +96,7 @@ class Section:
     simulated: bool = False
     mark: str = ""
     below: bool = False
+    links: tuple[tuple[str, str], ...] = ()
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -155,8 +159,9 @@ def report_html(report: Report) -> str:
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{escape(report.title)}</title>",
-        f"<style>{_STYLE}{_banner_style(report.banner)}</style></head><body>",
+        f"<style>{_style()}{_banner_style(report.banner)}</style></head><body>",
         f'<p class="banner">{escape(report.banner)}</p>' if report.banner else "",
+        '<a class="skip" href="#s1">Skip the contents</a>' if len(report.sections) > 1 else "",
         "<main>",
         f"<h1>{escape(report.title)}</h1>",
         f'<p class="lead">{escape(report.lead)}</p>',
@@ -166,6 +171,12 @@ def report_html(report: Report) -> str:
         "</main></body></html>\n",
     ]
     return "\n".join(part for part in parts if part)
+
+
+@cache
+def _style() -> str:
+    """Return the look of reports."""
+    return Path(__file__).with_name("report.css").read_text(encoding="utf-8")
 
 
 def _banner_style(banner: str) -> str:
@@ -179,8 +190,8 @@ def _banner_style(banner: str) -> str:
 def _contents(sections: tuple[Section, ...]) -> str:
     """Return the table of contents."""
     own = [(k, section) for k, section in enumerate(sections, start=1) if not section.below]
-    links = (f'<a href="#s{k}">{escape(section.title)}</a>' for k, section in own)
-    return f"<nav>{' '.join(links)}</nav>" if len(sections) > 1 else ""
+    links = (f'<li><a href="#s{k}">{escape(section.title)}</a></li>' for k, section in own)
+    return f'<nav aria-label="Contents"><ul>{" ".join(links)}</ul></nav>' if len(sections) > 1 else ""
 
 
 def _section(number: int, section: Section) -> str:
@@ -191,6 +202,7 @@ def _section(number: int, section: Section) -> str:
         [
             f'<section id="s{number}"><{heading}>{escape(section.title)}{mark}</{heading}>',
             *(f"<p>{escape(text)}</p>" for text in section.paragraphs),
+            *(f'<p><a href="{escape(path)}">{escape(text)}</a></p>' for path, text in section.links),
             *(f'<p class="note">{escape(text)}</p>' for text in section.notes),
             *(_figure(picture) for picture in section.pictures),
             *(_table(table) for table in section.tables),
@@ -212,28 +224,41 @@ def _figure(picture: Picture) -> str:
 def _table(table: Table) -> str:
     """Return a table; columns of numbers are aligned to the right."""
     texts = [[cell_text(cell) for cell in row] for row in table.rows]
-    numeric = [_are_numbers([row[k] for row in texts]) for k in range(len(table.columns))]
-    kinds = [' class="number"' if is_numeric else "" for is_numeric in numeric]
-    head = _cells("th", kinds, table.columns)
-    body = "\n".join(f"<tr>{_cells('td', kinds, row)}</tr>" for row in texts)
-    width = "wide many" if len(table.columns) >= MANY_COLUMNS else "wide"
+    columns = [[row[k] for row in texts] for k in range(len(table.columns))]
+    numeric = [_are_numbers(column) for column in columns]
+    named = len(columns) > 1 and not numeric[0]  # the first column says what a row is about
+    kinds = [' class="number"' if right else "" for right in numeric]
+    head = "".join(_header(name, kind) for name, kind in zip(table.columns, kinds, strict=True))
+    cells = [
+        [f"<td{kind}>{breakable(text)}</td>" for text in column]
+        for column, kind in zip(columns, kinds, strict=True)
+    ]
+    if named:
+        cells[0] = [f'<th scope="row">{breakable(text)}</th>' for text in columns[0]]
+    body = "\n".join(f"<tr>{''.join(row)}</tr>" for row in zip(*cells, strict=True))
+    scrolls = len(texts) > LONG_TABLE
+    kind = f"wide{' many' if len(columns) >= MANY_COLUMNS else ''}{' long' if scrolls else ''}"
+    focus = ' tabindex="0"' if scrolls else ""  # so that keys scroll it, in every browser
     return (
-        f'<div class="{width}"><table><caption>{escape(table.caption)}</caption>'
+        f'<div class="{kind}"{focus}><table><caption>{escape(table.caption)}</caption>'
         f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
     )
 
 
-def _cells(element: str, kinds: Sequence[str], texts: Sequence[str]) -> str:
-    """Return the cells of a row."""
-    pairs = zip(kinds, texts, strict=True)
-    return "".join(f"<{element}{kind}>{breakable(text)}</{element}>" for kind, text in pairs)
+def _header(name: str, kind: str) -> str:
+    """Return the header of a column; one without a name is an empty cell, which heads nothing."""
+    return f'<th scope="col"{kind}>{breakable(name)}</th>' if name else f"<td{kind}></td>"
 
 
 def breakable(text: str) -> str:
     """Return text for a cell, escaped, with places to break in long names (after / and _) and in hashes.
 
+    Short words with a hyphen stay whole.
+
     >>> breakable("pipeline/stimuli/living_room/track.csv"), breakable("living_room")
     ('pipeline/<wbr>stimuli/<wbr>living_<wbr>room/<wbr>track.csv', 'living_room')
+    >>> breakable("mid-p")
+    '<span class="whole">mid-p</span>'
     """
     return "".join(_with_breaks(token) for token in re.split(r"(\s+)", text))
 
@@ -242,8 +267,12 @@ def _with_breaks(token: str) -> str:
     """Return a token, escaped, with the places where it may break."""
     if re.fullmatch(r"[0-9a-f]{32,}", token):
         parts = re.findall(".{1,16}", token)
+    elif len(token) > LONGEST_WHOLE:
+        parts = re.split(r"(?<=[/_])", token)
+    elif re.search(r"[^\W\d]-[^\W\d]", token):
+        return f'<span class="whole">{escape(token)}</span>'
     else:
-        parts = re.split(r"(?<=[/_])", token) if len(token) > LONGEST_WHOLE else [token]
+        parts = [token]
     return "<wbr>".join(escape(part) for part in parts if part)
 
 
@@ -260,74 +289,11 @@ def cell_text(cell: Cell) -> str:
     return str(cell)
 
 
-_NUMBER = r"(< |[-+±])?(0|[1-9][0-9]*)(\.[0-9]+)?(e[-+][0-9]+)?( %)?"
+# More than ten digits are those of a revision.
+_NUMBER = r"(< |[-+±])?(0|[1-9][0-9]{0,9})(\.[0-9]+)?(e[-+][0-9]+)?( %)?"
 
 
 def _are_numbers(texts: list[str]) -> bool:
     """Return whether the cells of a column are numbers or ranges of numbers, some of them missing."""
     given = [text for text in texts if text != "–"]
-    return bool(given) and all(re.fullmatch(f"{_NUMBER}( (to|of) {_NUMBER})?", text) for text in given)
-
-
-_STYLE = """
-:root { --ink: #22262b; --muted: #5f6670; --line: #d9dde2; --accent: #004488; --warn: #882255; }
-* { box-sizing: border-box; }
-html { background: #fff; color: var(--ink); font: 17px/1.55 Georgia, "Times New Roman", serif; }
-body { margin: 0; }
-main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
-h1, h2, h3, nav, table, figcaption, .mark, .simulated {
-  font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif;
-}
-h1 { font-size: 2.1rem; line-height: 1.2; letter-spacing: -0.01em; margin: 0 0 0.6rem; }
-h2 { font-size: 1.35rem; line-height: 1.3; margin: 3rem 0 0.6rem; padding-top: 0.8rem;
-  border-top: 2px solid var(--ink); }
-h3 { font-size: 1.1rem; line-height: 1.3; margin: 2.2rem 0 0.5rem; }
-p { max-width: 42rem; margin: 0 0 0.9rem; }
-.lead { font-size: 1.2rem; color: var(--muted); }
-.simulated, .note { border-left: 4px solid var(--warn); padding: 0.1rem 0 0.1rem 0.9rem; }
-.simulated, .note, .mark { color: var(--warn); }
-.simulated { font-size: 0.95rem; }
-.banner { position: sticky; top: 0; z-index: 1; max-width: none; margin: 0; padding: 0.4rem 1.5rem;
-  text-align: center; background: var(--warn); color: #fff; font: bold 0.9rem/1.4 sans-serif; }
-.mark { font-size: 0.75rem; font-weight: normal; letter-spacing: 0.04em; vertical-align: 0.2em;
-  border: 1px solid var(--warn); border-radius: 0.6rem; padding: 0.05rem 0.5rem; margin-left: 0.4rem; }
-nav { margin: 1.6rem 0 0; font-size: 0.9rem; }
-nav a { color: var(--accent); text-decoration: none; margin-right: 1.1rem; white-space: nowrap; }
-nav a:hover { text-decoration: underline; }
-figure { margin: 1.6rem 0; }
-figure img { display: block; width: 100%; height: auto; }
-figcaption { font-size: 0.85rem; line-height: 1.45; color: var(--muted); margin-top: 0.5rem;
-  max-width: 46rem; }
-.wide { position: relative; left: 50%; transform: translateX(-50%); margin: 1.4rem 0; overflow-x: auto;
-  width: min-content; min-width: 100%; max-width: calc(100vw - 3rem); }
-table { border-collapse: collapse; font-size: 0.85rem; line-height: 1.35;
-  font-variant-numeric: tabular-nums; }
-caption { text-align: left; color: var(--muted); padding-bottom: 0.5rem; }
-th { text-align: left; font-weight: 600; vertical-align: bottom; border-bottom: 1.5px solid var(--ink); }
-th, td { padding: 0.28rem 1.2rem 0.28rem 0; }
-td { border-bottom: 1px solid var(--line); vertical-align: top; }
-th:last-child, td:last-child { padding-right: 0; }
-.many table { font-size: 0.78rem; }
-.many th, .many td { padding-right: 0.8rem; }
-@media (max-width: 60rem) {
-  table { font-size: 0.78rem; }
-  .many table { font-size: 0.68rem; }
-  th, td, .many th, .many td { padding-right: 0.5rem; }
-}
-.number { text-align: right; }
-td.number { white-space: nowrap; }
-@page { size: A4; margin: 18mm 16mm; }
-@media print {
-  html { font-size: 10.5pt; }
-  main { max-width: none; padding: 0; }
-  nav, .banner { display: none; }
-  h2, h3 { break-after: avoid; margin-top: 1.6rem; }
-  table { font-size: 0.72rem; }
-  .many table { font-size: 0.62rem; }
-  th, td, .many th, .many td { padding-right: 0.6rem; }
-  figure, tr, .note { break-inside: avoid; }
-  figure img { max-height: 225mm; width: auto; max-width: 100%; }
-  thead { display: table-header-group; }
-  .wide { position: static; transform: none; width: auto; max-width: none; overflow: visible; }
-}
-"""
+    return bool(given) and all(re.fullmatch(f"{_NUMBER}( (to|of|±) {_NUMBER})?", text) for text in given)

@@ -203,13 +203,19 @@ def provenance_section(origins: Mapping[str, Provenance]) -> Section:
         inputs += [(name, what, digest) for what, digest in origin.inputs.items()]
     tables = (
         Table(
-            "Software and seeds.", ("result", "Evenlight", "revision", "seed", "packages"), tuple(software)
+            "Software that made each result, and the seed of its random numbers.",
+            ("result", "Evenlight", "revision", "seed", "packages"),
+            tuple(software),
         ),
-        Table("Inputs.", ("result", "input", "SHA-256"), tuple(inputs)),
+        Table(
+            "What each result was made from, by its SHA-256.", ("result", "input", "SHA-256"), tuple(inputs)
+        ),
     )
     return Section("Where it comes from", (), tables[: 2 if inputs else 1])
 
 
 def files_section(files: Mapping[str, str]) -> Section:
     """Return the files that were written, by name, with what they hold."""
-    return Section("Files", (), (Table("Beside this report.", ("file", "holds"), tuple(files.items())),))
+    return Section(
+        "Files", (), (Table("Files beside this report.", ("file", "holds"), tuple(files.items())),)
+    )

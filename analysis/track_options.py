@@ -66,7 +66,10 @@ AcceptWideBandOption = Annotated[
     bool, typer.Option("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
 ]
 NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", help="Neither use nor keep loss curves in the user's cache.")
+    bool, typer.Option("--no-cache", help="Use and keep no loss curves or pictures in the user's cache.")
+]
+NoPlayerOption = Annotated[
+    bool, typer.Option("--no-player", help="Leave out player.html, the page that shows video and track.")
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")]
 

@@ -41,7 +41,7 @@ def decoding_points(settings: RunSettings, display: Display) -> list[BenchmarkPo
         settings.say(f"a file of {width} x {height}")
         with tempfile.TemporaryDirectory() as folder:
             film_of = film(width, height, 6 if settings.quick else 24, settings.seed)
-            video = open_video_file(_encoded(Path(folder) / "film.mp4", film_of))
+            video = open_video_file(encoded(Path(folder) / "film.mp4", film_of))
             points += _points(video, width, height, display, settings)
     return points
 
@@ -79,7 +79,7 @@ def _points(
     return points
 
 
-def _encoded(path: Path, frames: Iterable[Frame]) -> Path:
+def encoded(path: Path, frames: Iterable[Frame]) -> Path:
     """Write a film as encoders do: H.264, 4:2:0, each picture in one slice."""
     whole = {"x264-params": "sliced-threads=0:slices=1"}
     with av.open(str(path), "w") as container:

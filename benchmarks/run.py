@@ -26,7 +26,7 @@ def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) ->
     Parameters
     ----------
     names : sequence of str
-        Of the subjects: "curves", "optimizer", "fit", "online".
+        Of the subjects: "curves", "optimizer", "fit", "online", "apply".
     out : Path
         The folder of results.
     quick : bool

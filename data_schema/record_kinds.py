@@ -58,6 +58,7 @@ from evenlight.data_schema.tracks.control import (
     TargetRow,
     TuningReport,
 )
+from evenlight.data_schema.tracks.exported_track import ExportedTrack
 from evenlight.data_schema.tracks.judgement import Judgement, MeasureAgreement, MeasuredTrack
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -155,6 +156,12 @@ KINDS = (
     RecordKind(LossCurves, _NPZ, "loss_curves.npz *.npz", "`evenlight optimize`"),
     RecordKind(BrightnessTrack, _CSV, "track.csv", "`evenlight optimize`"),
     RecordKind(TrackHeader, _JSON, "track.json", "`evenlight optimize`"),
+    RecordKind(
+        ExportedTrack,
+        _JSON,
+        "exported_track.json *.exported_track.json",
+        "`evenlight track export --to json`",
+    ),
     RecordKind(OptimizationSummary, _JSON, "summary.json", "`evenlight optimize`"),
     RecordKind(LuminanceSweepDesign, _TOML, "*.design.toml *.luminance-sweep.design.toml", "an experimenter"),
     RecordKind(PowerSweepDesign, _TOML, "*.design.toml *.power-sweep.design.toml", "an experimenter"),

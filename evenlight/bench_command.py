@@ -23,6 +23,7 @@ class SubjectName(enum.Enum):
     OPTIMIZER = "optimizer"
     FIT = "fit"
     ONLINE = "online"
+    APPLY = "apply"
     ALL = "all"
 
 
@@ -35,7 +36,7 @@ def bench(
     seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
 ) -> None:
-    """Measure speed against error: loss curves, optimizer, psychometric fit, online controller."""
+    """Measure speed against error: loss curves, optimizer, psychometric fit, controller, dimmed files."""
     require_seed(seed)
     if not (CHECKOUT / "benchmarks" / "__init__.py").exists():
         raise InputError(

@@ -36,9 +36,11 @@ from evenlight.data_schema.quantities import LARGEST_WHOLE
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 from evenlight.experiments import light_command, play_command, run_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
+from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.registered_tasks import load_tasks
+from evenlight.stimuli import apply_command, track_command
 from evenlight.stimuli import commands as stimuli_commands
 
 if TYPE_CHECKING:
@@ -145,7 +147,9 @@ def _repeat_viewing(
 
 
 app.command()(stimuli_commands.render)
+app.command()(apply_command.apply)
 app.command()(play_command.play_command(_write_power))
+app.command()(follow_command.follow_command)
 app.command()(run_command.run_command(_fit_sweep))
 app.command()(watch_command.watch)
 app.command()(experiment_commands.simulate)
@@ -160,6 +164,7 @@ app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
 measure_command.measure.command()(saving_command.saving)
 measure_command.measure.command("light")(light_command.light_command(_write_light))
 app.add_typer(measure_command.measure, name="measure")
+app.add_typer(track_command.track, name="track")
 app.command()(bench_command.bench)
 app.command()(validate_command.validate)
 app.command("import")(import_command.import_command(_display))
@@ -211,7 +216,10 @@ def demo(
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
         close_loop(folder / DATASET, sunrise, budget, folder, quiet)
     if not quiet:
-        typer.echo(f"{out / 'report.html'} tells the whole loop, with simulated participants")
+        typer.echo(
+            f"{out / 'report.html'} tells the whole loop, with simulated participants; "
+            f"{out / 'track' / 'player.html'} plays the video with its track"
+        )
 
 
 for mounted in (*app.registered_commands, *measure_command.measure.registered_commands):
@@ -297,7 +305,7 @@ def _termination_raised() -> Iterator[None]:
 def _usage(error: typer.BadParameter) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
-    return f"{error.format_message().rstrip('.')}; see {where} --help"
+    return f"{error.format_message().replace('Value error, ', '').rstrip('.')}; see {where} --help"
 
 
 def _system_error(error: OSError) -> str:

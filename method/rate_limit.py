@@ -25,6 +25,9 @@ from evenlight.method.choices import LimitCurve
 ScalarRateLimit = Callable[[float], float]
 RateLimitFunction = Callable[[Array], Array]
 
+ROUNDING = 1e-9  # share of the rate limit that is left, so that no rounding oversteps it
+MOST_TRIES = 60  # to find a step that the limit allows at its far end; two are enough where ΔL is smooth
+
 
 def rate_limit_at(
     limit: RateLimit, luminance: ArrayLike, curve: LimitCurve = LimitCurve.FITTED
@@ -280,3 +283,54 @@ def largest_rate_ratio(rate: Array, allowed: Array) -> float:
         return 0.0
     with np.errstate(divide="ignore", over="ignore"):  # next to nothing allowed: infinitely too fast
         return float(np.max(speed[moving] / allowed[moving]))
+
+
+def furthest_factor(
+    factor: float, goal: float, luminance: tuple[float, float], seconds: float, rate_limit: ScalarRateLimit
+) -> float:
+    """Return how far towards a goal one step of the factor may lead, within ΔL at both of its ends.
+
+    Parameters
+    ----------
+    factor, goal : float
+        b before the step, and where it is to lead.
+    luminance : tuple of float
+        Ī before and after it, at factor 1 [cd/m^2].
+    seconds : float
+        Δt [s].
+    rate_limit : function
+        ΔL [cd/m^2/s] of b·Ī [cd/m^2].
+
+    Returns
+    -------
+    float
+        |Δb| · (mean of both Ī) / Δt ≤ ΔL of b·Ī before and after; at the goal but for rounding if it may be.
+
+    >>> round(furthest_factor(0.5, 0.9, (40.0, 60.0), 0.1, lambda luminance: 2.0), 6)
+    0.504
+    """
+    way = 1.0 if goal > factor else -1.0
+    size = _largest_step(factor, goal, luminance, seconds, rate_limit)
+    furthest = factor + way * size
+    if abs(furthest - factor) > size:  # a step may be so small that the sum's last digit oversteps
+        furthest = math.nextafter(furthest, factor)
+    return furthest
+
+
+def _largest_step(
+    factor: float, goal: float, luminance: tuple[float, float], seconds: float, rate_limit: ScalarRateLimit
+) -> float:
+    """Return by how much the factor may change."""
+    size, way = abs(goal - factor), (1.0 if goal > factor else -1.0)
+    before, after = luminance
+    mean = (before + after) / 2
+    if mean == 0:
+        return size  # in the dark a change of the factor is not seen
+    per_rate = (1 - ROUNDING) * seconds / mean
+    size = min(size, per_rate * rate_limit(factor * before))
+    for _ in range(MOST_TRIES):
+        allowed = per_rate * rate_limit((factor + way * size) * after)
+        if size <= allowed:
+            return size
+        size = allowed
+    return 0.0

@@ -40,15 +40,14 @@ def render(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
 ) -> None:
     """Render a sequence, or a walk through a scene, to a lossless video (FFV1, 10 bits, Matroska)."""
+    from evenlight.data_schema.storage.whole_files import require_free
     from evenlight.method.preset_files import load_display
     from evenlight.stimuli.scenes.content.catalogue import is_scene_file
     from evenlight.stimuli.scenes.scene_sequence import SceneSequence
     from evenlight.stimuli.sequences import built_in_sequence
     from evenlight.stimuli.video.video_writer import write_video
 
-    if out.exists() and not (force and out.is_file()):
-        right = "give --force to replace it, or another name" if out.is_file() else "give the name of a file"
-        raise InputError(f"--out {out}: is there already; {right}")
+    require_free(out, force=force)
     if out.suffix.lower() == ".glb":
         if (size, duration, fps, field_of_view, display) != (None,) * 5:
             raise InputError(f"--out {out} is a scene: leave out the options of a video")

@@ -215,7 +215,7 @@ def thresholds_section(calibration: Calibration) -> Section:
         prose("fit_thresholds"),
         (
             Table(
-                f"{len(thresholds)} thresholds.",
+                f"The thresholds of all participants and levels, {len(thresholds)} in all.",
                 columns if not several else (columns[0], "of", *columns[1:]),
                 tuple(rows),
             ),

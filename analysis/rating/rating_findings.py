@@ -170,7 +170,7 @@ def _tests_table(results: RatingResults) -> Table:
         "(Holm). For comparison: its mid-p, the signed ranks (zeros ranked, Pratt) and the signs. The row of "
         "all sequences together is one more test, not adjusted. Detectable: the smallest mean difference "
         "[rating points] that so many pairs, with this spread, show at 5 % with a power of "
-        f"{POWER:.0%}.",
+        f"{100 * POWER:.0f} %.",
         ("sequence", "p", "Holm", "mid-p", "p, ranks", "p, signs", "pairs that differ", "detectable",
          "remark"),
         tuple(rows),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
@@ -14,6 +14,7 @@ from evenlight.analysis.calibration.fit_report import write_calibration, write_f
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.integrity.concern import cautious
+from evenlight.analysis.player.player_content import PLAYER
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.report import Report, write_report
 from evenlight.analysis.report_sections import (
@@ -35,6 +36,10 @@ from evenlight.method.preset_files import load_power_model, load_rate_limit, loa
 from evenlight.stimuli.video.video_source import VideoSource
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
+SEE_IT = (
+    f"{TRACK}/{PLAYER}",
+    "See it play: the video at full brightness, with the track, dimmed constantly.",
+)
 
 FILES = {
     "dataset/": "trials of every participant, as recorded",
@@ -43,6 +48,7 @@ FILES = {
     "calibration/rate_limit.json": "the fitted rate limit, which the optimizer read",
     "calibration/fit_summary.json": "what the fit rests on",
     "track/track.csv": "the brightness factor of each frame, and what it does",
+    "track/player.html": "the video beside its dimmed versions, and the track, in a browser",
     "track/summary.json": "what the track achieves",
     "track/loss_curves.npz": "contrast loss of each frame at every factor, for another run",
 }
@@ -70,7 +76,7 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
     limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"), accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, quiet=quiet)
+    job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, player=True, quiet=quiet)
     summary = run_optimization(job, folder / TRACK)
     write_report(folder / REPORT, _report(calibration, summary, origin, folder))
 
@@ -88,7 +94,7 @@ def _report(
             calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),
             population_section(calibration.levels, simulated),
             rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
-            track_section(summary, (track / "track.png").read_bytes(), simulated),
+            replace(track_section(summary, (track / "track.png").read_bytes(), simulated), links=(SEE_IT,)),
             contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
             provenance_section(origins_of(calibration, origin, summary)),
             files_section(FILES),
@@ -105,5 +111,5 @@ def origins_of(
     """
     made = [session.manifest.provenance for session in calibration.data.sessions]
     alike = all(origin.seed == made[0].seed for origin in made)
-    dataset = made[0] if alike else dataclasses.replace(made[0], seed=None)
+    dataset = made[0] if alike else replace(made[0], seed=None)
     return {"data set": dataset, "rate limit": fit, "track": summary.provenance}

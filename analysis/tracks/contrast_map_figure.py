@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -84,10 +85,7 @@ def contrast_map(
     model: ContrastModel = DEFAULT_MODEL,
     loss: float | None = None,
 ) -> ContrastMap:
-    """Return where dimming by b loses visible contrast, in the finest band that has any worth showing.
-
-    Of a frame wider than the figure can show, squares of pixels are averaged in linear light: its map is of
-    the finest band of those left.
+    """Return where dimming by b loses visible contrast; as `contrast_maps`, at one factor.
 
     Parameters
     ----------
@@ -98,7 +96,31 @@ def contrast_map(
     loss : float, optional
         𝓛_c of the frame where it is known, which says more of a wide frame than that of its averages.
     """
-    across = -(-pixel_values.shape[1] // WIDEST_MAP)
+    return contrast_maps(pixel_values, [(factor, loss)], display, model)[0]
+
+
+def contrast_maps(
+    pixel_values: NDArray[Any],
+    at: Sequence[tuple[float, float | None]],
+    display: Display,
+    model: ContrastModel = DEFAULT_MODEL,
+    widest: int = WIDEST_MAP,
+) -> tuple[ContrastMap, ...]:
+    """Return where dimming loses visible contrast, in the finest band that has any worth showing.
+
+    Of a frame wider than can be shown, squares of pixels are averaged in linear light: its map is of the
+    finest band of those left.
+
+    Parameters
+    ----------
+    pixel_values, at : array, (height, width, 3), sequence of (float, float or None)
+        The frame, as in `Frame`; brightness factors b, each with 𝓛_c of the frame where it is known.
+    display, model : Display, ContrastModel
+        As in `contrast_map`.
+    widest : int
+        Most pixels that can be shown side by side.
+    """
+    across = -(-pixel_values.shape[1] // widest)
     if across > 1:
         light = square_means(pixel_values, across, lambda part: linear_light(part, display.gamma))
         pixel_values = light ** (1 / display.gamma)
@@ -106,17 +128,26 @@ def contrast_map(
     emitted = emitted_luminance(pixel_values, display, model.pixel_to_luminance)
     # What is detected rather than not; of contrast above its threshold, whatever there is.
     counts = 0.0 if model.loss is LossForm.SUPRATHRESHOLD else 0.5
-    reference, dimmed = (
-        counted_map(dimmed_luminance(emitted, b, display), display, model) for b in (1.0, factor)
+    reference, *each = (
+        counted_map(dimmed_luminance(emitted, b, display), display, model)
+        for b in (1.0, *(factor for factor, _ in at))
     )
     shares = [float((band > counts).mean()) for band in reference]
     band = next((k for k, share in enumerate(shares) if share >= SHOWN_SHARE), int(np.argmax(shares)))
-    frequencies = counted_frequencies((emitted.shape[0], emitted.shape[1]), display, model)
-    full, left = (float(np.mean([part.mean() for part in parts])) for parts in (reference, dimmed))
-    if loss is None or across == 1:
-        loss = loss_of(left, full, model.loss)
-    seen = reference[band] > counts, dimmed[band] > counts
-    return ContrastMap(factor, float(frequencies[band]), *seen, loss, across > 1)
+    frequency = float(counted_frequencies((emitted.shape[0], emitted.shape[1]), display, model)[band])
+    full = _mean_count(reference)
+    maps = []
+    for (factor, known), dimmed in zip(at, each, strict=True):
+        loss = known if across > 1 else None
+        loss = loss_of(_mean_count(dimmed), full, model.loss) if loss is None else loss
+        seen = reference[band] > counts, dimmed[band] > counts
+        maps.append(ContrastMap(factor, frequency, *seen, loss, across > 1))
+    return tuple(maps)
+
+
+def _mean_count(bands: Sequence[NDArray[Any]]) -> float:
+    """Return how much counts in a pixel, on average over pixels and bands."""
+    return float(np.mean([band.mean() for band in bands]))
 
 
 def contrast_map_figure(

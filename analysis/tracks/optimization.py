@@ -11,6 +11,7 @@ import numpy as np
 
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import (
+    FrameWatcher,
     OptimizationJob,
     loss_curves_of,
     start_factors,
@@ -80,13 +81,15 @@ class Optimization:
     clips: tuple[OptimizedClip, ...]
 
 
-def optimize_video(job: OptimizationJob) -> Optimization:
+def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) -> Optimization:
     """Analyse the videos of a job and find their brightness tracks.
 
     Parameters
     ----------
     job : OptimizationJob
         What is asked.
+    watchers : sequence of FrameWatcher
+        One for its video and for each clip that shares the budget, or none.
 
     Raises
     ------
@@ -96,7 +99,8 @@ def optimize_video(job: OptimizationJob) -> Optimization:
     jobs = [job, *(replace(job, source=source, others=()) for source in job.others)]
     samples = [FrameSamples() for _ in jobs]
     began = time.perf_counter()
-    curves = [loss_curves_of(clip, held) for clip, held in zip(jobs, samples, strict=True)]
+    seen_by: Sequence[FrameWatcher | None] = watchers or [None] * len(jobs)
+    curves = [loss_curves_of(*each) for each in zip(jobs, samples, seen_by, strict=True)]
     others = [_curves_by(name, job) for name in job.robust[1:]]
     return optimize_curves(job, curves, samples, time.perf_counter() - began, others)
 

@@ -41,6 +41,7 @@ from evenlight.stimuli.video.video_source import (
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, geometry_words, seen_video
 
 TRACK = "track.csv"
+FrameWatcher = Callable[[Iterable[Frame]], Iterable[Frame]]  # sees the frames of a video, and yields them
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,8 @@ class OptimizationJob:
         Whether loss curves are looked for in the user's cache, and kept there; not with `watch`.
     robust : tuple of str
         Measures (`method.contrast.measures`) whose worst is minimized, the first of them `model`; or none.
+    player : bool
+        Whether a player page is written beside the track.
     quiet, watch : bool, callable, optional
         Whether to show no progress; sees each frame as it is analysed, and yields it.
     """
@@ -100,8 +103,9 @@ class OptimizationJob:
     start: Path | None = None
     cached: bool = False
     robust: tuple[str, ...] = ()
+    player: bool = False
     quiet: bool = False
-    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames
+    watch: FrameWatcher = lambda frames: frames
 
     @property
     def seen_at(self) -> float | None:
@@ -114,8 +118,17 @@ class OptimizationJob:
         return f"{self.source.name}, {self.model_name}" if self.model_name in MEASURES else self.source.name
 
 
-def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
+def loss_curves_of(
+    job: OptimizationJob, samples: FrameSamples, watcher: FrameWatcher | None = None
+) -> LossCurves:
     """Return the loss curves of a job's video; some of its frames are kept in `samples`.
+
+    Parameters
+    ----------
+    job, samples : OptimizationJob, FrameSamples
+        What is asked, and what keeps frames.
+    watcher : FrameWatcher, optional
+        Sees the frames as the video has them, where all of them are analysed.
 
     Raises
     ------
@@ -136,12 +149,14 @@ def loss_curves_of(job: OptimizationJob, samples: FrameSamples) -> LossCurves:
             _say_geometry(job, geometry)
             work = _CurvesWork(job, first, geometry)
             if work.known is None and work.begun is None:
+                if watcher is not None:
+                    shown = geometry.shown(watcher(itertools.chain([first], frames)))
                 return work.analysed(samples.watch(job.watch(shown)))
             seen = next(iter(shown))
         if work.begun is not None:
             done, total = work.begun.n_frames, source.n_frames
             _say(job, f"{job.analysis_name}: goes on with frame {done}, where a run was interrupted")
-            rest = counted(
+            rest: Iterable[Frame] = counted(
                 progress, frames_from(source, done), words, None if total is None else total - done
             )
             work.known = work.analysed(geometry.shown(rest))

@@ -82,6 +82,15 @@ class TrackFigureData:
         return np.asarray(np.abs(self.track.rate_limit - limit) > 1e-9 * np.abs(limit))
 
 
+def compared_at(data: TrackFigureData, frame: int) -> tuple[tuple[float, float], ...]:
+    """Return factor and contrast loss of a frame: ours, and under constant dimming."""
+    track = data.track
+    return (
+        (float(track.factors[frame]), float(track.contrast_loss[frame])),
+        (data.baseline_factor, float(data.baseline_loss[frame])),
+    )
+
+
 def uses_same_power(summary: OptimizationSummary) -> bool:
     """Return whether a track and its constant baseline use the same power."""
     return abs(summary.mean_power - summary.baseline_power) <= SAME * summary.baseline_power

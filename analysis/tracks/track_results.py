@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from evenlight.analysis.figure_style import write_png
-from evenlight.analysis.tracks.contrast_map_figure import contrast_map, contrast_map_figure
+from evenlight.analysis.player.picture_recorder import PictureRecorder
+from evenlight.analysis.player.player_content import PLAYER, player_content
+from evenlight.analysis.player.player_page import write_player_page
+from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, contrast_maps
 from evenlight.analysis.tracks.control_figures import target_figure, tuning_figure
 from evenlight.analysis.tracks.control_run import ControlJob, ControlledVideo, ControlResult
 from evenlight.analysis.tracks.frame_samples import FrameSamples, thumbnails_of
 from evenlight.analysis.tracks.objective_words import minimized_in_words
-from evenlight.analysis.tracks.optimization import Optimization, OptimizedClip, optimize_video
+from evenlight.analysis.tracks.optimization import OptimizedClip, optimize_video
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, clip_folder, loss_curves_of
 from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData, uses_same_power
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData, compared_at, uses_same_power
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.storage.tables import write_rows
@@ -34,29 +37,35 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
 
     Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
     """
-    result = optimize_video(job)
-    _write_optimization(result, job.model, folder)
+    recorders = _recorders(job)
+    result = optimize_video(job, [recorder.watch for recorder in recorders])
+    write_json_record(folder / "summary.json", result.summary)
+    several = len(result.clips) > 1
+    for number, clip in enumerate(result.clips, start=1):
+        path = folder / clip_folder(number, clip.problem.curves.video) if several else folder
+        _write_clip(clip, job, path, recorders[number - 1] if recorders else None)
+        if several:
+            write_json_record(path / "summary.json", clip.summary)
     return result.summary
 
 
-def _write_optimization(result: Optimization, model: ContrastModel, folder: Path) -> None:
-    """Write the summary, and the loss curves, the track and the figures of each clip."""
-    write_json_record(folder / "summary.json", result.summary)
-    if len(result.clips) == 1:
-        _write_clip(result.clips[0], model, folder)
-        return
-    for number, clip in enumerate(result.clips, start=1):
-        path = folder / clip_folder(number, clip.problem.curves.video)
-        _write_clip(clip, model, path)
-        write_json_record(path / "summary.json", clip.summary)
+def _recorders(job: OptimizationJob) -> list[PictureRecorder]:
+    """Return what makes the pictures of the videos' player pages; none if there are to be none."""
+    sources = (job.source, *job.others) if job.player else ()
+    return [PictureRecorder(source, cached=job.cached, quiet=job.quiet) for source in sources]
 
 
-def _write_clip(clip: OptimizedClip, model: ContrastModel, folder: Path) -> None:
-    """Write the loss curves, the track and the figures of a clip."""
+def _write_clip(
+    clip: OptimizedClip, job: OptimizationJob, folder: Path, recorder: PictureRecorder | None
+) -> None:
+    """Write the loss curves, the track, the figures and the player page of a clip."""
     folder.mkdir(exist_ok=True)
-    write_loss_curves(folder / "loss_curves.npz", clip.problem.curves)
+    curves, data = clip.problem.curves, figure_data_of(clip)
+    write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", clip.track)
-    _draw(figure_data_of(clip), clip.samples, clip.problem.curves.display, model, folder)
+    _draw(data, clip.samples, curves.display, job.model, folder)
+    if recorder is not None:
+        write_player_page(folder / PLAYER, player_content(job, data, curves, clip.samples, recorder))
 
 
 def figure_data_of(clip: OptimizedClip) -> TrackFigureData:
@@ -89,7 +98,7 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[Ta
         What is asked.
     folder : Path
         For `track.csv`, `track.json`, `summary.json`, `control.json`, `loss_curves.npz`, the figures; and
-        `tuning.json`, `target_sweep.csv` where they are asked for.
+        `player.html`, `tuning.json`, `target_sweep.csv` where they are asked for.
 
     Returns
     -------
@@ -97,25 +106,18 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[Ta
         What came of it, and of each other target.
     """
     samples, began = FrameSamples(), time.perf_counter()
-    curves = loss_curves_of(asked.work, samples)
+    recorders = _recorders(asked.work)
+    curves = loss_curves_of(asked.work, samples, *(recorder.watch for recorder in recorders))
     video = ControlledVideo(curves, asked, time.perf_counter() - began)
     done = video.controlled()
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", done.track)
     write_json_record(folder / "summary.json", done.summary)
     write_json_record(folder / "control.json", done.control)
-    data = TrackFigureData(
-        track=done.track,
-        baseline_factor=done.summary.baseline_factor,
-        baseline_loss=done.baseline_loss,
-        objective=done.summary.objective,
-        objective_baseline=done.summary.objective_baseline,
-        thumbnails=thumbnails_of(samples.held),
-        lowest_factor=asked.settings.lowest_factor,
-        achieved=done.summary.achieved,
-        same_power=uses_same_power(done.summary),
-    )
+    data = _figure_data_of_control(done, samples, asked.settings.lowest_factor)
     _draw(data, samples, done.display, asked.work.model, folder)
+    for recorder in recorders:
+        write_player_page(folder / PLAYER, player_content(asked.work, data, curves, samples, recorder))
     if done.tuning is not None and done.tuning_runs is not None:
         write_json_record(folder / "tuning.json", done.tuning)
         write_png(folder / "tuning.png", tuning_figure(done.tuning, curves.times, done.tuning_runs))
@@ -127,6 +129,23 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[Ta
     return done, rows
 
 
+def _figure_data_of_control(
+    done: ControlResult, samples: FrameSamples, lowest_factor: float
+) -> TrackFigureData:
+    """Return the content of the figure of the controller's track."""
+    return TrackFigureData(
+        track=done.track,
+        baseline_factor=done.summary.baseline_factor,
+        baseline_loss=done.baseline_loss,
+        objective=done.summary.objective,
+        objective_baseline=done.summary.objective_baseline,
+        thumbnails=thumbnails_of(samples.held),
+        lowest_factor=lowest_factor,
+        achieved=done.summary.achieved,
+        same_power=uses_same_power(done.summary),
+    )
+
+
 def _draw(
     data: TrackFigureData, samples: FrameSamples, display: Display, model: ContrastModel, folder: Path
 ) -> None:
@@ -135,12 +154,6 @@ def _draw(
     track = data.track
     difference = np.abs(data.baseline_loss - track.contrast_loss)
     index, pixels = max(samples.held, key=lambda held: float(difference[held[0]]))
-    ours, constant = (
-        contrast_map(pixels, float(factor), display, model, float(loss[index]))
-        for factor, loss in (
-            (track.factors[index], track.contrast_loss),
-            (data.baseline_factor, data.baseline_loss),
-        )
-    )
+    ours, constant = contrast_maps(pixels, compared_at(data, index), display, model)
     name = f"{track.header.video} at {track.times[index]:.1f} s"
     write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))

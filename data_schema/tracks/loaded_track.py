@@ -36,6 +36,7 @@ class LoadedTrack:
     baseline: float  # factor of constant dimming at equal power
     source_of_baseline: str  # where that comes from
     sha256: str = ""  # of its track.csv
+    modulated: str = "frame_mean"  # luminance that its rate limit was about, as its summary.json has it
 
 
 def load_track(path: Path) -> LoadedTrack:
@@ -50,8 +51,8 @@ def load_track(path: Path) -> LoadedTrack:
     track, digest = read_track(file), sha256_of_file(file)
     summary = file.with_name(SUMMARY)
     if summary.is_file():
-        factor = read_json_record(OptimizationSummary, summary).baseline_factor
-        return LoadedTrack(track, factor, f"as {summary} has it", digest)
+        made = read_json_record(OptimizationSummary, summary)
+        return LoadedTrack(track, made.baseline_factor, f"as {summary} has it", digest, made.modulated)
     said = f"the track's mean, for there is no {summary}: of equal power where a backlight makes the light"
     return LoadedTrack(track, mean_factor(track), said, digest)
 

@@ -39,9 +39,9 @@ class SysfsBacklight(SteppedBacklight):
     Raises
     ------
     InputError
-        If there is no such backlight, it may not be set, or its steps are not linear in light.
+        If its steps are not linear in light.
     InstrumentError
-        If it fails, has no steps, or another program uses it.
+        If there is no such backlight, it may not be set, it fails, has no steps, or another program uses it.
     """
 
     def __init__(
@@ -51,8 +51,9 @@ class SysfsBacklight(SteppedBacklight):
         super().__init__(str(self._folder), min_interval)
         if not (self._folder / "max_brightness").is_file():
             names = sorted(path.name for path in root.glob("*")) if root.is_dir() else []
-            raise InputError(
-                f"{self._folder}: no such backlight; there is {', '.join(names) or 'none'} on this computer"
+            raise InstrumentError(
+                f"{self._folder}: no such backlight; there is {', '.join(names) or 'none'} on this computer",
+                Fault.NOT_FOUND,
             )
         scale = self._folder / "scale"
         if not curve_known and scale.is_file() and scale.read_text().strip() == "non-linear":
@@ -67,10 +68,8 @@ class SysfsBacklight(SteppedBacklight):
                 raise InstrumentError(f"{self._folder}: says that its brightness has no steps")
             self._found = self._possible(self._read("brightness"))
             self._write(self._found)  # fails at once where it may not be set
-        except BaseException as error:
+        except BaseException:
             self._release()
-            if isinstance(error, InstrumentError) and error.fault is Fault.NOT_FOUND:
-                raise InputError(str(error)) from None
             raise
 
     def _set(self, step: int) -> None:
@@ -92,7 +91,7 @@ class SysfsBacklight(SteppedBacklight):
         """Return the number that a file of the device holds."""
         path = self._folder / name
         try:
-            text = path.read_bytes().decode("ascii", errors="replace").strip()
+            text = path.read_bytes().decode("ascii", errors="replace").partition("\n")[0].strip()
         except OSError as error:
             raise _failed(path, "cannot be read", error) from None
         if not NUMBER.fullmatch(text):
@@ -103,10 +102,12 @@ class SysfsBacklight(SteppedBacklight):
         """Write a step to the device."""
         path = self._folder / "brightness"
         try:
-            # Not Path.write_text: the file is never to be made, only written to.
-            descriptor = os.open(path, os.O_WRONLY | os.O_TRUNC)
+            # Not Path.write_text: the file is never to be made, only written to. Cut after the step, not
+            # before it, so that an emulated file's first line is a step at any moment. Linux ignores the
+            # cut of its own, and reads one write as one number (`kstrtoul` of base 0: no padding).
+            descriptor = os.open(path, os.O_WRONLY)
             try:
-                os.write(descriptor, f"{step}\n".encode())
+                os.ftruncate(descriptor, os.write(descriptor, f"{step}\n".encode()))
             finally:
                 os.close(descriptor)
         except OSError as error:

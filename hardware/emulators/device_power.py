@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+
 from evenlight.hardware.emulators.power_meters import PipedFiles
 from evenlight.hardware.simulated.panel import Simulation
 
@@ -86,6 +88,9 @@ class AdbEmulator(BatteryEmulator):
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(simulation)
         program = self.folder / "adb"
-        program.write_text(ADB.replace("PHONE", PHONE).replace("FOLDER", str(self.folder)))
-        program.chmod(0o700)
+        text = ADB.replace("PHONE", PHONE).replace("FOLDER", str(self.folder))
+        # By another process: a child that a thread of this one forks meanwhile would hold it open, and what
+        # is open for writing cannot be run.
+        write = ["sh", "-c", 'cat > "$1" && chmod 700 "$1"', "sh", str(program)]
+        subprocess.run(write, input=text.encode(), check=True)
         self.url = f"{PHONE}@{program}"

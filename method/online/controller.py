@@ -8,14 +8,10 @@ See docs/decisions/online-controller.md.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from evenlight.data_schema.quantities import check_limits, quantity
-from evenlight.method.rate_limit import ScalarRateLimit
-
-ROUNDING = 1e-9  # share of the rate limit that is left, so that no rounding oversteps it
-MOST_TRIES = 60  # to find a step that the limit allows at its far end; two are enough where ΔL is smooth
+from evenlight.method.rate_limit import ROUNDING, ScalarRateLimit, furthest_factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,28 +135,7 @@ class Controller:
         """Return the lowest and highest factor that the next frame may have, exact on the wanted side."""
         low, high = self.settings.lowest_factor, self.settings.highest_factor
         goal = min(max(wanted, low), high)
-        way = 1.0 if goal > state.factor else -1.0
-        size = self._largest_step(state, frame, goal)
-        furthest = state.factor + way * size
-        if abs(furthest - state.factor) > size:  # a step may be so small that the sum's last digit oversteps
-            furthest = math.nextafter(furthest, state.factor)
+        luminance = (state.luminance, frame.luminance)
+        furthest = furthest_factor(state.factor, goal, luminance, state.duration, self.rate_limit)
         furthest = min(max(furthest, low), high)  # rounding may leave it a hair beyond the goal
-        return (low, furthest) if way > 0 else (furthest, high)
-
-    def _largest_step(self, state: ControllerState, frame: FrameMeasurement, goal: float) -> float:
-        """Return how far towards a goal the factor may go: within ΔL at both ends of the step.
-
-        As in `method.rate_limit`: |Δb| · (mean of both Ī) / Δt ≤ ΔL of b·Ī of either frame.
-        """
-        size, way = abs(goal - state.factor), (1.0 if goal > state.factor else -1.0)
-        luminance = (state.luminance + frame.luminance) / 2
-        if luminance == 0:
-            return size  # in the dark a change of the factor is not seen
-        per_rate = (1 - ROUNDING) * state.duration / luminance
-        size = min(size, per_rate * self.rate_limit(state.factor * state.luminance))
-        for _ in range(MOST_TRIES):
-            allowed = per_rate * self.rate_limit((state.factor + way * size) * frame.luminance)
-            if size <= allowed:
-                return size
-            size = allowed
-        return 0.0
+        return (low, furthest) if goal > state.factor else (furthest, high)

@@ -24,9 +24,10 @@ import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.quantities import check_limits, quantity
-from evenlight.method.online.controller import ROUNDING, Controller, ControllerState, FrameMeasurement
+from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement
 from evenlight.method.online.governor import HORIZON, LEAST_SLOPE, NO_ROOM, FrameCost, MeanSoFar
 from evenlight.method.optimizer.chain import ChainLimits, minimize_chain
+from evenlight.method.rate_limit import ROUNDING
 
 LOOKAHEADS = 0.0, 60.0  # [s] from and to: those that may be asked for
 PERSISTENCE = 2.0  # τ [s]; 1 to 5 give the same on a film with a cut every 8 s

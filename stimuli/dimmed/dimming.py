@@ -7,20 +7,12 @@ display that will show it.
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
-
-
-class DimmedVersion(enum.Enum):
-    """What a video is dimmed by."""
-
-    OURS = "ours"  # its track
-    CONSTANT = "constant"  # the constant factor of equal power
+from evenlight.stimuli.dimmed.apply_options import DimmedVersion
 
 
 def pixel_scale(factors: ArrayLike, gamma: float) -> Array:

@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from evenlight.stimuli.scenes.engine.array_cache import cache_folder
 
 MOST = "EVENLIGHT_CURVES_CACHE_MB"  # what all of it may take, in the environment; 0 for none
 STANDARD_MOST = "2000"  # [MB]
+PICTURE = ".picture"  # of the file of a player page's picture
 # What turns a video into loss curves.
 _METHOD = Path(checkpoints.__file__).parents[1]
 SOURCES = (
@@ -45,10 +47,10 @@ SOURCES = (
 
 
 @cache
-def model_sha256() -> str:
-    """Return the SHA-256 of the source that turns a video into loss curves."""
+def source_sha256(folders: tuple[Path, ...]) -> str:
+    """Return the SHA-256 of the source code in folders."""
     digest = hashlib.sha256()
-    for folder in SOURCES:
+    for folder in folders:
         for file in sorted(folder.iterdir()):
             if file.suffix in (".py", ".glsl"):
                 digest.update(f"{folder.name}/{file.name}\0".encode() + file.read_bytes())
@@ -82,8 +84,11 @@ class CurvesCache:
         Where they lie, and the SHA-256 of what they depend on.
     say : function of str
         Tells the user, once, why nothing is kept.
+    sources : tuple of Path
+        Folders of source code that they depend on.
     """
 
+    sources: ClassVar[tuple[Path, ...]] = SOURCES
     folder: Path
     key: str
     say: Callable[[str], None]
@@ -91,11 +96,11 @@ class CurvesCache:
     _refused: bool = field(default=False, init=False)  # whether something could not be written
 
     @classmethod
-    def of(cls, made_of: dict[str, object], say: Callable[[str], None]) -> CurvesCache | None:
+    def of(cls, made_of: dict[str, object], say: Callable[[str], None]) -> Self | None:
         """Return the place of curves that depend on values of these names; None where none are kept."""
         if not most_bytes():
             return None
-        content = json.dumps({**made_of, "source": model_sha256()}, sort_keys=True)
+        content = json.dumps({**made_of, "source": source_sha256(cls.sources)}, sort_keys=True)
         return cls(cache_folder() / "curves", hashlib.sha256(content.encode()).hexdigest(), say)
 
     def read(self) -> LossCurves | None:
@@ -103,8 +108,7 @@ class CurvesCache:
         path = self.folder / f"{self.key}.npz"
         with suppress(InputError):
             curves = read_loss_curves(path)
-            with suppress(OSError):
-                os.utime(path)  # used now: it is not the next to go
+            used_now(path)
             return curves
         return None
 
@@ -155,18 +159,27 @@ class CurvesCache:
             self.say(f"loss curves are not kept for later runs: {error}")
 
     def _trim(self) -> None:
-        """Delete what was not used for longest, until the rest is within the bound."""
+        """Delete what was not used for longest, until the rest is within the bound; pictures before curves.
+
+        A picture is made in less time.
+        """
         found = []
         for path in self.folder.iterdir():
             with suppress(FileNotFoundError):  # another run has deleted it
                 state = path.stat()
-                found.append((state.st_mtime_ns, state.st_size, path))
-        too_much = sum(size for _, size, _ in found) - most_bytes()
-        for _, size, path in sorted(found):
+                found.append((path.suffix != PICTURE, state.st_mtime_ns, state.st_size, path))
+        too_much = sum(size for _, _, size, _ in found) - most_bytes()
+        for _, _, size, path in sorted(found):
             if too_much <= 0:
                 return
             path.unlink(missing_ok=True)
             too_much -= size
+
+
+def used_now(path: Path) -> None:
+    """Note that a file is used now: it is not the next to go."""
+    with suppress(OSError):
+        os.utime(path)
 
 
 def _goes_on(last: AnalysedFrames, part: AnalysedFrames) -> bool:

@@ -155,9 +155,7 @@ def complete_tags(frame: VideoFrame) -> None:
     """Give a frame without colour tags the customary matrix and range."""
     gray = frame.format.name.startswith(("gray", "ya"))
     if not frame.format.is_rgb and not gray:
-        if frame.colorspace in UNTAGGED or frame.colorspace == RGB:
-            # The rule of mpv and of most players: high definition is BT.709, all below is BT.601.
-            frame.colorspace = BT709 if frame.width >= 1280 or frame.height > 576 else BT601
+        frame.colorspace = matrix_of(frame)
         if frame.colorspace not in LUMA_WEIGHTS:
             raise UnsupportedColourError(f"colour matrix {frame.colorspace} of ITU-T H.273")
     if frame.color_range not in (ColorRange.MPEG, ColorRange.JPEG):
@@ -176,7 +174,7 @@ def _over_16_bits(codes: NDArray[Any], top: int) -> NDArray[np.uint16]:
 def _from_luma_and_chroma(planes: list[NDArray[Any]], depth: int, frame: VideoFrame) -> NDArray[Any]:
     """Return R, G, B in about [0, 1] from Y, Cb, Cr of some bit depth (ITU-T H.273, section 8.3)."""
     weight_red, weight_blue = LUMA_WEIGHTS[frame.colorspace]
-    offset, luma_span, chroma_span = _quantization(depth, full=frame.color_range == ColorRange.JPEG)
+    offset, luma_span, chroma_span = quantization(depth, full=frame.color_range == ColorRange.JPEG)
     luma = (planes[0] - offset) / luma_span
     middle = np.float32(2 ** (depth - 1))
     red = luma + (planes[2] - middle) * np.float32(2 * (1 - weight_red) / chroma_span)
@@ -187,7 +185,15 @@ def _from_luma_and_chroma(planes: list[NDArray[Any]], depth: int, frame: VideoFr
     return np.stack([red, green, blue], axis=-1)
 
 
-def _quantization(depth: int, full: bool) -> tuple[np.float32, np.float32, np.float32]:
+def matrix_of(frame: VideoFrame) -> int:
+    """Return the colour matrix of a frame of Y, Cb, Cr (ITU-T H.273), the customary one without a tag."""
+    if frame.colorspace in UNTAGGED or frame.colorspace == RGB:
+        # The rule of mpv and of most players: high definition is BT.709, all below is BT.601.
+        return BT709 if frame.width >= 1280 or frame.height > 576 else BT601
+    return int(frame.colorspace)
+
+
+def quantization(depth: int, full: bool) -> tuple[np.float32, np.float32, np.float32]:
     """Return the code of black, and the codes that luma and chroma span (ITU-T H.273, equations 20-31)."""
     if full:
         span = np.float32(2**depth - 1)
@@ -201,7 +207,7 @@ def _gray(frame: VideoFrame, depth: int) -> NDArray[Any]:
     packed = frame.format.name.startswith("ya")
     (plane, *_) = planes_of(frame)
     values, alpha = (plane[:, 0::2], plane[:, 1::2]) if packed else (plane, None)
-    black, span, _ = _quantization(depth, full=frame.color_range == ColorRange.JPEG)
+    black, span, _ = quantization(depth, full=frame.color_range == ColorRange.JPEG)
     light = np.clip((values - black) / span, 0, 1)
     if alpha is not None:
         light = light * alpha / np.float32(2**depth - 1)

@@ -1,16 +1,12 @@
 """Frames of a video file of any format that FFmpeg reads, streamed; damage that can be noticed is refused.
 
-Decoders report damage, where by default they would guess the picture. The checksums inside FFV1 frames are
-compared here: FFmpeg's decoder sees them fail but does not report it (RFC 9043, 4.9).
+Decoders report damage, where by default they would guess the picture.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-import re
-import zlib
-from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -31,23 +27,16 @@ from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
+from evenlight.stimuli.video.packets import REMEDY, timeline_of
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
-from evenlight.stimuli.video.video_source import (
-    ASSUMED_RATE,
-    FrameTimes,
-    frame_times,
-    uniform_times,
-)
+from evenlight.stimuli.video.video_source import FrameTimes
 
 if TYPE_CHECKING:
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
-REMEDY = "give a whole copy of it, or one encoded again"
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
-FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
 SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
-_REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 STRICT = {"err_detect": "crccheck+explode"}
 # FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
 STRICT_ALREADY = ("tiff",)
@@ -128,42 +117,61 @@ class VideoFile:
             If a frame is damaged or missing, or differs in size from the first one.
         """
         times, durations = self.timeline.times, self.timeline.durations
-        reader = PixelReader(self.pixel_aspect)
-        shape, k = None, int(np.flatnonzero(durations)[first]) if first > 0 else 0
+        reader, shape = PixelReader(self.pixel_aspect), None
+        for k, picture in self.pictures(first):
+            try:
+                pixels = reader.pixels(picture)
+            except UnsupportedColourError as error:
+                raise InputError(
+                    f"{self.path} holds {error}; convert it to gamma-encoded R, G, B or Y, Cb, Cr"
+                ) from error
+            if shape not in (None, pixels.shape):
+                raise InputError(
+                    f"{self.path} changes its size at frame {k} to {pixels.shape[1]}x{pixels.shape[0]}; "
+                    "all frames of a video must be of one size"
+                )
+            shape = pixels.shape
+            yield Frame(float(times[k]), float(durations[k]), pixels)
+
+    def pictures(self, first: int = 0) -> Iterator[tuple[int, av.VideoFrame]]:
+        """Yield the frames that are seen as they are decoded, each with its place in the timeline.
+
+        Parameters
+        ----------
+        first : int
+            Number of the first one, of those that are seen.
+
+        Raises
+        ------
+        InputError
+            If a frame is damaged or missing.
+        """
+        durations = self.timeline.durations
+        k = int(np.flatnonzero(durations)[first]) if first > 0 else 0
         with self._decoded_from(k) as pictures:
             for picture in pictures:
-                if k == len(times):
+                if k == len(durations):
                     raise InputError(
                         f"{self.path} decodes to more than the {k} frames it announces; {REMEDY}"
                     )
-                try:
-                    pixels = reader.pixels(picture)
-                except UnsupportedColourError as error:
-                    raise InputError(
-                        f"{self.path} holds {error}; convert it to gamma-encoded R, G, B or Y, Cb, Cr"
-                    ) from error
-                if shape not in (None, pixels.shape):
-                    raise InputError(
-                        f"{self.path} changes its size at frame {k} to {pixels.shape[1]}x{pixels.shape[0]}; "
-                        "all frames of a video must be of one size"
-                    )
-                shape = pixels.shape
                 if durations[k] > 0:
-                    yield Frame(float(times[k]), float(durations[k]), pixels)
+                    yield k, picture
                 k += 1
-        if k < len(times):
-            raise InputError(f"{self.path} is damaged: {k} of {len(times)} frames can be decoded; {REMEDY}")
+        if k < len(durations):
+            raise InputError(
+                f"{self.path} is damaged: {k} of {len(durations)} frames can be decoded; {REMEDY}"
+            )
 
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[Iterator[av.VideoFrame]]:
         """Yield the decoded frames from one of the file's on."""
         for seconds in SEEK_BACK if first > 0 and self.stamps is not None else ():
-            with _opened(self.path) as container:
+            with opened_container(self.path) as container:
                 pictures = self._sought(container, first, seconds)
                 if pictures is not None:
                     yield pictures
                     return
-        with _opened(self.path) as container:
+        with opened_container(self.path) as container:
             yield itertools.islice(self._decoded(container), first, None)
 
     def _sought(
@@ -175,7 +183,7 @@ class VideoFile:
         frames before the key frame: then the search begins earlier.
         """
         assert self.stamps is not None
-        stream, wanted = _video_stream(self.path, container), int(self.stamps[first])
+        stream, wanted = video_stream_of(self.path, container), int(self.stamps[first])
         try:
             back = 0 if stream.time_base is None else round(seconds / stream.time_base)
             container.seek(wanted - back, stream=stream)
@@ -191,7 +199,7 @@ class VideoFile:
 
     def _decoded(self, container: InputContainer, sought: bool = False) -> Iterator[av.VideoFrame]:
         """Yield decoded frames; stop at the first that the decoder reports as damaged."""
-        stream = _video_stream(self.path, container)
+        stream = video_stream_of(self.path, container)
         if stream.codec_context.name in DECODED_SIDE_BY_SIDE:
             stream.thread_type = "FRAME"
         decode_strictly(stream.codec_context)
@@ -221,9 +229,10 @@ def open_video_file(path: Path) -> VideoFile:
             raise InputError(f"{path} is empty; {SUPPORTED}")
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
-    with _opened(path) as container:
-        aspect = pixel_aspect_of(path, _video_stream(path, container))
-        timeline, stamps = _timeline(path, container)
+    with opened_container(path) as container:
+        stream = video_stream_of(path, container)
+        aspect = pixel_aspect_of(path, stream)
+        timeline, stamps = timeline_of(path, container, stream)
         return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps)
 
 
@@ -243,7 +252,7 @@ def _field_of_view(path: Path, container: InputContainer) -> float | None:
     return degrees
 
 
-def _opened(path: Path) -> InputContainer:
+def opened_container(path: Path) -> InputContainer:
     """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
     try:
         container = av.open(f"file:{path}")
@@ -267,126 +276,12 @@ def _is_moving(stream: VideoStream) -> bool:
     return not stream.disposition & Disposition.attached_pic
 
 
-def _video_stream(path: Path, container: InputContainer) -> VideoStream:
+def video_stream_of(path: Path, container: InputContainer) -> VideoStream:
     """Return the first video stream, with a decoder for it."""
     stream = next(s for s in container.streams.video if _is_moving(s))
     if stream.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
     return stream
-
-
-def _timeline(path: Path, container: InputContainer) -> tuple[FrameTimes, NDArray[np.int64] | None]:
-    """Read all packets, and return when their frames appear, and the rising time stamps that tell them."""
-    stream = _video_stream(path, container)
-    # An MP4 lists every packet before the first is read; other containers' indices may hold key frames only.
-    promised = len(stream.index_entries) if "mp4" in container.format.name else 0
-    packets = _read_packets(path, container, stream)
-    if packets.count < promised:
-        raise InputError(f"{path} is cut off: {packets.count} of {promised} frames are there; {REMEDY}")
-    rates = [rate for rate in (stream.average_rate, stream.guessed_rate) if rate]
-    tick = stream.time_base or 1 / ASSUMED_RATE
-    stamps = packets.stamps()
-    if stamps is None:
-        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE), None
-    if len(stamps) > 1 and stamps.min() == stamps.max():
-        raise InputError(f"{path}: all its {len(stamps)} frames have the same time; {REMEDY}")
-    times = frame_times(stamps, tick, packets.last_duration, rates)
-    end = float(stamps.min() * tick) + float(times.times[-1] + times.durations[-1])
-    promised_end = _promised_end(container, stream)
-    if promised_end - end > 0.75 * float(np.median(times.durations)) + float(tick):
-        raise InputError(
-            f"{path} is cut off: it ends at {end:.3f} s instead of {promised_end:.3f} s; {REMEDY}"
-        )
-    rising = np.sort(stamps)
-    return times, rising if (np.diff(rising) > 0).all() else None
-
-
-@dataclass(slots=True)
-class _Packets:
-    """Time stamps of the packets of a stream [ticks], and which of its checksums hold."""
-
-    shown: array[int] = field(default_factory=lambda: array("q"))
-    decoded: array[int] = field(default_factory=lambda: array("q"))
-    count: int = 0
-    last_duration: int = 0
-    intact: int = 0
-    first_broken: int | None = None
-
-    def note_checksum(self, intact: bool) -> None:
-        """Count a good checksum, or note the first bad one; if none at all is good, the file has none."""
-        if intact:
-            self.intact += 1
-        elif self.first_broken is None:
-            self.first_broken = self.count
-
-    def stamps(self) -> NDArray[np.int64] | None:
-        """Return presentation times, or decoding times where the file has no others, or None."""
-        complete = next((s for s in (self.shown, self.decoded) if len(s) == self.count), None)
-        return None if complete is None else np.array(complete, dtype=np.int64)
-
-
-def _read_packets(path: Path, container: InputContainer, stream: VideoStream) -> _Packets:
-    """Read all packets of a stream without decoding them."""
-    packets, latest = _Packets(), None
-    try:
-        for packet in container.demux(stream):
-            if packet.size == 0 or packet.is_discard:  # the end; cut away by the container's edit list
-                continue
-            if packet.is_corrupt:
-                raise InputError(f"{path} is cut off or damaged at frame {packets.count}; {REMEDY}")
-            if stream.codec_context.name == "ffv1":
-                packets.note_checksum(slices_intact(bytes(packet)))
-            packets.count += 1
-            if packet.pts is not None:
-                packets.shown.append(packet.pts)
-                if latest is None or packet.pts >= latest:
-                    latest, packets.last_duration = packet.pts, packet.duration or 0
-            if packet.dts is not None:
-                packets.decoded.append(packet.dts)
-    except FFmpegError as error:
-        raise InputError(f"{path} is damaged at frame {packets.count}: {error.strerror}; {REMEDY}") from error
-    if packets.intact and packets.first_broken is not None:
-        raise InputError(
-            f"{path} is damaged at frame {packets.first_broken}: its checksum is wrong; {REMEDY}"
-        )
-    if not packets.count:
-        raise InputError(f"{path} holds no frames: it is cut off or damaged; {REMEDY}")
-    return packets
-
-
-def _promised_end(container: InputContainer, stream: VideoStream) -> float:
-    """Return when the header of the file says that the stream ends [s], 0 where it says nothing certain."""
-    if container.format.name == "avi" and stream.average_rate:
-        return float(stream.frames / stream.average_rate)
-    if "matroska" not in container.format.name:
-        return 0.0  # FFmpeg's own estimate from the size of the file is no promise
-    tag = re.fullmatch(r"([0-9]+):([0-9]+):([0-9.]+)", stream.metadata.get("DURATION", ""))
-    if tag is not None:
-        return 3600 * int(tag[1]) + 60 * int(tag[2]) + float(tag[3])
-    alone = len(container.streams) == 1
-    return float(container.duration / av.time_base) if alone and container.duration else 0.0
-
-
-def slices_intact(frame: bytes) -> bool:
-    """Whether the slices of an FFV1 frame, each with a checksum, fill it exactly and are all intact.
-
-    False also for a frame that was written without checksums.
-    """
-    end = len(frame)
-    while end > 0:
-        size = FOOTER + int.from_bytes(frame[max(end - FOOTER, 0) : end - FOOTER + 3], "big")
-        if end < size or _crc(frame[end - size : end]) != 0:
-            return False
-        end -= size
-    return True
-
-
-def _crc(slice_: bytes) -> int:
-    """Return the CRC of RFC 9043, 4.9.3, bits reversed: polynomial 0x04C11DB7, highest bit first, start 0.
-
-    zlib has the same polynomial from the lowest bit on, between two inversions.
-    """
-    return zlib.crc32(slice_.translate(_REVERSED_BITS), 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 def decode_strictly(decoder: CodecContext) -> None:

@@ -65,9 +65,9 @@ def write_video(
     arrays = (frame.pixel_values if isinstance(frame, Frame) else frame for frame in frames)
     written = 0
     with (
-        _told_by_name(path),
+        told_by_name(path),
         results_folder(path.parent) as folder,
-        _matroska(folder / path.name) as container,
+        new_container(folder / path.name) as container,
     ):
         if field_of_view is not None:
             container.metadata[FIELD_OF_VIEW] = f"{field_of_view:.17g}"
@@ -86,13 +86,13 @@ def write_video(
     return written
 
 
-def _matroska(path: Path) -> OutputContainer:
-    """Open a Matroska file to be written, without a random identifier: same frames, same bytes."""
-    return av.open(f"file:{path}", "w", format="matroska", container_options={"fflags": "+bitexact"})
+def new_container(path: Path) -> OutputContainer:
+    """Open a file to be written, without a random identifier: same frames, same bytes."""
+    return av.open(f"file:{path}", "w", container_options={"fflags": "+bitexact"})
 
 
 @contextmanager
-def _told_by_name(path: Path) -> Iterator[None]:
+def told_by_name(path: Path) -> Iterator[None]:
     """Name the file that cannot be written."""
     try:
         yield

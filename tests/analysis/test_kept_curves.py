@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import evenlight
+from evenlight.analysis.player.picture_recorder import PictureCache
+from evenlight.analysis.player.player_page import Tiles
 from evenlight.analysis.tracks import track_results
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
@@ -158,12 +160,12 @@ def test_curves_of_other_code_are_not_taken(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "model").mkdir()
-    monkeypatch.setattr(curves_cache, "SOURCES", (tmp_path / "model",))
+    monkeypatch.setattr(curves_cache.CurvesCache, "sources", (tmp_path / "model",))
     for code in ("BETA = 0.2", "BETA = 0.3"):
         (tmp_path / "model" / "masking.py").write_text(code)
-        curves_cache.model_sha256.cache_clear()
+        curves_cache.source_sha256.cache_clear()
         loss_curves_of(job_of(Slides(count=1)), FrameSamples())
-    curves_cache.model_sha256.cache_clear()
+    curves_cache.source_sha256.cache_clear()
     assert len(list(folder.iterdir())) == 2
 
 
@@ -261,6 +263,26 @@ def test_what_was_not_used_for_longest_goes_first(folder: Path, monkeypatch: pyt
     assert len(left) == 2
     assert names[0] in left
     assert names[1] not in left
+
+
+def test_pictures_go_before_curves_and_one_that_was_read_goes_last(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def place(name: str) -> PictureCache:
+        return PictureCache(folder, name, print)
+
+    stills = Tiles(bytes(5000), 4, 4, 1, np.array([0]))
+    curves_cache.CurvesCache(folder, "curves", print).keep(
+        part_of({name: [1.0] for name in ("durations", "times", "shown", "rows")})
+    )
+    for name in ("read", "unread"):
+        place(name).store_picture(stills)
+    for age, name in enumerate(("unread.picture", "read.picture", "curves.part-00000"), start=1):
+        os.utime(folder / name, (time.time() - 60.0 * age,) * 2)
+    assert place("read").read_picture() is not None
+    monkeypatch.setenv("EVENLIGHT_CURVES_CACHE_MB", "0.015")
+    place("new").store_picture(stills)  # room for two pictures and the curves
+    assert {path.name for path in folder.iterdir()} == {"read.picture", "new.picture", "curves.part-00000"}
 
 
 def test_where_nothing_can_be_kept_the_run_says_so_once_and_goes_on(

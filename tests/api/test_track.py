@@ -64,7 +64,12 @@ def test_what_is_saved_is_loaded_again(track: evenlight.Track, tmp_path: Path) -
 def test_the_command_and_the_function_give_the_same_track(command, tmp_path: Path, make_video) -> None:
     video = tmp_path / "film.mkv"
     make_video(video, 0.5 + 0.4 * np.cos(np.arange(30) / 5), (48, 32), 5.0)
-    assert command("optimize", video, "--budget", 0.6, "--out", tmp_path / "by-command", "--quiet").code == 0
+    assert (
+        command(
+            "optimize", "--no-player", video, "--budget", 0.6, "--out", tmp_path / "by-command", "--quiet"
+        ).code
+        == 0
+    )
     by_command = evenlight.load(tmp_path / "by-command")
     by_function = evenlight.optimize(video, 0.6)
     np.testing.assert_array_equal(by_function.factors, by_command.factors)

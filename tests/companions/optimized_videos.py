@@ -42,7 +42,7 @@ def limit_file(path: Path, rate: float) -> Path:
 def optimized(command, tmp_path, source, budget=0.5, *more):
     """Run the command; return its track and summary, and check what must hold for every run."""
     out = tmp_path / "out"
-    result = command("optimize", source, "--budget", budget, "--out", out, "--quiet", *more)
+    result = command("optimize", source, "--budget", budget, "--out", out, "--quiet", "--no-player", *more)
     assert result.code == 0, result.err
     assert result.err == ""
     track, summary = read_track(out / "track.csv"), json.loads((out / "summary.json").read_text())

@@ -8,13 +8,16 @@ own connection to the screen, and what it wrote when it was killed.
 from __future__ import annotations
 
 import contextlib
+import json
 import multiprocessing
 import os
+import runpy
 import shutil
 import signal
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["warm_modules"])
@@ -30,13 +33,15 @@ class Run:
         Of the command line, after `evenlight`.
     environment : dict
         The environment variables of the run.
+    script : Path, optional
+        What is run instead of `evenlight`.
     """
 
-    def __init__(self, words: list[str], environment: dict[str, str]) -> None:
+    def __init__(self, words: list[str], environment: dict[str, str], script: Path | None = None) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="evenlight-run-"))
         for name in STREAMS:
             (self._folder / name).touch()
-        self._process = FORKS.Process(target=_be_evenlight, args=(words, environment, self._folder))
+        self._process = FORKS.Process(target=_be_evenlight, args=(words, environment, self._folder, script))
         before = os.environ.get("PYTHONPATH")
         os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # where the fork server looks
         try:
@@ -73,14 +78,25 @@ class Run:
         return out, err
 
 
-def _be_evenlight(words: list[str], environment: dict[str, str], folder: Path) -> None:
-    """Do what `python -m evenlight WORDS` does, in an environment and with streams of its own."""
+def said_by(script: Path, words: list[str], environment: dict[str, str]) -> dict[str, Any]:
+    """Return what a script prints in its last line, having told nothing on standard error."""
+    run = Run(words, environment, script)
+    out, err = run.communicate(timeout=280)
+    assert (run.returncode, err) == (0, "")
+    return dict(json.loads(out.splitlines()[-1]))
+
+
+def _be_evenlight(words: list[str], environment: dict[str, str], folder: Path, script: Path | None) -> None:
+    """Do what `python -m evenlight WORDS`, or a script, does, with an environment and streams of its own."""
     os.environ.clear()
     os.environ.update(environment)
     for number, name in enumerate(STREAMS, start=1):
         os.dup2(os.open(folder / name, os.O_WRONLY), number)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # the fork server itself minds no Ctrl-C
-    sys.argv = ["evenlight", *words]
+    sys.argv = [str(script or "evenlight"), *words]
+    if script:
+        runpy.run_path(str(script), run_name="__main__")
+        return
     from evenlight import command as command_line
 
     command_line.main(words)

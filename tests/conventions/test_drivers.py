@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.hardware import rig as rigs
 from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
 from evenlight.hardware.backlights import LoggedBacklight
+from evenlight.hardware.conformance import faults, working
 from evenlight.hardware.conformance.conform import (
     INTERFACE,
     NOTHING_MADE_UP,
@@ -26,9 +27,11 @@ from evenlight.hardware.conformance.conform import (
 )
 from evenlight.hardware.conformance.faults import Breakable, require_told_not_restored
 from evenlight.hardware.conformance.interface import import_failure
-from evenlight.hardware.conformance.subject import Subject, warm_white_panel
+from evenlight.hardware.conformance.subject import Bench, Subject, warm_white_panel
 from evenlight.hardware.driver import SIMULATED, NamedDriver
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
+from evenlight.hardware.emulators import ddc_monitor
+from evenlight.hardware.emulators.link import FaultPlan
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig_files import load_rig
@@ -36,8 +39,20 @@ from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 pytestmark = pytest.mark.slow
 
+PATIENT = 30.0  # [s] where no reply is made late or left out: threads of a busy machine may be held up
+
+
+class PatientSubject(Subject):
+    """A driver that waits for its emulated instrument however long that is held up, unless told otherwise."""
+
+    def bench(
+        self, plan: FaultPlan | None = None, timeout: float | None = None
+    ) -> AbstractContextManager[Bench]:
+        return super().bench(plan, PATIENT if timeout is None else timeout)
+
+
 SUBJECTS = [
-    Subject(kind, NamedDriver(name, driver, "", bool(driver.emulator)))
+    PatientSubject(kind, NamedDriver(name, driver, "", bool(driver.emulator)))
     for kind in InstrumentKind
     for name, driver in kind.ours.items()
     if driver.place
@@ -49,6 +64,14 @@ AT_ONCE = 24  # devices
 # 100 000 samples a second, which the other devices' threads would make late; so would they RAPL's counters.
 ALONE = (("visa",), ("ppk2", "rapl"))
 IMPORTS = "is imported where no device library is installed"
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What only ends a hang, or tells it, is generous: two dozen threads share a busy machine."""
+    monkeypatch.setattr(faults, "LONGEST_LAG", PATIENT)
+    monkeypatch.setattr(working, "AT_ONCE", PATIENT / 6)  # far below the time-out of what does wait
+    monkeypatch.setattr(ddc_monitor, "PATIENCE", faults.TIMEOUT)
 
 
 def called(subject: Subject) -> str:

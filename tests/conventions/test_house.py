@@ -97,3 +97,8 @@ def test_no_module_has_a_name_that_says_nothing() -> None:
 )
 def test_a_decision_fits_on_a_screen(page: Path) -> None:
     assert len(page.read_text().split()) <= 500
+
+
+def test_the_end_of_a_run_says_what_failed_and_why_something_was_skipped(pytestconfig: pytest.Config) -> None:
+    """Of pytest's -r: f failed, E ended in an error, s skipped."""
+    assert set("fEs") <= set(pytestconfig.option.reportchars)

@@ -45,6 +45,7 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
 from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 from evenlight.data_schema.threshold import Threshold
+from evenlight.data_schema.tracks.exported_track import ExportedTrack
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
 from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 
@@ -306,6 +307,10 @@ def a_whole_interval(values: Values) -> Values:
     return values | {"ci_high": None if low is None else low + 0.1}
 
 
+def frames_in_order(values: Values) -> Values:
+    return values | {"times": tuple(0.04 * k for k in range(len(values["factors"])))}
+
+
 RULES: dict[type[Any], Callable[[Values], Values]] = {
     Display: darker_black,
     PowerModel: some_power,
@@ -343,6 +348,7 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     WeightSection: lambda values: values | {"end": 2 * values["start"] + 1},
     MinimizedOutcome: lambda values: values | {"bound": min(values["bound"], values["value"])},
     AllowanceSection: lambda values: values | {"end": 2 * values["start"] + 1},
+    ExportedTrack: frames_in_order,
     Provenance: lambda values: values | {"schema_version": 1},
 }
 

@@ -208,8 +208,11 @@ def test_relative_rates_are_of_the_initial_luminance(importing) -> None:
     assert trials[0]["rate_cd_m2_s"] == pytest.approx(0.04 * 52.2)
 
 
-def test_imported_ramps_are_fitted_as_those_they_were_made_from(tmp_path, command) -> None:
-    command("simulate", "ramp", "--participants", 2, "--seed", 3, "--out", tmp_path / "made", "--quiet")
+def test_imported_ramps_are_fitted_as_those_they_were_made_from(
+    tmp_path, command, short_ramps, coarse_pictures
+) -> None:
+    people = ("--participants", 2, "--seed", 3, "--design", short_ramps)
+    command("simulate", "ramp", *people, "--out", tmp_path / "made", "--quiet")
     rows = ["vp;L;rate;s;yes"]
     for path in sorted((tmp_path / "made").glob("sub-*/ses-01/trials.jsonl")):
         for t in map(json.loads, path.read_text().splitlines()):

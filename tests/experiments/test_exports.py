@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from evenlight import command as command_line
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.storage.text_files import write_toml_record
 
@@ -26,18 +27,36 @@ NAMES = ("name", "birth", "email", "address", "phone")
 Run = Callable[..., Any]
 
 
-@pytest.fixture
-def lab(tmp_path: Path, command: Run) -> Path:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two participants, one of them with two sessions, all files of a session."""
-    design = tmp_path / "small.design.toml"
+    folder = tmp_path_factory.mktemp("recorded")
+    design = folder / "small.design.toml"
     write_toml_record(design, RampDesign(factors=(0.5,), relative_rates=(0.02, 0.05), repetitions=1))
     for participant, session in (("01", "01"), ("01", "02"), ("02", "01")):
         words = ["--participant", participant, "--session", session, "--rig", "simulated"]
-        ended = command(
-            "run", "ramp", *words, "--simulate", "data", "--design", design, "--out", tmp_path / "lab"
-        )
-        assert ended.code == 0, ended.err
-    return tmp_path / "lab"
+        with pytest.raises(SystemExit) as ended:
+            command_line.main(
+                [
+                    "run",
+                    "ramp",
+                    *words,
+                    "--simulate",
+                    "data",
+                    "--design",
+                    str(design),
+                    "--out",
+                    str(folder / "lab"),
+                ]
+            )
+        assert not ended.value.code
+    return folder / "lab"
+
+
+@pytest.fixture
+def lab(recorded: Path, tmp_path: Path) -> Path:
+    """What was recorded, for a test that may change it."""
+    return shutil.copytree(recorded, tmp_path / "lab", symlinks=True)
 
 
 def errors_of(dataset: Path) -> list[str]:

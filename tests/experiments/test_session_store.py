@@ -151,7 +151,7 @@ def test_a_second_program_cannot_write_the_same_session(interrupted: Path) -> No
     with resume_session(interrupted, "01", "01", utc=str):
         second = subprocess.run(
             [sys.executable, "-c", program, str(interrupted)],
-            capture_output=True, text=True, timeout=60, check=False,
+            capture_output=True, text=True, timeout=200, check=False,
         )  # fmt: skip
     assert second.returncode == 1
     assert "another program is writing this session" in second.stderr

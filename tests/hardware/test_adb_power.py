@@ -41,10 +41,10 @@ def make_adb(tmp_path) -> MakeAdb:
     return made
 
 
-def samples_of(meter: AdbPowerMeter, seconds: float = 0.4) -> list[PowerSample]:
+def samples_of(meter: AdbPowerMeter, wanted: int = 3) -> list[PowerSample]:
     meter.start(5.0)
-    end, found = time.monotonic() + seconds, []
-    while time.monotonic() < end:
+    end, found = time.monotonic() + 60, []
+    while len(found) < wanted and time.monotonic() < end:
         found += meter.samples()
         time.sleep(0.01)
     return [*found, *meter.stop()]
@@ -134,10 +134,8 @@ def test_milliamperes_are_known_by_their_size_and_said(make_adb) -> None:
     loop = printed(once, twice("1,4712.25,-321000,4063,Discharging"))
     with AdbPowerMeter(make_adb(once=once, loop=loop)) as meter:
         assert "current in milliampere, voltage in millivolt" in meter.apparatus()["power_meter_units"]
-        meter.start(1.0)
-        time.sleep(0.2)
         with pytest.raises(InstrumentError, match=r"sent 1304\.22 W"):
-            meter.samples()
+            samples_of(meter)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +149,7 @@ def test_milliamperes_are_known_by_their_size_and_said(make_adb) -> None:
 )
 def test_what_goes_wrong_while_it_samples_is_an_error(make_adb, loop, words, fault) -> None:
     with AdbPowerMeter(make_adb(loop=loop)) as meter, pytest.raises(InstrumentError, match=words) as told:
-        samples_of(meter, 2.0)
+        samples_of(meter)
     assert told.value.fault is fault
 
 

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,27 @@ def test_what_the_panel_reports_is_read_and_not_what_was_asked(panel: Path) -> N
         assert backlight.read_factor() == 128 / 255
 
 
+def test_whoever_looks_while_a_step_is_written_finds_a_whole_one(panel: Path, monkeypatch) -> None:
+    """So a step is there, whoever is killed meanwhile: from 180 to 9, of fewer digits."""
+    (panel / "actual_brightness").unlink()
+    found = []
+
+    def looking(call: Callable[..., int]) -> Callable[..., int]:
+        def look(*given: object) -> int:
+            found.append(backlight.read_factor() * 255)
+            done = call(*given)
+            found.append(backlight.read_factor() * 255)
+            return done
+
+        return look
+
+    with SysfsBacklight("intel_backlight", panel.parent) as backlight, monkeypatch.context() as patched:
+        for name in ("open", "write", "ftruncate"):
+            patched.setattr(os, name, looking(getattr(os, name)))
+        backlight.set_factor(9 / 255)
+    assert found == pytest.approx([180, 180, 180, 9, 9, 9])
+
+
 def test_the_panel_is_left_as_it_was_found_even_after_an_error(panel: Path) -> None:
     backlight = SysfsBacklight("intel_backlight", panel.parent)
     backlight.set_factor(0.2)
@@ -48,9 +70,11 @@ def test_the_panel_is_left_as_it_was_found_even_after_an_error(panel: Path) -> N
 
 
 def test_a_backlight_that_is_not_there_is_refused_with_those_that_are(panel: Path) -> None:
-    with pytest.raises(InputError, match="acpi_video0: no such backlight; there is intel_backlight on this"):
+    with pytest.raises(
+        InstrumentError, match="acpi_video0: no such backlight; there is intel_backlight on this"
+    ):
         SysfsBacklight("acpi_video0", panel.parent)
-    with pytest.raises(InputError, match="there is none on this computer"):
+    with pytest.raises(InstrumentError, match="there is none on this computer"):
         SysfsBacklight("acpi_video0", panel.parent / "nowhere")
 
 
@@ -64,7 +88,7 @@ def test_one_that_may_not_be_written_names_the_udev_rule(panel: Path, monkeypatc
 
     monkeypatch.setattr(os, "open", refuse)  # chmod would not stop root
     with pytest.raises(
-        InputError, match=r'brightness: may not be written.*SUBSYSTEM=="backlight"'
+        InstrumentError, match=r'brightness: may not be written.*SUBSYSTEM=="backlight"'
     ) as refused:
         SysfsBacklight("intel_backlight", panel.parent)
     assert "\n" not in str(refused.value)

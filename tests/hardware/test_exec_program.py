@@ -5,6 +5,7 @@ import math
 import os
 import random
 import re
+import select
 import shlex
 import sys
 import time
@@ -15,6 +16,7 @@ import pytest
 
 import evenlight
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.conformance.conform import nothing_left_open
 from evenlight.hardware.conformance.subject import warm_white_panel
 from evenlight.hardware.drivers.exec_program import ExecBacklight, ExecLuminanceMeter, ExecPowerMeter
@@ -57,7 +59,7 @@ def answer(fields: str) -> str:
     return f"print(json.dumps({{'id': i, {fields}}}))"
 
 
-def refused(address: str, timeout: float = 5.0) -> InstrumentError:
+def refused(address: str, timeout: float = 30.0) -> InstrumentError:
     """What a luminance meter says instead of a reading."""
     named = find_driver(f"exec:{address}", InstrumentKind.LUMINANCE)
     with (
@@ -123,9 +125,9 @@ def test_a_program_that_never_answers_is_ended_with_what_it_has_started(tmp_path
     """It ignores the end of its input and the signal to end; so does the child that it leaves behind."""
     numbers = tmp_path / "numbers"
     stubborn = f"trap '' TERM; sleep 600 & echo $$ $! > {numbers}; while :; do sleep 600; done"
-    assert refused(shell(stubborn), timeout=0.5).fault is Fault.NO_REPLY
+    assert refused(shell(stubborn), timeout=1.5).fault is Fault.NO_REPLY
     for number in map(int, numbers.read_text().split()):
-        end = time.monotonic() + 2
+        end = time.monotonic() + 60
         while running(number) and time.monotonic() < end:
             time.sleep(0.01)
         assert not running(number)
@@ -140,10 +142,10 @@ def running(number: int) -> bool:
 
 
 def test_a_late_answer_is_never_taken_for_that_to_the_next_question() -> None:
-    """The first comes 0.5 s after the question, 0.2 s too late, or would, had the program not been ended."""
-    late = "time.sleep(0.5 if i == 1 else 0)\n" + answer("'luminance_cd_m2': i")
-    with ExecLuminanceMeter(program(late), timeout=0.3) as meter:
-        with pytest.raises(InstrumentError, match=r"no answer within 0\.3 s"):
+    """The first comes 2.5 s after the question, 1.5 s too late, or would, had the program not been ended."""
+    late = "time.sleep(2.5 if i == 1 else 0)\n" + answer("'luminance_cd_m2': i")
+    with ExecLuminanceMeter(program(late), timeout=1.0) as meter:
+        with pytest.raises(InstrumentError, match=r"no answer within 1 s"):
             meter.read_luminance()
         assert meter.read_luminance().value == 2
 
@@ -187,7 +189,7 @@ def test_no_reading_is_made_up_in_exchanges_that_go_wrong_at_random() -> None:
     """The light changes before each question, so that an old answer is told from the true one."""
     seen, plan, right = warm_white_panel(), RandomPlan(), 0
     driver = find_driver("simulated:exec", InstrumentKind.LUMINANCE).driver
-    with EmulatedLink(EmulatedProgram(seen)) as link, driver.open_at(link.url, time.monotonic, 5.0) as meter:
+    with EmulatedLink(EmulatedProgram(seen)) as link, driver.open_at(link.url, time.monotonic, 30.0) as meter:
         meter.read_luminance()
         link._plan, meter._timeout = plan, 0.1
         for number in range(EXCHANGES):
@@ -224,8 +226,10 @@ def test_samples_are_a_stream_that_ends_when_it_is_stopped() -> None:
     with ExecPowerMeter(program(STREAM)) as meter:
         for _ in range(2):  # each time from the start
             assert meter.start(100.0) == 50.0
-            time.sleep(0.2)
-            samples = [*meter.samples(), *meter.stop()]
+            samples: list[PowerSample] = []
+            while len(samples) < 20:
+                samples += meter.samples()
+            samples += meter.stop()
             assert [one.power for one in samples] == [2 + k for k in range(20)]
             assert [one.sequence for one in samples] == list(range(20))
             assert [one.device_time for one in samples] == pytest.approx([k / 50 for k in range(20)])
@@ -234,11 +238,13 @@ def test_samples_are_a_stream_that_ends_when_it_is_stopped() -> None:
 def test_samples_without_times_come_evenly_between_two_looks() -> None:
     now = [10.0]
     bare = (
-        "print(json.dumps({'id': i, 'rate_hz': 4.0}))\nfor k in range(4): print(json.dumps({'power_w': 1.5}))"
+        "print(json.dumps({'id': i, 'rate_hz': 4.0}))\n"
+        "sys.stdout.write((json.dumps({'power_w': 1.5}) + '\\n') * 4)"  # all at once
     )
     with ExecPowerMeter(program(bare), clock=lambda: now[0]) as meter:
         meter.start(4.0)
-        time.sleep(0.2)
+        lines = meter._program
+        assert lines._came or select.select([lines._process.stdout], [], [], 60)[0]
         now[0] = 11.0
         assert [one.device_time for one in meter.samples()] == [10.25, 10.5, 10.75, 11.0]
 
@@ -262,7 +268,7 @@ def test_samples_that_cannot_be_are_errors(lines: str, words: str) -> None:
 
     def sample(meter: GuardedPowerMeter) -> None:
         meter.start(10.0)
-        for _ in range(100):
+        for _ in range(5000):
             time.sleep(0.02)
             meter.samples()
 

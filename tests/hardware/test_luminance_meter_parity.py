@@ -35,7 +35,7 @@ class Handed:
 def read(reading: bytes, *, terminal: bool) -> float:
     with (
         EmulatedLink(Handed(reading), pseudo_terminal=terminal) as link,
-        Ls100(link.url, timeout=0.3) as meter,
+        Ls100(link.url, timeout=30.0) as meter,
     ):
         return meter.read_luminance().value
 
@@ -89,7 +89,7 @@ def test_every_single_flipped_bit_of_a_cs100as_reading_is_told() -> None:
 
 def test_a_line_without_an_eighth_bit_is_read_as_it_is() -> None:
     """As a port hands it over that checks parity itself."""
-    with EmulatedLink(Handed(READING, bytes)) as link, Ls100(link.url, timeout=0.3) as meter:
+    with EmulatedLink(Handed(READING, bytes)) as link, Ls100(link.url, timeout=30.0) as meter:
         assert meter.read_luminance().value == 123.4
 
 
@@ -97,7 +97,7 @@ def test_a_byte_that_a_port_has_found_wrong_comes_as_nul_and_is_refused() -> Non
     """What a terminal with INPCK and without PARMRK hands over (termios(3))."""
     with (
         EmulatedLink(Handed(b"OK00,  \x0023.4\r\n", bytes)) as link,
-        Ls100(link.url, timeout=0.3) as meter,
+        Ls100(link.url, timeout=30.0) as meter,
         pytest.raises(InstrumentError, match="wrong parity"),
     ):
         meter.read_luminance()

@@ -91,7 +91,7 @@ def test_a_reading_that_cannot_be_is_an_error_and_the_line_is_found_again() -> N
         (measure, b"OK00,   48.1, .3120, .3290\r\n"),
         mode,
     ]
-    with EmulatedLink(ScriptedInstrument(script)) as link, Cs100a(link.url, timeout=0.4) as meter:
+    with EmulatedLink(ScriptedInstrument(script)) as link, Cs100a(link.url, timeout=30.0) as meter:
         for words in ("no light", "sent 999999 cd"):
             with pytest.raises(InstrumentError, match=words) as refused:
                 meter.read_luminance()
@@ -114,7 +114,7 @@ def test_a_spectroradiometers_impossible_number_is_refused() -> None:
     ]
     with (
         EmulatedLink(ScriptedInstrument(script), pseudo_terminal=True) as link,
-        Pr655(link.url, timeout=0.4, interval=0.0) as meter,
+        Pr655(link.url, timeout=30.0, interval=0.0) as meter,
         pytest.raises(InstrumentError, match=r"9\.999e\+11") as refused,
     ):
         meter.read_luminance()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers import ppk2_port as stream
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.emulators.link import EmulatedLink
@@ -21,6 +22,7 @@ from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 pytestmark = pytest.mark.slow
 
+PATIENT = 30.0  # [s] that the emulated device's thread may be held up
 FULL = 0.2945 + 0.001858 * 200  # [W]
 
 
@@ -44,7 +46,7 @@ class Bench:
 
     def meter(self, voltage: float = 5.0) -> Ppk2PowerMeter:
         address = f"{self.url}?voltage={voltage:g}"
-        return self._stack.enter_context(Ppk2PowerMeter(address, self.clock.now))
+        return self._stack.enter_context(Ppk2PowerMeter(address, self.clock.now, PATIENT))
 
 
 def words(counters: list[int], counts: int = 500) -> bytes:
@@ -202,6 +204,10 @@ def test_more_lost_than_the_counter_tells_is_found_at_the_end() -> None:
         meter.start(100.0)
         bench.clock.wait(1.0)
         bench.emulator._next += 64 * 400  # 0.256 s of which the counter shows nothing
+        taken: list[PowerSample] = []
+        while len(taken) < 74:  # of 10 ms each; the rest is on its way
+            taken += meter.samples()
+        meter._timeout = 0.0  # more will not come
         with pytest.raises(InstrumentError, match=r"make 0\.7\d+ s of 1\.000 s") as told:
             meter.stop()
         assert told.value.fault is Fault.GARBLED

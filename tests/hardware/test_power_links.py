@@ -28,7 +28,7 @@ from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Sim
 pytestmark = pytest.mark.slow
 
 FULL, DIMMED = 0.6661, 0.2945 + 0.001858 * 200 * 0.25  # [W] of the panel at b = 1 and 0.25
-PATIENT = 5.0  # [s] where nothing is to be waited for
+PATIENT = 30.0  # [s] where nothing is to be waited for
 TIMEOUT = 0.35  # [s] where it is waited for
 ALWAYS = 1_000_000
 RATE = 200.0  # [Hz]
@@ -282,9 +282,9 @@ def test_an_instrument_that_is_pulled_out_ends_the_measurement_within_its_time_o
         link.unplug()
         # PyVISA-py takes a closed socket for a silent one, until it writes to it again.
         expected = Fault.NO_REPLY if name_of(meter) == "visa" else Fault.DISCONNECTED
-        found, begun = None, time.monotonic()
-        while found is None and time.monotonic() < begun + 2 * TIMEOUT + 1:
-            found = fault_of(device.samples)
-            time.sleep(0.01)
+        found, pause = None, 0.01
+        for _ in range(round((2 * TIMEOUT + 1) / pause)):  # looks: fewer a second on a busy machine
+            found = found or fault_of(device.samples)
+            time.sleep(0 if found else pause)
         assert found is expected
         device.close()

@@ -9,6 +9,7 @@ import pytest
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of
 from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.rig import open_backlight, require_refresh_rate
 from evenlight.hardware.rig_files import RIGS, load_rig
 from evenlight.hardware.simulated.panel import SimulatedBacklight
@@ -108,5 +109,5 @@ def test_a_rig_without_backlight_opens_none_and_one_with_opens_the_one_it_names(
     rig, _ = load_rig(written(tmp_path, RIG + 'backlight = "simulated"\n'))
     assert isinstance(open_backlight(rig, clock), SimulatedBacklight)
     rig, _ = load_rig(written(tmp_path, RIG + 'backlight = "sysfs:no_panel_of_this_name"\n'))
-    with pytest.raises(InputError, match="no_panel_of_this_name: no such backlight"):
+    with pytest.raises(InstrumentError, match="no_panel_of_this_name: no such backlight"):
         open_backlight(rig, clock)

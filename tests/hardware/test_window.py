@@ -1,6 +1,5 @@
 """The window under a virtual screen: what it draws is what was meant, read back from its back buffer."""
 
-import json
 import os
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from warm_evenlight import said_by
 
 import evenlight
 
@@ -35,10 +35,9 @@ def python(*arguments: str, display: str | None, **environment: str) -> subproce
 
 
 def drawn_on(screen: str, bits: int) -> Drawn:
-    done = python(str(Path(__file__).parent / "draw_on_window.py"), str(bits), display=screen)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # nothing but what the user has to know
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    return said_by(
+        Path(__file__).with_name("draw_on_window.py"), [str(bits)], os.environ | {"DISPLAY": screen}
+    )
 
 
 @pytest.fixture(scope="module")

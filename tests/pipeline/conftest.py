@@ -49,7 +49,7 @@ class Laboratory:
         """Let some trials begin, then end the process with SIGKILL at any moment of the next one."""
         begun = self.count(name)
         process = self.start(name, *more)
-        goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 100
+        goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 200
         first = math.inf  # when the first trial began
         while (count := self.count(name)) < goal and process.poll() is None and time.monotonic() < end:
             first = min(first, time.monotonic()) if count > begun else first
@@ -57,7 +57,7 @@ class Laboratory:
         a_trial = max(0.0, time.monotonic() - first) / (goal - begun - 1)  # as long as one takes here
         time.sleep(self._chance.uniform(0.0, a_trial))
         process.send_signal(signal.SIGKILL)
-        process.communicate(timeout=60)
+        process.communicate(timeout=200)
         assert process.returncode == -signal.SIGKILL
 
     def count(self, name: str) -> int:

@@ -9,7 +9,8 @@ Usage: person_at_the_keys.py DATASET
 import json
 import sys
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -59,17 +60,22 @@ class Sitter:
         """Press a key without meaning, then that of the answer, and once the pause key in the next ramp."""
         self._timer.cancel()
         key, delay = ANSWERS[trial_index]
-        self.pressed.append((trial_index, key, delay))
+        asked = time.monotonic()
         self._later(delay / 2, "q")
-        self._later(delay, key)
+        self._later(
+            delay, key, note=lambda: self.pressed.append((trial_index, key, time.monotonic() - asked))
+        )
         if trial_index + 1 == PAUSE_AFTER and not self._paused:
             self._paused = True
             self._later(delay + INTO_THE_RAMP, "escape")
 
-    def _later(self, seconds: float, key: str, again: bool = False) -> None:
-        """Press a key after a time; a page's key is pressed again as long."""
+    def _later(
+        self, seconds: float, key: str, again: bool = False, note: Callable[[], object] = lambda: None
+    ) -> None:
+        """Press a key after a time, later on a busy machine; a page's key is pressed again as long."""
 
         def act() -> None:
+            note()
             press(key)
             if again:
                 self._later(seconds, key, again)
@@ -89,8 +95,8 @@ def press(name: str) -> None:
     device = keyboard.KeyboardDevice._instance
     code = next(code for code, known in keyboard.keyNames.items() if known == name)
     now = logging.defaultClock.getLastResetTime() + logging.defaultClock.getTime()
-    for down, time in ((True, now), (False, now + 0.08)):
-        device.receiveMessage(device.parseMessage({"down": down, "keycode": code, "time": time}))
+    for down, when in ((True, now), (False, now + 0.08)):
+        device.receiveMessage(device.parseMessage({"down": down, "keycode": code, "time": when}))
 
 
 def main(dataset: Path) -> None:

@@ -8,6 +8,7 @@ import dataclasses
 import io
 import json
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -109,14 +110,14 @@ def keys_held() -> list[list[str]]:
 
 
 def commanded(arguments: list[str]) -> dict[str, object]:
-    """Run a command, and return its exit code and what it said."""
-    out, err, code = io.StringIO(), io.StringIO(), None
+    """Run a command, and return its exit code, what it said, and how long it took."""
+    out, err, code, begun = io.StringIO(), io.StringIO(), None, time.monotonic()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             command_line.main(arguments)
         except SystemExit as ended:
             code = ended.code
-    return {"code": code, "out": out.getvalue(), "err": err.getvalue()}
+    return {"code": code, "out": out.getvalue(), "err": err.getvalue(), "seconds": time.monotonic() - begun}
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ def night(tmp_path: Path) -> Path:
 def test_the_files_say_what_dims_and_curves_for_another_actuator_are_refused(
     night: Path, tmp_path: Path, command: Any, coarse_pictures: None
 ) -> None:
-    asked = ("optimize", night, "--budget", 0.5, "--fps", 5)
+    asked = ("optimize", "--no-player", night, "--budget", 0.5, "--fps", 5)
     assert command(*asked, "--out", tmp_path / "ours", "--actuator", "pixels").code == 0
     told = json.loads((tmp_path / "ours" / "track.json").read_text())
     assert (told["actuator"], told["loss_added_by_pixels"]) == ("pixels", None)
@@ -38,6 +38,6 @@ def test_the_files_say_what_dims_and_curves_for_another_actuator_are_refused(
 def test_the_controller_too_holds_the_loss_of_what_pixels_show(
     night: Path, tmp_path: Path, command: Any, coarse_pictures: None
 ) -> None:
-    asked = ("control", night, "--target-loss", 0.05, "--fps", 5, "--actuator", "pixels")
+    asked = ("control", "--no-player", night, "--target-loss", 0.05, "--fps", 5, "--actuator", "pixels")
     assert command(*asked, "--out", tmp_path / "ours").code == 0
     assert json.loads((tmp_path / "ours" / "track.json").read_text())["actuator"] == "pixels"

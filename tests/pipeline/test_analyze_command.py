@@ -36,13 +36,13 @@ def take_over(data: Path, task: str, dataset: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory, make_stimulus) -> Path:
+def dataset(tmp_path_factory, make_stimulus, short_ramps: Path) -> Path:
     """Ramps of 3, ratings and comparisons of 12 simulated participants, in one data set."""
     folder = tmp_path_factory.mktemp("analyzed")
     for place, name in enumerate(SEQUENCES):
         make_stimulus(folder / "stimuli" / name, [0.35 + 0.1 * place, 0.55 + 0.1 * place] * 5)
     out = folder / "lab"
-    run("simulate", "ramp", "--participants", 3, "--out", folder / "ramp", "--quiet")
+    run("simulate", "ramp", "--participants", 3, "--design", short_ramps, "--out", folder / "ramp", "--quiet")
     take_over(folder / "ramp", "ramp", out)
     for task in ("rating", "comparison"):
         data = folder / task

@@ -69,7 +69,7 @@ def another_end(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def controlled(command, out: Path, video: Path, *more: object):
     """Run the command, and return its track, summary and control."""
-    result = command("control", video, "--out", out, *more)
+    result = command("control", "--no-player", video, "--out", out, *more)
     assert result.code == 0, result.err
     assert {file.name for file in out.iterdir()} >= TABLES
     track = read_track(out / "track.csv")

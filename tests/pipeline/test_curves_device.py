@@ -17,8 +17,8 @@ def test_the_graphics_processor_gives_the_curves_of_the_processor_and_is_named_i
     command, tmp_path
 ) -> None:
     own_context()  # skips where there are no compute shaders
-    by_gpu = command("optimize", *CLIP, "--device", "gpu", "--out", tmp_path / "gpu")
-    by_cpu = command("optimize", *CLIP, "--tolerance", "0", "--out", tmp_path / "cpu")
+    by_gpu = command("optimize", "--no-player", *CLIP, "--device", "gpu", "--out", tmp_path / "gpu")
+    by_cpu = command("optimize", "--no-player", *CLIP, "--tolerance", "0", "--out", tmp_path / "cpu")
     assert (by_gpu.code, by_cpu.code) == (0, 0)
     assert by_gpu.err.startswith("loss curves by OpenGL: ")
     ours, theirs = (read_loss_curves(tmp_path / name / "loss_curves.npz") for name in ("gpu", "cpu"))
@@ -34,14 +34,30 @@ def test_a_choice_that_shaders_cannot_do_is_refused_or_left_to_the_processor(com
     model = tmp_path / "level_mean.contrast_model.toml"
     model.write_text('sensitivity = "authors"\n')
     refused = command(
-        "optimize", *CLIP, "--device", "gpu", "--contrast-model", model, "--out", tmp_path / "gpu"
+        "optimize",
+        "--no-player",
+        *CLIP,
+        "--device",
+        "gpu",
+        "--contrast-model",
+        model,
+        "--out",
+        tmp_path / "gpu",
     )
     assert refused.code == 2
     assert refused.err.count("\n") == 1
     assert "sensitivity" in refused.err
     assert not (tmp_path / "gpu").exists()
     left = command(
-        "optimize", *CLIP, "--device", "auto", "--contrast-model", model, "--out", tmp_path / "auto"
+        "optimize",
+        "--no-player",
+        *CLIP,
+        "--device",
+        "auto",
+        "--contrast-model",
+        model,
+        "--out",
+        tmp_path / "auto",
     )
     assert left.code == 0
     assert left.err.startswith("loss curves on the processor: ")

@@ -5,6 +5,9 @@ import shutil
 
 import numpy as np
 import pytest
+from browser_pages import browser_session
+from PIL import Image
+from report_pages import faults_at
 
 from evenlight import command as command_line
 from evenlight.data_schema.mapping import sha256_of_record
@@ -20,7 +23,7 @@ from evenlight.stimuli.sequences import built_in_sequence
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, coarse_pictures):
     out = tmp_path_factory.mktemp("demo") / "out"
     with pytest.raises(SystemExit) as ended:
         command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
@@ -78,10 +81,12 @@ def test_the_sun_gets_less_light_than_the_night(folder) -> None:
 
 def test_the_report_needs_nothing_but_itself_and_says_what_is_simulated(folder) -> None:
     html = (folder / "report.html").read_text()
-    assert not re.search(r'(src|href)="(?!data:|#)', html)
+    assert set(re.findall(r'(?:src|href)="(?!data:|#)([^"]*)', html)) == {"track/player.html"}  # a link
+    assert not re.search(r'(src|href)="(?!data:|#)', (folder / "track" / "player.html").read_text())
     assert "simulated participants" in html
     for name in ("psychometric.png", "rate_limit.png"):
-        assert (folder / "calibration" / name).stat().st_size > 10_000
+        darkest, brightest = Image.open(folder / "calibration" / name).convert("L").getextrema()
+        assert brightest - darkest > 100
 
 
 def test_everything_validates(folder, command) -> None:
@@ -151,3 +156,10 @@ def test_a_demo_with_an_impossible_budget_leaves_nothing(command, tmp_path) -> N
     result = command("demo", "--out", tmp_path / "out", "--budget", 0.1)
     assert result.code == 2
     assert not (tmp_path / "out").exists()
+
+
+def test_the_report_fits_the_screen(folder) -> None:
+    with browser_session() as browser:
+        browser.open(folder / "report.html")
+        assert [fault for width in (1100, 360) for fault in faults_at(browser, width)] == []
+        assert browser.errors() == []

@@ -20,13 +20,13 @@ def stopped(signal_number: int, out: Path) -> tuple[int, str]:
     """Exit code and error stream of a run that gets a signal as soon as it has begun to work."""
     with subprocess.Popen([*EVENLIGHT, *LONG_RUN, "--out", str(out)], stderr=subprocess.PIPE) as process:
         try:
-            deadline = time.monotonic() + 60
+            deadline = time.monotonic() + 200
             while not list(out.glob(".partial-*")):
                 assert process.poll() is None
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
             process.send_signal(signal_number)
-            _, err = process.communicate(timeout=60)
+            _, err = process.communicate(timeout=200)
         finally:
             process.kill()
     return process.returncode, err.decode()
@@ -63,7 +63,7 @@ def test_the_command_runs_beside_the_main_thread_too() -> None:
 
     thread = threading.Thread(target=run)
     thread.start()
-    thread.join(timeout=60)
+    thread.join(timeout=200)
     assert codes == [0]
 
 
@@ -73,7 +73,7 @@ def without_reader(stream: str, *arguments: str) -> subprocess.CompletedProcess[
     os.close(reading)
     try:
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, stream: writing}
-        return subprocess.run([*EVENLIGHT, *arguments], **streams, timeout=60, check=False)
+        return subprocess.run([*EVENLIGHT, *arguments], **streams, timeout=200, check=False)
     finally:
         os.close(writing)
 

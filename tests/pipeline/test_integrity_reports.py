@@ -108,9 +108,9 @@ def test_nothing_wrong_is_nothing_said(
 
 
 def test_swapped_keys_stand_first_in_the_report_of_a_fit(
-    command: Callable[..., Any], coarse_pictures: None, tmp_path: Path
+    command: Callable[..., Any], coarse_pictures: None, short_ramps: Path, tmp_path: Path
 ) -> None:
-    simulate("ramp", tmp_path / "ramps", "--participants", 2)
+    simulate("ramp", tmp_path / "ramps", "--participants", 2, "--design", short_ramps)
     other = {"yes": "no", "no": "yes"}
 
     def swapped(who: str, rows: Rows) -> Rows:

@@ -26,7 +26,18 @@ def judged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("judged")
     clip = video(folder / "clip.mkv", DARK_TO_BRIGHT)
     with pytest.raises(SystemExit) as ended:
-        main(["optimize", str(clip), "--budget", "0.5", "--out", str(folder / "track"), "--quiet"])
+        main(
+            [
+                "optimize",
+                "--no-player",
+                str(clip),
+                "--budget",
+                "0.5",
+                "--out",
+                str(folder / "track"),
+                "--quiet",
+            ]
+        )
     assert not ended.value.code
     return clip, folder / "track"
 
@@ -85,7 +96,7 @@ def test_curves_that_were_kept_are_used_unless_the_track_goes_below_them(
     clip, track = judged
     low = tmp_path / "low"
     budget = ("--budget", "0.15", "--min-factor", "0.1")
-    assert command("optimize", clip, *budget, "--out", low, "--no-cache", "--quiet").code == 0
+    assert command("optimize", "--no-player", clip, *budget, "--out", low, "--no-cache", "--quiet").code == 0
     said = [
         command(
             "judge", clip, of, "--out", tmp_path / f"out{k}", "--no-modulation", "--measure", "relative"

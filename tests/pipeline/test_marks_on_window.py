@@ -1,9 +1,6 @@
 """What a photodiode and a recorder see of a session: read back from a real window, flip by flip."""
 
-import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
@@ -11,26 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from warm_evenlight import said_by
 
-import evenlight
-
-ROOT = Path(evenlight.__file__).parents[1]
 WHITE, BLACK = [255], [0]
 
 
 @pytest.fixture(scope="module")
 def seen(virtual_screen: Callable[..., str]) -> dict[str, Any]:
-    done = subprocess.run(
-        [sys.executable, str(Path(__file__).with_name("marks_on_window.py"))],
-        cwd=ROOT,
-        env=os.environ | {"DISPLAY": virtual_screen(), "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    script = Path(__file__).with_name("marks_on_window.py")
+    return said_by(script, [], os.environ | {"DISPLAY": virtual_screen()})
 
 
 def corners(seen: dict[str, Any], begin: int, end: int) -> list[tuple[list[int], int]]:

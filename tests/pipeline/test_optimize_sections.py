@@ -29,7 +29,7 @@ def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_p
     allowances.write_text("start_s,end_s,allowance\n1,2.1,0\n3,3.5,20\n")
     out = tmp_path / "out"
     options = ("--weights", weights, "--allowances", allowances, "--budget", 0.5, "--quiet")
-    assert command("optimize", videos[0], *options, "--out", out).code == 0
+    assert command("optimize", "--no-player", videos[0], *options, "--out", out).code == 0
     summary = json.loads((out / "summary.json").read_text())
     inputs = summary["provenance"]["inputs"]
     assert inputs["weights"] == sha256_of_bytes(weights.read_bytes())
@@ -51,7 +51,7 @@ def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_p
 def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos, monkeypatch) -> None:
     out = tmp_path / "out"
     exact = ("--budget", 0.5, "--calm", 0, "--quiet")
-    done = command("optimize", videos[0], "--with", videos[1], *exact, "--out", out)
+    done = command("optimize", "--no-player", videos[0], "--with", videos[1], *exact, "--out", out)
     assert done.code == 0, done.err
     tracks = [read_track(out / name / "track.csv") for name in ("01-a", "02-b")]
     assert [len(track.factors) for track in tracks] == [10, 8]
@@ -70,12 +70,12 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
     assert command("validate", out).code == 0
     monkeypatch.setattr("evenlight.analysis.tracks.track_results._draw", lambda *_: None)
     again = ("--start", out, *exact, "--out", tmp_path / "again")
-    assert command("optimize", videos[0], "--with", videos[1], *again).code == 0
+    assert command("optimize", "--no-player", videos[0], "--with", videos[1], *again).code == 0
     repeated = json.loads((tmp_path / "again" / "summary.json").read_text())
     assert repeated["objective"] <= whole["objective"] + 1e-6
     both = b"".join((out / name / "track.csv").read_bytes() for name in ("01-a", "02-b"))
     assert repeated["provenance"]["inputs"]["start"] == sha256_of_bytes(both)
-    failed = command("optimize", videos[0], *again)
+    failed = command("optimize", "--no-player", videos[0], *again)
     assert failed.code == 2
     assert "holds 2 tracks, asked is an optimization of 1 video" in failed.err
 
@@ -88,7 +88,7 @@ def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, m
     weights, out = tmp_path / "v.weights.csv", tmp_path / "out"
     weights.write_text("start_s,end_s,weight\n5,9,0\n")  # all of the second clip
     options = ("--with", videos[1], "--weights", weights, "--budget", 0.6, "--out", out)
-    done = command("optimize", videos[0], *options)
+    done = command("optimize", "--no-player", videos[0], *options)
     assert done.code == 0, done.err
     assert "weighted by --weights" in done.out
     own = json.loads((out / "02-b" / "summary.json").read_text())
@@ -116,9 +116,9 @@ def test_a_step_beyond_the_fitted_limit_is_told(allowance, ratio, words) -> None
 
 def test_an_earlier_track_may_be_the_start(command, tmp_path, videos) -> None:
     first, again = tmp_path / "first", tmp_path / "again"
-    assert command("optimize", videos[0], "--budget", 0.5, "--out", first, "--quiet").code == 0
+    assert command("optimize", "--no-player", videos[0], "--budget", 0.5, "--out", first, "--quiet").code == 0
     options = ("--budget", 0.52, "--start", first, "--quiet")
-    assert command("optimize", videos[0], *options, "--out", again).code == 0
+    assert command("optimize", "--no-player", videos[0], *options, "--out", again).code == 0
     summary = json.loads((again / "summary.json").read_text())
     assert summary["provenance"]["inputs"]["start"] == sha256_of_bytes((first / "track.csv").read_bytes())
     assert summary["mean_factor"] == pytest.approx(0.52, abs=1e-6)
@@ -137,7 +137,9 @@ def test_bad_sections_end_with_one_line(command, tmp_path, videos, text, says) -
     file = tmp_path / "w.csv"
     file.write_text(text)
     out = tmp_path / "out"
-    failed = command("optimize", videos[0], "--budget", 0.5, "--weights", file, "--out", out, "--quiet")
+    failed = command(
+        "optimize", "--no-player", videos[0], "--budget", 0.5, "--weights", file, "--out", out, "--quiet"
+    )
     assert failed.code == 2
     assert says in failed.err
     assert failed.err.strip().count("\n") == 0

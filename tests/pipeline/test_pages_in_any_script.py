@@ -100,7 +100,7 @@ def test_a_session_from_right_to_left_is_shown_and_one_without_its_letters_refus
     assert right_ends[0] == pytest.approx(right_ends[1], abs=4)  # it begins where the other lines do
     (pages / "end.txt").write_text("終わりです。{proceed}\n", encoding="utf-8")
     refused = lab.start("japanese", "--quiet")
-    out, err = refused.communicate(timeout=100)
+    out, err = refused.communicate(timeout=200)
     assert refused.returncode == 2
     assert "'終' (U+7D42" in err
     assert "give a font file that has it with --font" in err

@@ -2,19 +2,16 @@
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from warm_evenlight import said_by
 
-import evenlight
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
 
-ROOT = Path(evenlight.__file__).parents[1]
 A_WHILE = 0.25  # [s] within which a busy machine wakes a thread, and shows the question
 
 
@@ -38,17 +35,8 @@ def _lines(path: Path) -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def session(virtual_screen: Callable[..., str], tmp_path_factory: pytest.TempPathFactory) -> Session:
     folder = tmp_path_factory.mktemp("person") / "dataset"
-    done = subprocess.run(
-        [sys.executable, str(Path(__file__).parent / "person_at_the_keys.py"), str(folder)],
-        cwd=ROOT,
-        env=os.environ | {"DISPLAY": virtual_screen(), "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return Session(folder, json.loads(done.stdout.splitlines()[-1]))
+    script = Path(__file__).with_name("person_at_the_keys.py")
+    return Session(folder, said_by(script, [str(folder)], os.environ | {"DISPLAY": virtual_screen()}))
 
 
 def test_the_answers_are_the_keys_that_were_pressed(session: Session) -> None:

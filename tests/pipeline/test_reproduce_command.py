@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser_pages import browser_session
+from report_pages import faults_at
 
 from evenlight import command as command_line
 from evenlight.analysis import reproduce_command
@@ -312,3 +314,10 @@ def test_simulated_participants_look_at_the_display_that_is_named(tmp_path) -> N
     assert asked == [str(path)]
     (manifest,) = (tmp_path / "pipeline").rglob("manifest.json")
     assert read_json_record(SessionManifest, manifest).display == desk
+
+
+def test_the_report_fits_the_screen(folder) -> None:
+    with browser_session() as browser:
+        browser.open(folder / "report.html")
+        assert [fault for width in (1440, 1100, 760, 360) for fault in faults_at(browser, width)] == []
+        assert browser.errors() == []

@@ -86,10 +86,18 @@ def test_a_damaged_field_of_view_is_named(command, tmp_path, tag) -> None:
 
 @pytest.mark.slow
 def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command, rendered, tmp_path) -> None:
-    told = command("optimize", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
+    told = command("optimize", "--no-player", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
     assert "board: analysed at 90°, 0.838 pixels/°" in told.err
     narrow = command(
-        "optimize", rendered, "--budget", 0.5, "--field-of-view", 1.4, "--out", tmp_path / "narrow"
+        "optimize",
+        "--no-player",
+        rendered,
+        "--budget",
+        0.5,
+        "--field-of-view",
+        1.4,
+        "--out",
+        tmp_path / "narrow",
     )
     assert "board: analysed at 1.4°, 68.6 pixels/°" in narrow.err
     summary = json.loads((tmp_path / "narrow" / "summary.json").read_text())
@@ -97,14 +105,19 @@ def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command
     assert read_track(tmp_path / "narrow" / "track.csv").header.field_of_view == 1.4
     refused = command(
         "optimize", rendered, "--budget", 0.5, "--curves", tmp_path / "narrow" / "loss_curves.npz",
-        "--out", tmp_path / "again", "--quiet",
+        "--out", tmp_path / "again", "--quiet", "--no-player",
     )  # fmt: skip
     assert refused.code == 2
     assert "made for 'varjo-xr3' at 1.4°, 68.6 pixels/°, asked is 'varjo-xr3' at 90°" in refused.err
 
 
 def test_the_controller_sees_what_the_optimizer_sees(command, rendered, tmp_path) -> None:
-    assert command("control", rendered, "--target-loss", 0.05, "--out", tmp_path / "pid", "--quiet").code == 0
+    assert (
+        command(
+            "control", "--no-player", rendered, "--target-loss", 0.05, "--out", tmp_path / "pid", "--quiet"
+        ).code
+        == 0
+    )
     curves = read_loss_curves(tmp_path / "pid" / "loss_curves.npz")
     assert curves.field_of_view == read_track(tmp_path / "pid" / "track.csv").header.field_of_view == 90
     assert curves.display.pixels_per_degree == pytest.approx(DENSITY)

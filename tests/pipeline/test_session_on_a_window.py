@@ -32,7 +32,7 @@ DESIGNS = {
         **SHORT,
     ),
 }
-KILLS = {"yes_no constant": 2, "two_interval targeted": 3}
+KILLS = {"yes_no constant": 1, "two_interval targeted": 2}
 SCREENS = {  # by their first lines
     "page-welcome",  # consent
     "page-try-the-keys",

@@ -7,7 +7,8 @@ import pytest
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
-TRACK = {"contrast_map.png", "loss_curves.npz", "summary.json", "track.csv", "track.json", "track.png"}
+FILES = ("track.csv", "track.json", "loss_curves.npz", "summary.json")
+TRACK = {*FILES, "contrast_map.png", "player.html", "track.png"}
 
 
 @pytest.fixture
@@ -33,14 +34,19 @@ def test_nothing_of_an_earlier_track_stays_beside_a_new_one_and_what_is_not_ours
     curves = ("--curves", out / "loss_curves.npz")
     assert command("control", film, "--target-loss", "0.03", *curves, "--out", out).code == 0
     assert names(out) == TRACK | {"control.json", "notes.txt"}
-    assert command("optimize", film, "--budget", "0.5", *curves, "--out", out).code == 0
+    optimize = ("optimize", film, "--budget", "0.5", *curves, "--out", out)
+    assert command(*optimize).code == 0
     assert names(out) == TRACK | {"notes.txt"}
+    assert command(*optimize, "--no-player").code == 0
+    assert names(out) == (TRACK | {"notes.txt"}) - {"player.html"}
 
 
 def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, tmp_path) -> None:
     out = tmp_path / "out"
     assert command("optimize", film, "--budget", "0.5", "--with", film, "--out", out).code == 0
     assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-film", "02-film"}
+    assert names(out / "01-film") == names(out / "02-film") == TRACK
+    assert not (out / "player.html").exists()
     (out / "02-film" / "notes.txt").write_text("mine")
     assert command("optimize", film, "--budget", "0.5", "--out", out).code == 0
     assert names(out) == TRACK | {"02-film/notes.txt"}

@@ -215,7 +215,7 @@ class Screen:
     def run(self, stimuli: Path, design: Path, *more: str) -> tuple[int | None, str]:
         """Run a session; return its exit code, and what it said on standard error."""
         process = self.start(stimuli, design, *more)
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=200)
         return process.returncode, err
 
 
@@ -278,11 +278,11 @@ def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what
     write_toml_record(long, dataclasses.replace(design, trials_between_breaks=0))
     video, trials = stimuli / "dark" / "video.mkv", tmp_path / "lab/sub-01/ses-01/trials.jsonl"
     whole = video.read_bytes()
-    session, end = screen.start(stimuli, long), time.monotonic() + 60
+    session, end = screen.start(stimuli, long), time.monotonic() + 200
     while count(trials) < 3 and session.poll() is None and time.monotonic() < end:
         time.sleep(0.01)
     os.truncate(video, len(whole) // 2)  # at once: a file that is written again is empty for a moment
-    _, err = session.communicate(timeout=60)
+    _, err = session.communicate(timeout=200)
     assert (session.returncode, err.count("\n")) == (2, 1)
     assert "video.mkv is damaged" in err
     answered = trials.read_text()

@@ -131,12 +131,12 @@ def test_what_was_walked_until_an_interruption_is_kept(
     words = ["play", "house", "--walk", "--simulate", "--seconds", "1e5", "--size", "64x36"]
     words += ["--target-loss", "0.5", "--budget", "0.5", "--record", str(way), "--out", str(log)]
     run = Run([*words, "--screenshots", str(seen)], os.environ | {"DISPLAY": virtual_screen()})
-    end = time.monotonic() + 120
+    end = time.monotonic() + 200
     while run.poll() is None and not any(seen.glob("*.png")) and time.monotonic() < end:
         time.sleep(0.01)
     time.sleep(1.0)  # some refreshes more: the picture was saved before the first appeared
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=200)
     assert (run.returncode, out, err.count("\n")) == (130, "", 1)
     assert re.match("evenlight: interrupted; house: .* in .* s, .*; the way is in .*; the log is in ", err)
     rows = read_rows(LiveRefresh, log / "live_control.csv")

@@ -65,7 +65,7 @@ def test_what_uses_it_all_the_same_says_so(command, make_video, tmp_path: Path, 
     for path, options, said in ((wide, ("--accept-wide-band",), True), ("surace2025", (), False)):
         out = tmp_path / f"out-{said}"
         result = command(
-            "optimize", film, "--budget", 0.5, "--rate-limit", path, "--out", out, *options
+            "optimize", "--no-player", film, "--budget", 0.5, "--rate-limit", path, "--out", out, *options
         )  # fmt: skip
         assert result.code == 0, result.err
         assert json.loads((out / "summary.json").read_text())["wide_band_accepted"] is said

@@ -63,7 +63,7 @@ def test_a_second_process_waits_until_the_first_has_made_it_and_then_finds_it() 
         assert second.stdout is not None
         assert second.stdout.readline() == "asks\n"
         store_array("light-a", np.arange(5), "light-*")
-    out, _ = second.communicate(timeout=60)
+    out, _ = second.communicate(timeout=200)
     assert out == "found\n"
 
 

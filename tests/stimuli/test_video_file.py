@@ -1,5 +1,6 @@
 """Video files: times, sizes and colours arrive as they were written; noticeable damage is refused."""
 
+import shutil
 import subprocess
 import sys
 import tracemalloc
@@ -268,3 +269,12 @@ def test_the_decoder_says_nothing_on_its_own(tmp_path):
         [sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True
     )
     assert (done.stdout, done.stderr) == ("refused\n", "")
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the program ffmpeg")
+def test_frames_that_an_edit_list_cuts_away_are_not_missed(tmp_path):
+    whole = encode(tmp_path / "whole.mp4", "libx264", stamps=range(30))
+    cut = tmp_path / "cut.mp4"  # from 0.4 s on: the frames before it are in the file, and not shown
+    subprocess.run(["ffmpeg", "-v", "error", "-ss", "0.4", "-i", whole, "-c", "copy", cut], check=True)
+    video = open_video_file(cut)
+    assert video.n_frames == len(list(video.frames())) == 20

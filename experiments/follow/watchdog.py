@@ -1,0 +1,118 @@
+"""A process of its own that sets a backlight back if the program that dims it is killed.
+
+It waits at a pipe. "done" says that the backlight was left as it was found; an end without it, which is what
+the system makes of a killed program's pipe, says that it was not. By then the lock on the device has ended.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware.protocols import Backlight, InstrumentError
+from evenlight.hardware.rig import is_simulated, open_backlight
+
+DONE = b"done"
+TRIES, PAUSE = 20, 0.1  # [s] between: the system may take a moment to free a device of the dead
+
+
+class BrightnessWatchdog:
+    """Watches over a backlight from before its first setting until `done`.
+
+    Parameters
+    ----------
+    backlight, curve : str
+        The backlight and its measured curve, as those of a rig.
+    found : float
+        The brightness factor that it was found at.
+    """
+
+    def __init__(self, backlight: str, curve: str, found: float) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__, backlight, curve, repr(found)],
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C and the end of the terminal are not meant for it
+        )  # fmt: skip
+
+    def done(self) -> None:
+        """Let it go: the backlight is as it was found."""
+        with contextlib.suppress(OSError):  # somebody has ended it
+            self._process.communicate(DONE)
+
+
+@contextlib.contextmanager
+def watched_backlight(backlight: str, curve: str) -> Iterator[Backlight]:
+    """Yield a backlight, open, that is left as it was found whatever happens to this program.
+
+    Parameters
+    ----------
+    backlight, curve : str
+        As those of a rig; the curve is empty if the backlight is linear in light.
+
+    Raises
+    ------
+    InputError
+        If there is no such backlight or curve.
+    InstrumentError
+        If it does not answer as it should, or cannot be left as it was found.
+    """
+    with _opened(backlight, curve) as device:
+        if is_simulated(backlight):  # nothing is left of it when the program ends
+            yield device
+            return
+        watchdog = BrightnessWatchdog(backlight, curve, device.read_factor())
+        try:
+            yield device
+        finally:
+            device.close()
+            watchdog.done()
+
+
+def _opened(backlight: str, curve: str) -> Backlight:
+    """Return a backlight, open."""
+    try:
+        rig = Rig("follow", "of the track", 0.6, 60.0, backlight=backlight, backlight_curve=curve)
+    except ValueError:  # whose words are a pattern
+        raise InputError(
+            f"--backlight {backlight}: give DRIVER:ADDRESS, such as sysfs:intel_backlight or, for I2C bus 5, "
+            "ddc:5; `evenlight measure list` shows those of this computer"
+        ) from None
+    device = open_backlight(rig, time.monotonic)
+    if device is None:
+        raise InputError("--backlight none: there is nothing that could follow; name a backlight")
+    return device
+
+
+def restore(backlight: str, curve: str, found: float) -> None:
+    """Set a backlight to the factor that it had been found at, and leave it there.
+
+    Raises
+    ------
+    InputError, InstrumentError
+        If it cannot be set.
+    """
+    device = _retried(lambda: _opened(backlight, curve))
+    _retried(lambda: device.set_factor(max(found, device.smallest_factor())))
+    # It is not closed, which would bring back what the killed program had set.
+
+
+def _retried(attempt: Callable[[], Any]) -> Any:
+    """Return what an attempt gives, at the last if need be."""
+    for _ in range(TRIES - 1):
+        with contextlib.suppress(InstrumentError):
+            return attempt()
+        time.sleep(PAUSE)
+    return attempt()
+
+
+if __name__ == "__main__":
+    if sys.stdin.buffer.read() != DONE:
+        restore(sys.argv[1], sys.argv[2], float(sys.argv[3]))
+        os._exit(0)  # devices are not closed on the way out

@@ -1,0 +1,86 @@
+"""The command `evenlight apply`: a video dimmed by its track, as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+from evenlight.progress import shown_progress
+from evenlight.stimuli.dimmed.apply_options import AppliedVersion, Codec, DimmedFile
+
+if TYPE_CHECKING:
+    from evenlight.stimuli.dimmed.matched_track import MatchedTrack
+    from evenlight.stimuli.video.video_source import VideoSource
+
+
+def apply(
+    video: Annotated[str, typer.Argument(help="Video file, folder of images, or built-in sequence.")],
+    track: Annotated[
+        Path, typer.Argument(help="Its track.csv, or the folder that `evenlight optimize` wrote.")
+    ],
+    out: Annotated[Path, typer.Option(help="File to write: .mp4, .mov or .mkv.")],
+    version: Annotated[
+        AppliedVersion,
+        typer.Option(help="Dimmed by the track, constantly at equal power, or both in one picture."),
+    ] = AppliedVersion.OURS,
+    codec: Annotated[
+        Codec | None, typer.Option(help="How to encode it: else h264, and in .mkv ffv1, without loss.")
+    ] = None,
+    display: Annotated[
+        str | None, typer.Option(help="Display of an older track that does not hold it: a preset or a file.")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames per second of images or a sequence; else the track's.")
+    ] = None,
+    other_video_ok: Annotated[
+        bool, typer.Option("--other-video-ok", help="Take a video of other content with the same times.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+) -> None:
+    """Write a video dimmed by its track to a file, with its sound, subtitles, frame times and tags."""
+    from evenlight.data_schema.storage.whole_files import require_free
+    from evenlight.stimuli.dimmed.apply_video import apply_track
+    from evenlight.stimuli.dimmed.encoders import codec_for
+    from evenlight.stimuli.dimmed.matched_track import match_track
+
+    encoding = codec_for(out, codec)
+    if out.exists() and Path(video).exists() and out.samefile(video):
+        raise InputError(f"--out {out}: is the video itself; give another name")
+    require_free(out, force=force)
+    source = _video_of(video, track, fps)
+    matched = match_track(source, track, display, other_video_ok=other_video_ok)
+    with shown_progress(quiet) as progress:
+        progress.step(f"dimming {source.name}", len(matched.loaded.track.times))
+        left_out = apply_track(source, matched, DimmedFile(out, encoding, version), progress.at)
+    if not quiet:
+        _say(source, matched, version, out, left_out)
+
+
+def _video_of(name: str, track: Path, fps: float | None) -> VideoSource:
+    """Return a video; one without a frame rate of its own gets the track's, unless another is given."""
+    from evenlight.data_schema.tracks.loaded_track import frame_durations, load_track
+    from evenlight.stimuli.sequences import is_sequence, open_video
+    from evenlight.stimuli.video.video_source import rate_from_number
+
+    path = Path(name)
+    if fps is None and (path.is_dir() or (is_sequence(name) and not path.exists())):
+        fps = float(rate_from_number(1 / float(frame_durations(load_track(track).track).mean())))
+    return open_video(name, fps)
+
+
+def _say(
+    video: VideoSource, matched: MatchedTrack, version: AppliedVersion, out: Path, left_out: list[str]
+) -> None:
+    """Print what was written, and what of the video's file was not."""
+    loaded, factors = matched.loaded, matched.loaded.track.factors
+    ours = f"dimmed by its track, factors {factors.min():.3g} to {factors.max():.3g}"
+    constant = f"constant factor {loaded.baseline:.4g}, {loaded.source_of_baseline}"
+    both = f"{ours} (left); {constant} (right)"
+    shown = dict(zip(AppliedVersion, (ours, constant, both), strict=True))[version]
+    typer.echo(f"{out}: {video.name}, {len(factors)} frames, {shown}")
+    if left_out:
+        typer.echo(f"{out} cannot hold, so it is left out: {', '.join(left_out)}", err=True)

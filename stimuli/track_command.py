@@ -1,0 +1,68 @@
+"""The commands of `evenlight track`: what is done with a track that was made."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.dimmed.apply_options import DimmedVersion
+
+track = typer.Typer(invoke_without_command=True)
+
+
+class ExportFormat(enum.Enum):
+    """The program that a track is exported for."""
+
+    FFMPEG = "ffmpeg"  # a filter script
+    MPV = "mpv"  # a Lua script
+    JSON = "json"  # an `ExportedTrack`
+    EDL = "edl"  # CMX 3600 with ASC CDL
+
+
+USES = {
+    ExportFormat.FFMPEG: "ffmpeg -i VIDEO -filter_complex_script {out} -acodec copy -pix_fmt yuv420p OUT",
+    ExportFormat.MPV: "mpv --script={out} VIDEO",
+    ExportFormat.JSON: "times, factors and gamma, as docs/data-dictionary.md describes them",
+    ExportFormat.EDL: "an edit decision list, with an ASC CDL for each stretch of one brightness",
+}
+
+
+@track.callback()
+def start(context: typer.Context) -> None:
+    """Hand a brightness track on: export; with --quiet."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@track.command()
+def export(
+    track: Annotated[Path, typer.Argument(help="A track.csv, or the folder of `evenlight optimize`.")],
+    to: Annotated[ExportFormat, typer.Option(help="A script for FFmpeg or mpv, JSON, or an edit list.")],
+    out: Annotated[Path, typer.Option(help="File to write.")],
+    version: Annotated[
+        DimmedVersion, typer.Option(help="Dimmed by the track, or constantly at equal power.")
+    ] = DimmedVersion.OURS,
+    display: Annotated[
+        str | None, typer.Option(help="The track's display, if it does not hold it: a preset or a toml file.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
+) -> None:
+    """Export a track for other programs: FFmpeg, mpv, an edit, or anything that reads JSON."""
+    from evenlight.data_schema.storage.whole_files import require_free
+    from evenlight.data_schema.tracks.loaded_track import load_track
+    from evenlight.stimuli.dimmed.exports.track_export import exported_track, write_export
+    from evenlight.stimuli.dimmed.matched_track import display_of
+
+    require_free(out, force=force)
+    if to is ExportFormat.MPV and out.suffix != ".lua":
+        raise InputError(f"--out {out}: mpv knows scripts by their ending; give a name in .lua")
+    loaded = load_track(track)
+    made = exported_track(loaded, display_of(loaded.track, display), version)
+    write_export(out, made, to.value)
+    if not quiet:
+        typer.echo(f"{out}: {len(made.times)} frames of {made.video}; {USES[to].format(out=out)}")
