@@ -32,6 +32,7 @@ from evenlight.analysis.track_options import (
     chosen_device,
     require_between,
     require_curves_to_compute,
+    results_in,
 )
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
@@ -250,7 +251,7 @@ def _print_result(done: ControlResult, rows: list[TargetRow], out: Path) -> None
             f"targets {rows[0].target_loss:g} to {rows[-1].target_loss:g} take mean factors "
             f"{rows[0].mean_factor:.4g} to {rows[-1].mean_factor:.4g}"
         )
-    typer.echo(f"results in {out}")
+    typer.echo(results_in(out))
 
 
 def _target(done: ControlResult) -> str:

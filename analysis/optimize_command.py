@@ -32,6 +32,7 @@ from evenlight.analysis.track_options import (
     chosen_device,
     require_curves_to_compute,
     require_there,
+    results_in,
 )
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
@@ -238,7 +239,7 @@ def _print_result(summary: OptimizationSummary, out: Path) -> None:
         f"fastest change {percent(summary.max_rate_ratio)} of the rate limit {summary.rate_limit!r}{asked}"
         f"{accepted}{beyond_the_fitted(summary)}\n"
         f"{detection_in_words(summary)}\n"
-        f"results in {out}"
+        f"{results_in(out)}"
     )
 
 

@@ -156,3 +156,9 @@ def chosen_device(device: Device, display: Display, model: ContrastModel, quiet:
         by = "by OpenGL" if chosen.device is Device.GPU else "on the processor"
         typer.echo(f"loss curves {by}: {chosen.reason}", err=True)
     return chosen.device
+
+
+def results_in(out: Path) -> str:
+    """Return where the results are, and what to open first."""
+    page = out / "player.html"
+    return f"results in {out}" + (f"; {page} shows them in a browser" if page.is_file() else "")

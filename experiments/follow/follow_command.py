@@ -44,6 +44,10 @@ class FollowOptions:
     player_arguments: Annotated[
         str | None, typer.Option(help="More options for mpv, as one word: '--fullscreen --start=1:30'.")
     ] = None
+    wait: Annotated[
+        bool,
+        typer.Option("--wait", help="Begin the film when the backlight is at its first factor."),
+    ] = False
     other_video_ok: Annotated[
         bool, typer.Option("--other-video-ok", help="Accept the same film, encoded again.")
     ] = False

@@ -61,7 +61,8 @@ def follow_as_asked(options: FollowOptions) -> None:
             tell(_begun(options, device, follower))
             following = FollowLoop(player, follower, time.monotonic, tell, _log(options.log, stack))
             stack.callback(lambda: tell(following.summary()))
-            following.run(typer.echo if options.dry_run else _nothing)
+            begin = player.go_on if options.wait else lambda: None
+            following.run(typer.echo if options.dry_run else _nothing, begin)
             if not options.dry_run:
                 following.glide_back()
 
@@ -99,12 +100,14 @@ def _hardware(options: FollowOptions) -> tuple[str, str, str | None]:
 
 def _arguments(options: FollowOptions) -> list[str]:
     """Return what mpv is started with; refuse options that do not go together, and a log that cannot be."""
-    if options.socket is not None and options.player_arguments is not None:
-        raise InputError("--player-arguments is for an mpv that is started; with --socket one runs already")
+    if options.socket is not None and (options.wait or options.player_arguments is not None):
+        raise InputError(
+            "--player-arguments and --wait are for an mpv that is started; with --socket one runs already"
+        )
     if options.log is not None and (options.log.suffix != ".csv" or options.log.exists()):
         raise InputError(f"--log {options.log}: give a new file that ends in .csv")
     try:
-        return shlex.split(options.player_arguments or "")
+        return shlex.split(options.player_arguments or "") + ["--pause"] * options.wait
     except ValueError as error:
         raise InputError(f"--player-arguments: {error}; quote words as a shell takes them") from None
 

@@ -81,13 +81,24 @@ class FollowLoop:
         self._n_settings, self._watched, self._on_target, self._off = 0, 0.0, 0.0, 0.0
         self.delays: list[float] = []  # how long after it appeared each new frame had its factor [s]
 
-    def run(self, show: Callable[[str], None]) -> None:
-        """Follow until the player ends; `show` is shown what is set, some times a second."""
-        due = self._clock()
+    def run(self, show: Callable[[str], None], there: Callable[[], None] = lambda: None) -> None:
+        """Follow until the player ends.
+
+        Parameters
+        ----------
+        show : callable
+            Is shown what is set, some times a second.
+        there : callable, optional
+            Is called once, when the backlight is first where the film wants it.
+        """
+        due, awaited = self._clock(), True
         while not self._player.ended():
             due = max(due + self._follower.interval, self._clock())
             self._player.wait(max(due - self._clock(), 0.0))
             self.follow_once()
+            if awaited and self._frame is not None and self._follower.reached(self._frame):
+                awaited = False
+                there()
             self._show(show)
 
     def glide_back(self) -> None:

@@ -129,6 +129,10 @@ class MpvPlayer(ContextDevice):
             if self.ended() or waited > STARTING:
                 raise InstrumentError(f"the player does not play {self._video}", Fault.NO_REPLY)
 
+    def go_on(self) -> None:
+        """Let a paused film play."""
+        self._send("set_property", "pause", False)
+
     def close(self) -> None:
         """End the player if it was started here, else only leave it; more than once does nothing."""
         super().close()

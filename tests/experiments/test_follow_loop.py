@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import sha256_of_record
-from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.append_log import AppendedRows
-from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
-from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.experiments.follow.follow_loop import FollowedSetting, FollowLoop
 from evenlight.experiments.follow.limited_backlight import (
     FilmLight,
     LimitedBacklight,
-    film_light,
-    track_rate_limit,
 )
 from evenlight.experiments.follow.playback_state import PlaybackState
 from evenlight.experiments.follow.watchdog import watched_backlight
 from evenlight.hardware.simulated.panel import SimulatedBacklight
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 
 RATE, PEAK = 25.0, 100.0
@@ -266,6 +258,23 @@ def test_at_pause_it_holds_the_factor_of_the_picture() -> None:
     assert held == pytest.approx(0.8 - 0.036 * 2.0, abs=2 * 0.036 / RATE)
 
 
+def test_a_film_that_waits_begins_when_the_light_is_there() -> None:
+    """From 0.9 to 0.8 at Ī = 50 and 2 cd/m^2/s it is 2.5 s."""
+    desk = Desk(film([0.8] * 100), found=0.9)
+    player, begun = desk.player, []
+    player.play(playing=False)
+
+    def there() -> None:
+        begun.append((player.now, desk.follower.factor))
+        player.play(playing=True)
+        player.over = len(begun) > 0
+
+    began = player.now
+    desk.following.run(lambda words: None, there)
+    assert begun == [(pytest.approx(began + 2.5, abs=0.1), 0.8)]
+    assert {setting.frame for setting in desk.settings} == {0}
+
+
 def test_another_file_and_the_end_bring_the_brightness_of_before_back_within_the_limit() -> None:
     """White of 100 cd/m^2 counts then: from 0.4 to 0.5 it is 0.1 · 100 / 2 = 5 s."""
     desk = Desk(film([0.4] * 2000), found=0.5)
@@ -386,44 +395,6 @@ def test_the_log_has_every_setting(tmp_path: Path) -> None:
 def test_a_film_darker_than_the_backlight_can_be_is_refused() -> None:
     with pytest.raises(InputError, match=r"down to the factor 0\.2, and this backlight.*to 0\.5"):
         Desk(film([0.2, 0.5]), steps=2)
-
-
-def a_track(**changed: Any) -> BrightnessTrack:
-    """Two frames of 50 and 60 cd/m^2 at full brightness, at 0.5 and 0.6, with 4 cd/m^2 of reflected light."""
-    display = replace(load_display("varjo-xr3"), reflected_luminance=4.0)
-    header = TrackHeader(
-        "v", display.name, display.fingerprint, "p", "surace2025", 0.5, BudgetUnit.FACTOR, "s", Provenance(),
-        display=display,
-    )  # fmt: skip
-    zeros = np.zeros(2)
-    columns = {"rate": np.array([0.1 * 55 / 0.04, 0.0]), "header": header} | changed
-    seen = np.array([0.5 * 50 + 4, 0.6 * 60 + 4])
-    return BrightnessTrack(
-        times=np.array([0.0, 0.04]), factors=np.array([0.5, 0.6]), contrast_loss=zeros, mean_luminance=seen,
-        rate_limit=zeros, power=zeros, **columns,
-    )  # fmt: skip
-
-
-def test_the_luminance_is_what_the_frame_emits_at_full_brightness_or_that_of_white() -> None:
-    track = a_track()
-    assert track.header.display is not None
-    for modulated, luminance in (("frame_mean", [50.0, 60.0]), ("white_field", [104.4, 104.4])):
-        loaded = LoadedTrack(track, 0.5, "test", modulated=modulated)
-        np.testing.assert_allclose(film_light(loaded, track.header.display).luminance, luminance)
-
-
-def test_the_rate_limit_is_the_one_of_the_track(tmp_path: Path) -> None:
-    track = a_track()
-    assert track_rate_limit(track, None) == PAPERS
-    lab = replace(
-        track.header, rate_limit="lab", provenance=Provenance(inputs={"rate_limit": sha256_of_record(FLAT)})
-    )
-    with pytest.raises(InputError, match="'lab', which is no preset"):
-        track_rate_limit(a_track(header=lab), None)
-    write_json_record(tmp_path / "flat.json", FLAT)
-    assert track_rate_limit(a_track(header=lab), str(tmp_path / "flat.json")) == FLAT
-    with pytest.raises(InputError, match="surace2025 is another one"):
-        track_rate_limit(a_track(header=lab), "surace2025")
 
 
 def test_a_backlight_with_its_measured_curve_is_set_by_share_of_light(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_the_backlight_follows_the_film_and_is_left_as_it_was_found(
 ) -> None:
     log = tmp_path / "log.csv"
     at_the_end = f"--player-arguments=--start=3 {WITHOUT_SCREEN}"
-    done = command(*words(film, at_the_end, "--log", log))
+    done = command(*words(film, at_the_end, "--log", log, "--wait"))
     assert (done.code, done.err) == (0, "")
     assert panel.step() == FOUND
     begun, *_, last = done.out.splitlines()
@@ -178,6 +178,9 @@ def test_the_backlight_follows_the_film_and_is_left_as_it_was_found(
         assert float(row["wanted_factor"]) == FACTORS[frame]
         assert frame == int(position * RATE + 1e-6)
         assert abs(float(row["achieved_factor"]) - float(row["set_factor"])) <= 0.5 / STEPS + 1e-9
+    off = [abs(float(row["set_factor"]) - float(row["wanted_factor"])) for row in rows]
+    on_target = next(k for k, difference in enumerate(off) if difference <= 1e-4)
+    assert {row["frame"] for row in rows[: on_target + 1]} == {"75"}  # it waited for the light
     delays = [float(row["behind_picture_s"]) for row in rows if row["behind_picture_s"]]
     assert min(delays) >= 0
 
@@ -318,7 +321,8 @@ def test_a_dry_run_prints_and_sets_nothing(film: Path, panel: Panel, command) ->
         (["--display", "nowhere"], "nowhere: no such display"),
         (["--rate-limit", "nowhere"], "nowhere: no such rate limit"),
         (["--socket", "no-socket"], "no player listens there"),
-        (["--socket", "s", "--player-arguments", "--fs"], "--player-arguments is for an mpv that is started"),
+        (["--socket", "s", "--player-arguments", "--fs"], "are for an mpv that is started"),
+        (["--socket", "s", "--wait"], "are for an mpv that is started"),
         (["--player-arguments", "'"], "quote words as a shell takes them"),
         (["--log", "log.txt"], "--log log.txt: give a new file that ends in .csv"),
     ],
