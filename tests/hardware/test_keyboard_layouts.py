@@ -4,6 +4,7 @@ import ctypes
 import json
 import os
 import shutil
+import signal
 import statistics
 import subprocess
 import sys
@@ -49,11 +50,14 @@ def heard() -> dict[str, Any]:
     )  # fmt: skip
     try:
         screen = f":{server.stdout.readline().strip()}"
-        done = subprocess.run(
-            [sys.executable, str(Path(__file__).parent / "press_keys.py"), *PRINTED],
-            cwd=ROOT, env=os.environ | {"DISPLAY": screen, "PYTHONPATH": str(ROOT)},
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
+        for _ in range(3):  # where a machine is busy, PsychHID's thread may crash as it starts
+            done = subprocess.run(
+                [sys.executable, str(Path(__file__).parent / "press_keys.py"), *PRINTED],
+                cwd=ROOT, env=os.environ | {"DISPLAY": screen, "PYTHONPATH": str(ROOT)},
+                capture_output=True, text=True, timeout=120, check=False,
+            )  # fmt: skip
+            if done.returncode != -signal.SIGSEGV:
+                break
     finally:
         server.terminate()
         server.wait()
