@@ -48,7 +48,7 @@ class Ppk2Port:
     port : str
         Its serial port.
     timeout : float
-        How long it may take to write [s].
+        How long it may take to take a command, and to tell its calibration [s].
 
     Raises
     ------
@@ -71,7 +71,7 @@ class Ppk2Port:
         try:
             self.command(self._api.stop_measuring)  # a program that crashed may have left it streaming
             self.drain()
-            self.calibration = self._read_calibration()
+            self.calibration = self._patiently_read_calibration(time.monotonic() + timeout)
         except BaseException:
             self.close()
             raise
@@ -145,6 +145,18 @@ class Ppk2Port:
         """Close the port, and return the error of a connection that is gone."""
         self.close()
         return InstrumentError(f"{self.name}: the connection broke ({error})", Fault.DISCONNECTED)
+
+    def _patiently_read_calibration(self, end: float) -> dict[str, str]:
+        """Return the calibration; the library waits for half a second, and is asked again until a time."""
+        while True:
+            try:
+                calibration = self._read_calibration()
+            except InstrumentError as error:
+                if error.fault not in (Fault.NO_REPLY, Fault.GARBLED) or time.monotonic() >= end:
+                    raise
+            else:
+                self.drain()  # the answer to an earlier question, which would be taken for words
+                return calibration
 
     def _read_calibration(self) -> dict[str, str]:
         """Return the calibration that the instrument reports, once the library has taken all of it."""

@@ -86,7 +86,7 @@ def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Pa
 
 @pytest.mark.slow
 def test_it_is_tried_on_an_emulated_phone(command: Any, tmp_path: Path) -> None:
-    words = ("--rounds", "2", "--seconds", "0.7", "--settle-s", "0.1", "--rate-hz", "20")
+    words = ("--rounds", "2", "--seconds", "4", "--settle-s", "0.1", "--rate-hz", "20")
     out = tmp_path / "power"
     done = command("measure", "saving", "--instrument", "simulated:adb", *FILMS, *words, "--out", out)
     assert done.code == 0, done.err
