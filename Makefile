@@ -1,22 +1,24 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test test-fast check format benchmarks
+.PHONY: setup lab demo test test-fast check format docs benchmarks FORCE
 
 BIN := .venv/bin
+# Where .venv was set up and works no more (its Python was replaced, the folder moved), all marks are out of date.
+NEEDED := setup.sh pyproject.toml constraints.txt \
+    $(shell [ ! -e .venv/.ready ] || $(BIN)/python -P -c 'import evenlight' 2>/dev/null || echo FORCE)
 
+# Everything but sessions in a window.
 setup: .venv/.ready
 
-.venv/.ready: setup.sh pyproject.toml constraints.txt
+.venv/.ready: $(NEEDED)
 	@./setup.sh
 
-# PsychoPy, to run sessions with people; the tests rehearse them on a virtual screen.
+# With PsychoPy, to run sessions with people: Python 3.11 or 3.12 (`make lab PYTHON=/path/to/python3.12`).
 lab: .venv/.lab-ready
 
-.venv/.lab-ready: setup.sh pyproject.toml constraints.txt
-	@./setup.sh lab
-
-# What the tests need beside it: a browser, and the players that follow a track.
-.venv/.test-ready: setup.sh pyproject.toml constraints.txt
-	@./setup.sh test
+# `docs`: what builds the site. `dev`: that, formatter, linter, type checker, and the Python packages that the tests
+# need. `test`: also a browser, the players that follow a track, and PsychoPy where Python allows it.
+.venv/.%-ready: $(NEEDED)
+	@./setup.sh $*
 
 demo: setup
 	$(BIN)/evenlight demo --out demo
@@ -26,21 +28,25 @@ test: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 
 # Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.
-test-fast: setup
+test-fast: .venv/.dev-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow"
 
-check: lab
+check: .venv/.dev-ready
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: setup
+format: .venv/.dev-ready
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+# The pages of docs/ as a site, in site/.
+docs: .venv/.docs-ready
+	$(BIN)/mkdocs build --strict
+
 # The page of speed against error, on this machine: half an hour, in which it should have nothing else to do.
-benchmarks: lab
+benchmarks: .venv/.test-ready
 	$(BIN)/evenlight bench all --out out/benchmarks
 	mkdir -p docs/benchmarks
 	cp out/benchmarks/benchmarks.md out/benchmarks/*.png docs/benchmarks/

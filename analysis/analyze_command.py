@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
+from evenlight.option_panels import asked, computation, output, words_and_files
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -19,28 +21,35 @@ REPORT, SUMMARY = "report.html", "analysis.json"
 def analyze(
     dataset: Annotated[
         Path,
-        typer.Argument(help="Data set with sessions of ramp, rating, comparison, search, or your own tasks."),
+        typer.Argument(
+            help="Data set with sessions: ramp, rating, comparison, search, or tasks of your own."
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the tables, figures and report.html.")],
+    out: Annotated[Path, output(help="Folder for the tables, figures and report.html.")],
     task: Annotated[
-        list[str] | None, typer.Option(help="Which task; may be given repeatedly. Else all there are.")
+        list[str] | None,
+        asked(
+            metavar="TASK",
+            help="Analyse only this task. Otherwise all that the data set holds.",
+            autocompletion=words_and_files(*BUILT_IN_TASKS),
+        ),
     ] = None,
     margin: Annotated[
-        float, typer.Option(help="Comparison: shares within 0.5 plus or minus this count as no difference.")
+        float, asked(help="Comparison: a share of choices within 0.5 ± this counts as no difference.")
     ] = 0.15,
     slowing: Annotated[
-        float, typer.Option(help="Search: times longer by less than this share count as no slowing.")
+        float, asked(help="Search: times that are longer by less than this share count as no slowing.")
     ] = 0.25,
     fit_measure: Annotated[
-        bool, typer.Option("--fit-measure", help="Rating: fit the measure of loss to the ratings.")
+        bool, asked("--fit-measure", help="Rating: find out which measure of loss the ratings agree with.")
     ] = False,
     stimuli: Annotated[
-        Path | None, typer.Option(help="--fit-measure: the folder of the stimuli that were rated.")
+        Path | None, asked(help="For --fit-measure: the folder with the videos and tracks that were rated.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of what is drawn at random.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+    seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Make the statistics of a data set: ratings, comparisons, search times, calibration."""
+    """Compute the statistics of a data set, with figures and a report: every task that it holds."""
     from evenlight.analysis.dataset_findings import AnalysisOptions
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
     from evenlight.data_schema.errors import InputError

@@ -11,10 +11,10 @@ from evenlight.progress import shown_progress
 
 
 def audit(
-    out: Annotated[Path, typer.Option(help="Folder for audit_statistics.csv, the figures and report.html.")],
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for audit_statistics.csv, figures and report.html.")],
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Audit the paper's published numbers: what they can and cannot support."""
+    """Check what the paper's published numbers themselves can support, and what they cannot."""
     from evenlight.analysis.audit.audit_findings import TITLE, audit_findings
     from evenlight.analysis.findings import write_findings
     from evenlight.analysis.report import Report, write_report

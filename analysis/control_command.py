@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,7 @@ import typer
 from evenlight.analysis.track_options import (
     AcceptWideBandOption,
     ActuatorOption,
+    BatteryOption,
     ContrastModelOption,
     CurvesOption,
     DeviceOption,
@@ -28,6 +30,7 @@ from evenlight.analysis.track_options import (
     QuietOption,
     RateLimitOption,
     VideoArgument,
+    borrowed_line,
     check_video,
     chosen_device,
     require_between,
@@ -38,60 +41,82 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
+from evenlight.option_panels import asked, output
 
 if TYPE_CHECKING:
     from evenlight.analysis.tracks.control_run import ControlResult
     from evenlight.data_schema.tracks.control import TargetRow
 
 MOST_TARGETS = 200
+gains_of = functools.partial(typer.Option, rich_help_panel="PID controller")
 CURVES_TOLERANCE = 0.001  # of given loss curves: the default of `optimize`
 
 
 def control(
     video: VideoArgument,
-    out: Annotated[Path, typer.Option(help="Folder for track.csv, control.json, track.png and the rest.")],
+    out: Annotated[Path, output(help="Folder for track.csv, control.json, track.png, player.html and more.")],
     target_loss: Annotated[
-        float | None, typer.Option(help="Contrast loss to hold, 0 to 1; with --budget only to begin with.")
+        float | None,
+        asked(
+            help="Share of visible contrast that each frame may lose, 0 to 1; with --budget only to begin "
+            "with."
+        ),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(help="Budget that the target follows, in the unit of --budget-unit.")
+        float | None, asked(help="Budget to meet on average, in --budget-unit; the target loss follows it.")
     ] = None,
     budget_unit: Annotated[
         BudgetUnit | None,
-        typer.Option(help="Mean brightness factor, share of full power, or watt.", show_default="factor"),
+        asked(
+            help="What --budget counts: the mean brightness factor, the share of the power at full "
+            "brightness, or watts.",
+            show_default="factor",
+        ),
     ] = None,
     horizon: Annotated[
-        float | None,
-        typer.Option(help="Seconds over which the mean is to meet the budget.", show_default="60"),
+        float | None, asked(help="Time over which the mean is to meet the budget.", show_default="60")
     ] = None,
     lookahead: Annotated[
         float | None,
-        typer.Option(
-            help="Plan ahead: so many seconds of the video to come are known, 0 for none; in place of the "
-            "PID controller and its gains."
+        asked(
+            metavar="SECONDS",
+            help="Plan ahead, with so many seconds of the video to come known (0: none), in place of the "
+            "PID controller.",
         ),
     ] = None,
-    proportional: Annotated[float | None, typer.Option(help="Gain K_p.", show_default="0.2")] = None,
-    integral: Annotated[
-        float | None, typer.Option(help="Gain K_i, per frame of 1 / --gain-rate.", show_default="0.01")
+    proportional: Annotated[
+        float | None, gains_of(metavar="K_P", help="Proportional gain.", show_default="0.2")
     ] = None,
-    derivative: Annotated[float | None, typer.Option(help="Gain K_d, likewise.", show_default="0.05")] = None,
+    integral: Annotated[
+        float | None,
+        gains_of(metavar="K_I", help="Integral gain, per frame of --gain-rate.", show_default="0.01"),
+    ] = None,
+    derivative: Annotated[
+        float | None,
+        gains_of(metavar="K_D", help="Derivative gain, per frame of --gain-rate.", show_default="0.05"),
+    ] = None,
     gain_rate: Annotated[
         float | None,
-        typer.Option(help="Frame rate that the gains are for [Hz]; 0: that of the video.", show_default="90"),
+        gains_of(
+            metavar="HZ", help="Frame rate that the gains are for; 0: that of the video.", show_default="90"
+        ),
     ] = None,
     start_factor: Annotated[
-        float | None, typer.Option(help="Factor of the first frame; else where it has the target loss.")
+        float | None,
+        asked(
+            metavar="FACTOR",
+            help="Brightness factor of the first frame. Otherwise the one at which it has the target loss.",
+        ),
     ] = None,
     tune: Annotated[
         bool,
-        typer.Option("--tune", help="Choose gains for this video within stability margins, budget aside."),
+        gains_of("--tune", help="Choose gains for this video, with stability margins; ignores --budget."),
     ] = False,
     sweep: Annotated[
         str | None,
-        typer.Option(help="Targets to try as well, budget aside: LOWEST:HIGHEST:HOW_MANY."),
+        gains_of(metavar="LOW:HIGH:N", help="Also try N target losses from LOW to HIGH; ignores --budget."),
     ] = None,
-    display: DisplayOption = "varjo-xr3",
+    display: DisplayOption = None,
     power_model: PowerModelOption = "surace2025",
     rate_limit: RateLimitOption = "surace2025",
     contrast_model: ContrastModelOption = "default",
@@ -106,11 +131,16 @@ def control(
     device: DeviceOption = Device.CPU,
     other_display_ok: OtherDisplayOption = False,
     accept_wide_band: AcceptWideBandOption = False,
+    battery_wh: BatteryOption = None,
     no_cache: NoCacheOption = False,
     no_player: NoPlayerOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Dim a video online: hold a contrast loss, or a power budget, knowing little of the frames to come."""
+    """Dim a video as a player would, frame by frame: hold a contrast loss, or meet a power budget.
+
+    Give --target-loss or --budget. The controller sees the frames that were shown, and with --lookahead the
+    next few seconds.
+    """
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
     from evenlight.analysis.tracks.control_run import ControlJob
     from evenlight.analysis.tracks.optimization_job import OptimizationJob
@@ -122,10 +152,11 @@ def control(
     from evenlight.method.online.lookahead import LOOKAHEADS, LookaheadSettings
     from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
+        display_for,
         load_contrast_model,
-        load_display,
         load_power_model,
-        load_rate_limit_for,
+        load_rate_limit,
+        usable_limit,
     )
     from evenlight.stimuli.sequences import open_video
 
@@ -152,10 +183,14 @@ def control(
             raise InputError(f"--{name} is for the PID controller; --lookahead does without: leave one")
     unit, seconds = budget_unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
     require_between("--horizon", seconds, HORIZONS)
-    panel = load_display(display)
-    limit = load_rate_limit_for(panel, rate_limit, other_display_ok, accept_wide_band)
+    limit = load_rate_limit(rate_limit)
+    panel = display_for(limit, display, curves)
+    limit = usable_limit(limit, panel, other_display_ok, accept_wide_band)
     power = load_power_model(power_model)
-    request = Request(1.0 if budget is None else budget, unit, power, limit, limit_curve, modulated)
+    request = Request(
+        1.0 if budget is None else budget, unit, power, limit, limit_curve, modulated,
+        battery=battery_wh,
+    )  # fmt: skip
     if budget is not None:
         require_possible(request, min_factor)
     model = load_contrast_model(contrast_model)
@@ -199,7 +234,7 @@ def control(
         written = files_in(folder)
     remove_earlier_track(out, written)
     if not quiet:
-        _print_result(done, rows, out)
+        _print_result(done, rows, borrowed_line(limit, panel) + results_in(out))
 
 
 def targets_in(words: str | None) -> tuple[float, ...]:
@@ -222,13 +257,17 @@ def targets_in(words: str | None) -> tuple[float, ...]:
     return tuple(round(low + (high - low) * k / (count - 1), 12) for k in range(count))
 
 
-def _print_result(done: ControlResult, rows: list[TargetRow], out: Path) -> None:
-    """Print how steady the loss was, and what it cost, in a few lines."""
+def _print_result(done: ControlResult, rows: list[TargetRow], closing: str) -> None:
+    """Print what is gained in plain words, then how steady the loss was, in figures."""
+    from evenlight.analysis.tracks.gain_words import gain_in_words
+
+    for line in gain_in_words(done.summary):
+        typer.echo(line)
     control, summary, spread = done.control, done.summary, done.spread
     ratio = "" if spread.ratio is None else f", {spread.ratio:.2f} times as much"
     saved = f", {summary.mean_power / summary.full_power:.1%} of full power" if summary.full_power else ""
     typer.echo(
-        f"{control.video}: {summary.frames} frames, contrast loss {control.mean_loss:.4g} on average, target "
+        f"{summary.frames} frames, contrast loss {control.mean_loss:.4g} on average, target "
         f"{_target(done)}\n"
         f"its SD over time is {control.sd_loss:.4g}, {control.sd_loss_constant:.4g} at constant dimming by "
         f"the same mean factor{ratio}\n"
@@ -251,7 +290,7 @@ def _print_result(done: ControlResult, rows: list[TargetRow], out: Path) -> None
             f"targets {rows[0].target_loss:g} to {rows[-1].target_loss:g} take mean factors "
             f"{rows[0].mean_factor:.4g} to {rows[-1].mean_factor:.4g}"
         )
-    typer.echo(results_in(out))
+    typer.echo(closing)
 
 
 def _target(done: ControlResult) -> str:

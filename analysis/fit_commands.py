@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
+from evenlight.option_panels import output, viewing
 from evenlight.progress import Progress, shown_progress
 
 if TYPE_CHECKING:
     from evenlight.analysis.calibration.calibration import Calibration
-    from evenlight.analysis.calibration.choices.limit_choices import LimitChoices
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
     from evenlight.analysis.measurement.sweeps.sweep_loading import ChosenSweep
     from evenlight.analysis.measurement.sweeps.sweep_report import SweepResults
@@ -23,52 +24,72 @@ if TYPE_CHECKING:
     from evenlight.stimuli.video.video_source import VideoSource
 
 
+curve_option = functools.partial(typer.Option, rich_help_panel="The curve of the rate limit")
+choice_option = functools.partial(typer.Option, rich_help_panel="Which answers, if there are several kinds")
+trial_option = functools.partial(typer.Option, rich_help_panel="The video on which the curve is tried")
+
+
 def fit(
     dataset: Annotated[
         Path,
         typer.Argument(
-            help="Data set with ramp sessions, sweeps of a display, or both; or measured power or light."
+            help="Data set with ramp sessions, sweeps of a display, or both; or a folder of measured power "
+            "or light."
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the results; those of sweeps get folders in it.")],
+    out: Annotated[Path, output(help="Folder for the results; those of sweeps get folders in it.")],
     model: Annotated[
         RateLimitModel | None,
-        typer.Option(
-            help="All answers at once, a threshold each and then a curve, or all answers pooled.",
-            show_default="joint; individual for --form rate",
+        curve_option(
+            help="joint: one model of all answers. individual: a threshold for each person and level, then a "
+            "curve. pooled: as if all answers were one person's.",
+            show_default="joint; individual with --form rate",
         ),
     ] = None,
     form: Annotated[
         RateLimitForm | None,
-        typer.Option(help="What the polynomial describes; else by predictive score (joint), or ln_rate."),
+        curve_option(
+            help="What the polynomial describes. Otherwise chosen by predictive score (joint), or ln_rate."
+        ),
     ] = None,
     degree: Annotated[
-        int | None, typer.Option(help="Its degree; else by predictive score (joint), or 4.")
+        int | None,
+        curve_option(help="Degree of the polynomial. Otherwise chosen by predictive score (joint), or 4."),
     ] = None,
     monotone: Annotated[
-        bool, typer.Option("--monotone", help="A curve that does not fall with luminance (joint).")
+        bool, curve_option("--monotone", help="Allow only a curve that never falls with luminance (joint).")
     ] = False,
     procedure: Annotated[
-        Procedure | None, typer.Option(help="Task whose answers are fitted, if there are several.")
+        Procedure | None, choice_option(help="Which question's answers to fit, if there were several.")
     ] = None,
     direction: Annotated[
-        Direction | None, typer.Option(help="Ramps that the limit is for; else the most easily seen.")
+        Direction | None,
+        choice_option(help="Fit falling or rising ramps. Otherwise those that are seen most easily."),
     ] = None,
     ramp_duration: Annotated[
-        float | None, typer.Option(help="Their duration in s; else that of the most easily seen.")
+        float | None,
+        choice_option(
+            metavar="SECONDS", help="Fit ramps of this duration. Otherwise those that are seen most easily."
+        ),
     ] = None,
     clip: Annotated[
         str | None,
-        typer.Option(help="Video on which the choice of the curve is tried; else a short sunrise."),
+        trial_option(
+            metavar="VIDEO",
+            help="Video on which the choice of the curve is tried. Otherwise a short built-in sunrise.",
+        ),
     ] = None,
-    budget: Annotated[float, typer.Option(help="Mean brightness factor of that video.")] = 0.4,
-    no_clip: Annotated[bool, typer.Option("--no-clip", help="Try the choice on no video.")] = False,
+    budget: Annotated[float, trial_option(help="Mean brightness factor for that video.")] = 0.4,
+    no_clip: Annotated[bool, trial_option("--no-clip", help="Try the choice on no video.")] = False,
     power_model: Annotated[
-        str | None, typer.Option(help="Power model whose prediction is shown beside measured power.")
+        str | None, viewing(help="For measured power: a power model whose prediction is shown beside it.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Fit a rate limit to ramp sessions, display and power models to sweeps; analyse power, light."""
+    """Turn answers into thresholds and a rate limit, and sweeps into models of a display and its power.
+
+    The rate limit goes to `evenlight optimize --rate-limit`. Measured power and light are analysed, too.
+    """
     from evenlight.analysis.calibration.choices.choice_on_clip import open_clip, require_budget
     from evenlight.analysis.calibration.choices.limit_choices_report import LOG_LOG_LIMIT, SAFE_LIMIT
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
@@ -124,7 +145,7 @@ def fit(
         written = files_in(folder)
     if results:  # an earlier fit's edge or curve does not belong to this one's limit
         remove_stale(out, (SAFE_LIMIT, LOG_LOG_LIMIT), written)
-    warnings = (*(results.calibration.warnings if results else ()), *(measured.warnings if measured else ()))
+    warnings = (*(results.warnings if results else ()), *(measured.warnings if measured else ()))
     for warning in (*warnings, *roll.warnings):
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
@@ -151,19 +172,10 @@ class _Task:
     budget: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Results:
-    """What the closing lines tell about."""
-
-    calibration: Calibration
-    choices: LimitChoices
-    on_clip: str
-
-
-def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
+def _write_results(task: _Task, folder: Path, progress: Progress) -> Calibration:
     """Fit, compare the curves, and write every file."""
     from evenlight.analysis.calibration.calibration import calibrate
-    from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, curves_of, in_words
+    from evenlight.analysis.calibration.choices.choice_on_clip import compare_on_clip, curves_of
     from evenlight.analysis.calibration.choices.limit_choices import limit_choices
     from evenlight.analysis.calibration.choices.limit_choices_report import write_limit_choices
     from evenlight.analysis.calibration.fit_report import (
@@ -192,19 +204,35 @@ def _write_results(task: _Task, folder: Path, progress: Progress) -> _Results:
     origin = provenance_now(inputs=inputs)
     write_limit_choices(folder, choices, comparison, origin)
     write_fit_report(folder, FitResults(calibration, choices, comparison, origin))
-    return _Results(calibration, choices, in_words(choices, comparison) if comparison else "")
+    return calibration
 
 
-def _tell(results: _Results, out: Path) -> None:
+def _tell(calibration: Calibration, out: Path) -> None:
     """Say what was found, in a few lines."""
-    data, thresholds = results.calibration.data, results.calibration.thresholds
-    limit = results.calibration.rate_limit.limit
+    data, thresholds = calibration.data, calibration.thresholds
+    limit = calibration.rate_limit.limit
     kind = "simulated participants" if data.simulated else "participants"
+    typer.echo(_limit_in_words(limit))
     typer.echo(
         f"{len(thresholds)} thresholds of {len(data.participant_ids)} {kind}, and a rate limit "
-        f"({results.calibration.models.chosen.value} model, {limit.form.value} of degree "
+        f"({calibration.models.chosen.value} model, {limit.form.value} of degree "
         f"{len(limit.coefficients) - 1}), in {out}"
     )
-    if results.on_clip:
-        typer.echo(results.on_clip)
     typer.echo(f"{out / 'report.html'} has the details")
+
+
+def _limit_in_words(limit: RateLimit) -> str:
+    """Return how fast a display may change in the middle of the luminances that were shown."""
+    import numpy as np
+
+    from evenlight.method.rate_limit import rate_limit_at
+
+    middle = sum(limit.luminance_range) / 2
+    rate = float(rate_limit_at(limit, middle))
+    band = ""
+    if limit.band_luminance:
+        low, high = (
+            np.interp(middle, limit.band_luminance, edge) for edge in (limit.band_lower, limit.band_upper)
+        )
+        band = f" ({limit.band_words}: {low:.3g} to {high:.3g})"
+    return f"{limit.display_name} may change by {rate:.3g} cd/m²/s at {middle:.3g} cd/m²{band}"

@@ -16,6 +16,8 @@ from evenlight.analysis.track_options import (
     VideoArgument,
 )
 from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.measures import MEASURES
+from evenlight.option_panels import asked, output, words_and_files
 
 TOLERANCE = 0.001  # of loss, as of `evenlight optimize`
 
@@ -28,32 +30,36 @@ def judge(
     track: Annotated[
         Path,
         typer.Argument(
-            help="Its track.csv with its track.json beside it, or the folder `evenlight optimize` wrote."
+            help="Its track: the folder that `evenlight optimize` wrote, or track.csv with track.json "
+            "beside it."
         ),
     ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for judgement.json, the tables, a figure and report.html.")
-    ],
+    out: Annotated[Path, output(help="Folder for judgement.json, the tables, a figure and report.html.")],
     measure: Annotated[
-        list[str] | None, typer.Option(help="A measure of loss; may be repeated. Else all of them.")
+        list[str] | None,
+        asked(
+            metavar="NAME",
+            help=f"Which measure of loss: {', '.join(MEASURES)}. Otherwise all.",
+            autocompletion=words_and_files(*MEASURES),
+        ),
     ] = None,
-    display: DisplayOption = "varjo-xr3",
+    display: DisplayOption = None,
     fps: FpsOption = None,
     jobs: JobsOption = 1,
     modulation: Annotated[
-        bool, typer.Option(help="Whether to ask ColorVideoVDP, if installed, how visible the movement is.")
+        bool, asked(help="Whether to ask ColorVideoVDP, if installed, how visible the dimming itself is.")
     ] = True,
     no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Judge a brightness track by several measures of loss, beside constant dimming at equal power."""
+    """Judge a track by several measures of what is lost, beside constant dimming at equal power."""
     from evenlight.analysis.judgement.judgement import JudgedVideo
     from evenlight.analysis.judgement.judgement_results import judge_track
     from evenlight.data_schema.storage.whole_files import results_folder
     from evenlight.data_schema.tracks.loaded_track import load_track
     from evenlight.method.choices import AnalysisEffort
-    from evenlight.method.contrast.measures import MEASURES, measure_named
-    from evenlight.method.preset_files import load_display
+    from evenlight.method.contrast.measures import measure_named
+    from evenlight.stimuli.dimmed.matched_track import display_of
     from evenlight.stimuli.sequences import open_video
 
     if jobs < 0:
@@ -63,7 +69,7 @@ def judge(
         measure_named(name)
     loaded = load_track(track)
     source, effort = open_video(video, fps), AnalysisEffort(TOLERANCE, jobs)
-    judged = JudgedVideo(source, load_display(display), loaded, effort, not no_cache, quiet)
+    judged = JudgedVideo(source, display_of(loaded.track, display), loaded, effort, not no_cache, quiet)
     with results_folder(out) as folder:
         found = judge_track(judged, names, modulation, folder)
     if not quiet:

@@ -10,6 +10,7 @@ import typer
 from evenlight.analysis.track_options import (
     AcceptWideBandOption,
     ActuatorOption,
+    BatteryOption,
     BudgetUnitOption,
     ContrastModelOption,
     CurvesOption,
@@ -28,6 +29,7 @@ from evenlight.analysis.track_options import (
     QuietOption,
     RateLimitOption,
     VideoArgument,
+    borrowed_line,
     check_video,
     chosen_device,
     require_curves_to_compute,
@@ -47,6 +49,7 @@ from evenlight.method.choices import (
     SolverName,
 )
 from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
+from evenlight.option_panels import asked, computation, limits, output
 
 if TYPE_CHECKING:
     from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -54,15 +57,19 @@ if TYPE_CHECKING:
 
 def optimize(
     video: VideoArgument,
-    budget: Annotated[float, typer.Option(help="Budget, in the unit of --budget-unit.")],
-    out: Annotated[Path, typer.Option(help="Folder for track.csv, summary.json, track.png and the rest.")],
+    budget: Annotated[float, asked(help="How much brightness or power may be used, in --budget-unit.")],
+    out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")],
     budget_unit: BudgetUnitOption = BudgetUnit.FACTOR,
-    display: DisplayOption = "varjo-xr3",
+    display: DisplayOption = None,
     power_model: PowerModelOption = "surace2025",
     rate_limit: RateLimitOption = "surace2025",
     contrast_model: ContrastModelOption = "default",
     solver: Annotated[
-        SolverName, typer.Option(help="The fast one, the paper's, or a general one (short clips).")
+        SolverName,
+        computation(
+            help="splitting is fast; slsqp is the paper's; highs and clarabel are general solvers, "
+            "for short clips."
+        ),
     ] = SolverName.SPLITTING,
     limit_curve: LimitCurveOption = LimitCurve.FITTED,
     modulated: ModulatedOption = ModulatedLuminance.FRAME_MEAN,
@@ -73,58 +80,76 @@ def optimize(
     curves: CurvesOption = None,
     tolerance: Annotated[
         float,
-        typer.Option(help="Error of contrast loss to accept for counting fine detail only where it changes."),
+        computation(
+            help="Error of contrast loss to accept, so that fine detail is counted only where it changes; "
+            "0: count all."
+        ),
     ] = 0.001,
     jobs: JobsOption = 1,
     device: DeviceOption = Device.CPU,
     weights: Annotated[
-        Path | None, typer.Option(help="Sections that count more or less: csv start_s,end_s,weight.")
+        Path | None, asked(help="Table of scenes that count more or less: csv with start_s,end_s,weight.")
     ] = None,
     allowances: Annotated[
         Path | None,
-        typer.Option(help="Sections with another rate limit: csv start_s,end_s,allowance; 0 holds still."),
+        limits(
+            help="Table of moments with another rate limit: csv with start_s,end_s,allowance. An allowance "
+            "multiplies the limit; 0 allows no change."
+        ),
     ] = None,
     with_: Annotated[
-        list[str] | None, typer.Option("--with", help="Another clip to share the budget; may be repeated.")
+        list[str] | None, asked("--with", metavar="VIDEO", help="Another clip that shares the budget.")
     ] = None,
     start: Annotated[
-        Path | None, typer.Option(help="Track of an earlier result to start from, or its folder.")
+        Path | None,
+        computation(help="Earlier result to start from (track.csv or its folder), of another edit, say."),
     ] = None,
     calm: Annotated[
-        float, typer.Option(help="Share of the gain to give up for a calmer track; 0 for the exact optimum.")
+        float,
+        asked(
+            metavar="SHARE",
+            help="Share of the gain to give up for a track that turns back less often; 0: the exact optimum.",
+        ),
     ] = DEFAULT_CALM,
     robust: Annotated[
         bool,
-        typer.Option(
+        asked(
             "--robust",
-            help="Minimize the worst spread by several measures of loss (--measures); without --curves, "
-            "--with, --device, --start, --contrast-model, --objective.",
+            help="Minimize the worst result among several measures of loss (--measures). Not together with "
+            "--curves, --with, --device, --start, --contrast-model or --objective.",
         ),
     ] = False,
     measures: Annotated[
         str | None,
-        typer.Option(
-            help=f"Those of --robust, with commas: {', '.join(MEASURES)}.", show_default=",".join(ROBUST)
+        asked(
+            metavar="NAME,NAME",
+            help=f"Measures for --robust, separated by commas: {', '.join(MEASURES)}.",
+            show_default=",".join(ROBUST),
         ),
     ] = None,
     objective: Annotated[
         ObjectiveName,
-        typer.Option(
-            help="What to minimize: differences of loss between frames, these and the mean loss, "
+        asked(
+            help="What to minimize: differences of loss between frames (spread), these and the mean loss, "
             "or the largest loss of any frame."
         ),
     ] = ObjectiveName.SPREAD,
     level_weight: Annotated[
-        float | None, typer.Option(help="Weight of the mean loss in spread+mean, e.g. 0.5.")
+        float | None, asked(metavar="WEIGHT", help="Weight of the mean loss in spread+mean, such as 0.5.")
     ] = None,
     other_display_ok: OtherDisplayOption = False,
     accept_wide_band: AcceptWideBandOption = False,
-    seed: Annotated[int, typer.Option(help="Seed of the solver's start (slsqp).")] = 1,
+    battery_wh: BatteryOption = None,
+    seed: Annotated[int, computation(help="Seed of the random start of slsqp.")] = 1,
     no_cache: NoCacheOption = False,
     no_player: NoPlayerOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find the brightness track of a video under a power budget."""
+    """Find the brightness track of a video: how bright each frame is shown to meet a power budget.
+
+    Frames lose more nearly the same share of visible contrast than if all were dimmed alike, and brightness
+    never changes faster than the rate limit.
+    """
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
     from evenlight.analysis.tracks.optimization_job import OptimizationJob
     from evenlight.analysis.tracks.track_results import run_optimization
@@ -136,10 +161,11 @@ def optimize(
     from evenlight.method.optimizer.objective import objective_named
     from evenlight.method.optimizer.request import Request, require_possible
     from evenlight.method.preset_files import (
+        display_for,
         load_contrast_model,
-        load_display,
         load_power_model,
-        load_rate_limit_for,
+        load_rate_limit,
+        usable_limit,
     )
     from evenlight.stimuli.sequences import open_videos
 
@@ -165,13 +191,15 @@ def optimize(
     require_there("--allowances", allowances, "a csv table start_s,end_s,allowance")
     if start is not None and solver is not SolverName.SPLITTING:
         raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
-    panel = load_display(display)
-    limit = load_rate_limit_for(panel, rate_limit, other_display_ok, accept_wide_band)
+    limit = load_rate_limit(rate_limit)
+    panel = display_for(limit, display, curves)
+    limit = usable_limit(limit, panel, other_display_ok, accept_wide_band)
     request = Request(
         budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
         weights=() if weights is None else tuple(read_rows(WeightSection, weights)),
         allowances=() if allowances is None else tuple(read_rows(AllowanceSection, allowances)),
         minimized=objective_named(objective, level_weight),
+        battery=battery_wh,
     )  # fmt: skip
     require_possible(request, min_factor)
     if curves is not None and with_:
@@ -208,7 +236,7 @@ def optimize(
         written = files_in(folder)
     remove_earlier_track(out, written)
     if not quiet:
-        _print_result(summary, out)
+        _print_result(summary, borrowed_line(limit, panel) + results_in(out))
 
 
 def _robust_measures(robust: bool, measures: str | None) -> tuple[str, ...]:
@@ -222,24 +250,28 @@ def _robust_measures(robust: bool, measures: str | None) -> tuple[str, ...]:
     return measures_named([name for item in measures.split(",") if (name := item.strip())])
 
 
-def _print_result(summary: OptimizationSummary, out: Path) -> None:
-    """Print what was achieved, in a few lines."""
+def _print_result(summary: OptimizationSummary, closing: str) -> None:
+    """Print what is gained in plain words, then what was achieved in figures."""
+    from evenlight.analysis.tracks.gain_words import gain_in_words
     from evenlight.analysis.tracks.objective_words import minimized_in_words, spread_in_words
     from evenlight.analysis.wording import detection_in_words, percent
 
     weighted = "weighted by --weights, " if summary.weighted else ""
     minimized = minimized_in_words(summary)
-    asked = "" if summary.rate_limit_procedure is None else f" ({summary.rate_limit_procedure.value})"
+    procedure = summary.rate_limit_procedure
+    known = [procedure.value] if procedure else []
+    known += ["simulated"] if summary.simulated else []
+    asked = f" ({', '.join(known)})" if known else ""
     accepted = ", whose wide or missing band was accepted" if summary.wide_band_accepted else ""
+    for line in gain_in_words(summary):
+        typer.echo(line)
     typer.echo(
-        f"{summary.video}: {summary.frames} frames at {summary.mean_power:.4g} W, "
-        f"{percent(summary.mean_power / summary.full_power)} of full power, "
-        f"mean factor {summary.mean_factor:.4g}\n"
+        f"{summary.frames} frames, mean factor {summary.mean_factor:.4g}\n"
         f"{minimized and minimized + chr(10)}{weighted}{spread_in_words(summary)}\n"
         f"fastest change {percent(summary.max_rate_ratio)} of the rate limit {summary.rate_limit!r}{asked}"
         f"{accepted}{beyond_the_fitted(summary)}\n"
         f"{detection_in_words(summary)}\n"
-        f"{results_in(out)}"
+        f"{closing}"
     )
 
 

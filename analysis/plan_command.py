@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import asked, computation, output, words_and_files
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -20,13 +22,15 @@ if TYPE_CHECKING:
     from evenlight.analysis.plans.ramp_plan_pool import LoadRampDesign, SimulateRamps
     from evenlight.analysis.plans.viewing_plan import Truth
 
+ramps_option = functools.partial(typer.Option, rich_help_panel="Of ramp, a calibration")
+viewings_option = functools.partial(typer.Option, rich_help_panel="Of rating, comparison and search")
 OPTIONS_OF_TASK = {  # beside those that go with every task
     "ramp": ("precision", "trials", "design", "display", "thorough"),
     "rating": ("power", "difference", "spread", "agreement", "sequences"),
     "comparison": ("power", "share", "margin", "spread", "repetitions", "sequences"),
     "search": ("power", "ratio", "undetected", "margin", "spread", "locations"),
 }
-RAMP_PARTICIPANTS, RAMP_TRIALS = "5,10,20,40", "20,40,60,100"
+RAMP_PARTICIPANTS, RAMP_TRIALS = "5,10,20,40", "20,30,40,60,100"
 DISPLAY = "varjo-xr3"
 STANDARD_DESIGNS = ("paper", "yes_no_targeted", "recommended", "psi_marginal")
 RAMP_COLUMNS = {  # of the printed table: heading, and how a row fills it
@@ -65,74 +69,121 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
     """
 
     def plan(
-        task: Annotated[str, typer.Argument(help="Experiment: ramp, rating, comparison or search.")],
-        out: Annotated[Path, typer.Option(help="Folder for plan.csv, plan.json and plan.png.")],
+        task: Annotated[
+            str,
+            typer.Argument(
+                help="Which experiment: ramp (a calibration), rating, comparison or search.",
+                autocompletion=words_and_files(*OPTIONS_OF_TASK),
+            ),
+        ],
+        out: Annotated[Path, output(help="Folder for plan.csv, plan.json and plan.png.")],
         participants: Annotated[
-            str | None, typer.Option(help="How many participants to try, such as 10,20,40.")
+            str | None, asked(metavar="N,N", help="Numbers of participants to try, such as 10,20,40.")
         ] = None,
         precision: Annotated[
             float | None,
-            typer.Option(
-                help="ramp: half-width of the 95 % pointwise band of the rate limit wanted, as a share [0.1]."
+            ramps_option(
+                metavar="SHARE",
+                help="Wanted half-width of the rate limit's 95 % pointwise band, as a share of the limit.",
+                show_default="0.1",
             ),
         ] = None,
-        trials: Annotated[str | None, typer.Option(help="ramp: how many ramps per level to try.")] = None,
+        trials: Annotated[
+            str | None,
+            ramps_option(
+                metavar="N,N",
+                help="Numbers of ramps at each luminance level to try.",
+                show_default=RAMP_TRIALS,
+            ),
+        ] = None,
         design: Annotated[
             list[str] | None,
-            typer.Option(help="ramp: a preset or a toml file of a design; may be given repeatedly."),
+            ramps_option(
+                help="Design of the session: a preset or a toml file. Otherwise four presets are compared."
+            ),
         ] = None,
         display: Annotated[
-            str | None, typer.Option(help="ramp: a preset or a toml file of a display [varjo-xr3].")
+            str | None,
+            ramps_option(help="Display to calibrate: a preset or a toml file.", show_default=DISPLAY),
         ] = None,
-        power: Annotated[float | None, typer.Option(help="All but ramp: power wanted [0.8].")] = None,
+        power: Annotated[
+            float | None, viewings_option(help="Wanted statistical power.", show_default="0.8")
+        ] = None,
         difference: Annotated[
             float | None,
-            typer.Option(help="rating: true mean difference in rating points [the paper's 0.46]."),
+            viewings_option(
+                metavar="POINTS",
+                help="rating: the true mean difference of ratings.",
+                show_default="0.46, the paper's",
+            ),
         ] = None,
         share: Annotated[
-            float | None, typer.Option(help="comparison: true share choosing ours [0.5 + margin].")
+            float | None,
+            viewings_option(
+                help="comparison: the true share of choices for ours.", show_default="0.5 + margin"
+            ),
         ] = None,
         ratio: Annotated[
-            float | None, typer.Option(help="search: median time with ours over the baseline's [0.8].")
+            float | None,
+            viewings_option(
+                help="search: the true median time with ours, divided by the baseline's.", show_default="0.8"
+            ),
         ] = None,
         margin: Annotated[
             float | None,
-            typer.Option(
-                help="What counts as none: distance of a share from 0.5 [0.15], or ratio of times [1.25]."
+            viewings_option(
+                help="comparison, search: what counts as no difference. A share's distance from 0.5, or a "
+                "ratio of times.",
+                show_default="0.15 or 1.25",
             ),
         ] = None,
         spread: Annotated[
             float | None,
-            typer.Option(help="How people differ: rating points [0.8], log-odds [0.5] or ln ratio [0.15]."),
+            viewings_option(
+                help="Standard deviation between people: in rating points, log-odds or ln(ratio of times).",
+                show_default="0.8, 0.5 or 0.15",
+            ),
         ] = None,
         agreement: Annotated[
-            float | None, typer.Option(help="rating: correlation of a person's differences [0.25].")
+            float | None,
+            viewings_option(
+                help="rating: correlation between one person's differences.", show_default="0.25"
+            ),
         ] = None,
         undetected: Annotated[
-            float | None, typer.Option(help="search: share of undetected rings, baseline [0.1].")
+            float | None,
+            viewings_option(help="search: share of rings not found with the baseline.", show_default="0.1"),
         ] = None,
-        sequences: Annotated[int | None, typer.Option(help="rating, comparison: how many [4].")] = None,
-        repetitions: Annotated[int | None, typer.Option(help="comparison: of each sequence [1].")] = None,
+        sequences: Annotated[
+            int | None, viewings_option(help="rating, comparison: how many sequences.", show_default="4")
+        ] = None,
+        repetitions: Annotated[
+            int | None,
+            viewings_option(help="comparison: how often each sequence is shown.", show_default="1"),
+        ] = None,
         locations: Annotated[
-            int | None, typer.Option(help="search: brightened, or dimmed ones [10].")
+            int | None,
+            viewings_option(
+                help="search: places of rings where ours is brighter, and as many darker.", show_default="10"
+            ),
         ] = None,
-        seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
+        seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
         quick: Annotated[
             bool,
-            typer.Option(
+            computation(
                 "--quick",
-                help="Rough, in half of the time or less: people needed are off by half, typically.",
+                help="In half of the time or less, but rough: participants needed may be off by half.",
             ),
         ] = False,
         thorough: Annotated[
             bool,
-            typer.Option(
-                "--thorough", help="ramp: three times as many simulated people, twice the experiments."
+            computation(
+                "--thorough", help="ramp: simulate three times as many people, and twice the experiments."
             ),
         ] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no table.")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no table.")] = False,
     ) -> None:
-        """Plan an experiment: participants for a wanted precision or power, by simulation."""
+        """Plan an experiment: how many participants and trials does it need? Found by simulation."""
         from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
         from evenlight.analysis.plans.ramp_plan import EFFORTS
 
@@ -202,8 +253,9 @@ def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet:
         write_plan(folder, plan)
     if not quiet:
         rows = [[cell.format(row) for cell in RAMP_COLUMNS.values()] for row in plan.rows]
-        notes = (PLANNED_MODEL, chance_in_words(plan))
-        _print_plan([list(RAMP_COLUMNS), *rows], (*notes, *in_words(plan)), out)
+        answer, *others = in_words(plan)
+        words = (PLANNED_MODEL, chance_in_words(plan), *others, answer)
+        _print_plan([list(RAMP_COLUMNS), *rows], words, out)
 
 
 def _plan_viewing(

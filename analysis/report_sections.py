@@ -8,7 +8,8 @@ from dataclasses import replace
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.tracks.objective_words import less_or_more, minimized_in_words
+from evenlight.analysis.tracks.gain_words import gain_sentences
+from evenlight.analysis.tracks.objective_words import less_or_more, little_of, minimized_in_words
 from evenlight.analysis.wording import detection_in_words, first_few
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
@@ -76,10 +77,9 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
 def meaning_of(summary: OptimizationSummary) -> str:
     """Return what the figures of a summary mean, in words."""
     ours, constant = summary.objective, summary.objective_baseline
-    saved = 100 * (1 - summary.mean_power / summary.full_power) if summary.full_power > 0 else 0.0
     words = (
-        f"The track needs {short(summary.mean_power)} W on average, {saved:.0f} % less than at full "
-        f"brightness and as much as constant dimming to {100 * summary.baseline_factor:.0f} %. "
+        f"{' '.join(gain_sentences(summary))} The track needs {short(summary.mean_power)} W on average, "
+        f"constant dimming to {100 * summary.baseline_factor:.0f} % takes {short(summary.baseline_power)} W. "
     )
     if summary.frames_without_contrast == summary.frames:
         words += "Nothing is visible in any frame, so there is no contrast to lose. "
@@ -88,6 +88,8 @@ def meaning_of(summary: OptimizationSummary) -> str:
             f"{minimized[0].upper()}{minimized[1:]}. Two frames picked at random differ by {short(ours)} in "
             f"the share of visible contrast that they lose, under constant dimming by {short(constant)}. "
         )
+    elif constant > 0 and (little := little_of(summary)):
+        words += f"There is {little}; two frames differ by {short(ours)} and {short(constant)}. "
     elif constant > 0:
         words += (
             "It spreads the lost contrast more evenly: two frames picked at random differ by "
@@ -102,7 +104,7 @@ def meaning_of(summary: OptimizationSummary) -> str:
     kept = "stays within" if ratio <= 1 + 1e-6 else "goes beyond"
     return words + (
         f"The fastest change reaches {100 * ratio:.0f} % of the rate limit and {kept} "
-        f"what the calibration allows; {detection_in_words(summary)}."
+        f"what the calibration allows. {detection_in_words(summary)}"
     )
 
 

@@ -39,21 +39,25 @@ def reproduce_command(simulators: Simulators) -> Callable[..., None]:
     """
 
     def reproduce(
-        out: Annotated[Path, typer.Option(help="Folder for tables/, figures/, report.html and the rest.")],
+        out: Annotated[Path, typer.Option(help="Folder for tables/, figures/, report.html and more.")],
         data: Annotated[
             Path | None,
-            typer.Option(help="Data set, or folder with several results: takes the place of simulated data."),
+            typer.Option(
+                metavar="DIR", help="Recorded data set, or folder of them, to use in place of simulated data."
+            ),
         ] = None,
         display: Annotated[
-            str, typer.Option(help="Display of recorded calibrations: a preset or a toml file.")
+            str, typer.Option(help="Display of the recorded calibration: a preset or a toml file.")
         ] = "varjo-xr3",
-        seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
+        seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
         quick: Annotated[
-            bool, typer.Option("--quick", help="Small pictures and few frames: to see that it runs.")
+            bool, typer.Option("--quick", help="Small pictures and few frames, to see that it runs.")
         ] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+        quiet: Annotated[
+            bool, typer.Option("--quiet", help="Print no progress and no closing lines.")
+        ] = False,
     ) -> None:
-        """Reproduce every table and figure of the paper, published numbers beside our own."""
+        """Make every table and figure of the paper, from simulated or recorded data, beside its own."""
         from evenlight.analysis.reproduction.reproduction import ReproductionPlan
 
         smaller = QUICK if quick else {}

@@ -11,67 +11,130 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance
+from evenlight.method.contrast.measures import MEASURES
+from evenlight.option_panels import asked, computation, limits, output, viewing, words_and_files
 
 if TYPE_CHECKING:
     from evenlight.data_schema.contrast_model import ContrastModel
     from evenlight.data_schema.display import Display
+    from evenlight.data_schema.rate_limit import RateLimit
 
 MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, there is nothing left to choose
 VideoArgument = Annotated[
-    str, typer.Argument(help="Video file, folder of images, or name of a built-in sequence.")
+    str,
+    typer.Argument(
+        help="The video: a file, a folder of images, or a built-in sequence: library, gym, living_room, "
+        "basement, house, checkerboard, sunrise."
+    ),
 ]
 BudgetUnitOption = Annotated[
-    BudgetUnit, typer.Option(help="Mean brightness factor, share of full power, or watt.")
+    BudgetUnit,
+    asked(
+        help="What --budget counts: the mean brightness factor, the share of the power at full brightness, "
+        "or watts."
+    ),
 ]
-DisplayOption = Annotated[str, typer.Option(help="Display: a preset or a toml file.")]
-PowerModelOption = Annotated[str, typer.Option(help="Power model: a preset or a toml file.")]
-RateLimitOption = Annotated[str, typer.Option(help="Rate limit: a preset or a json file of `evenlight fit`.")]
+DisplayOption = Annotated[
+    str | None,
+    viewing(
+        help="The display that the track is for: a preset such as laptop-lcd, or a file such as "
+        "desk.display.toml.",
+        show_default="that of the rate limit, or of the track",
+    ),
+]
+PowerModelOption = Annotated[
+    str,
+    viewing(
+        help="How much power the display takes at each brightness: a preset, or a toml file that "
+        "`evenlight fit` wrote for a power sweep."
+    ),
+]
+RateLimitOption = Annotated[
+    str, limits(help="How fast luminance may change: a preset, or rate_limit.json of `evenlight fit`.")
+]
 ContrastModelOption = Annotated[
     str,
-    typer.Option(
-        help="Choices of the contrast model: a toml file, or default, as-printed, soft, castle, absolute, "
-        "suprathreshold."
+    viewing(
+        metavar="NAME|FILE",
+        help="How loss of visible contrast is computed: default, as-printed (the paper to the letter), soft, "
+        "castle, absolute, suprathreshold, or a toml file.",
+        autocompletion=words_and_files("as-printed", *MEASURES),
     ),
 ]
 LimitCurveOption = Annotated[
-    LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
+    LimitCurve, limits(help="The fitted rate limit, or the lower (safe) edge of its 95 % band.")
 ]
-ModulatedOption = Annotated[ModulatedLuminance, typer.Option(help="Luminance the rate limit is about.")]
-MinFactorOption = Annotated[float, typer.Option(help="Lowest brightness factor allowed, 0.001 to 0.99.")]
+ModulatedOption = Annotated[
+    ModulatedLuminance,
+    limits(
+        help="Which luminance the limit holds for: the mean of the frame, or that of a white screen "
+        "(stricter)."
+    ),
+]
+MinFactorOption = Annotated[
+    float, asked(help="Lowest brightness factor allowed, 0.001 to 0.99: 0.2 is a fifth of full brightness.")
+]
 FieldOfViewOption = Annotated[
     float | None,
-    typer.Option(
-        help="Degrees that the video's width spans; else as it was rendered for, or pixel for pixel."
+    viewing(
+        help="Visual angle that the width of the video spans. Otherwise as it was rendered for, or one pixel "
+        "of the video on each pixel of the display."
     ),
 ]
 ActuatorOption = Annotated[
-    Actuator, typer.Option(help="What dims: the backlight, or pixels, which show nothing below black.")
+    Actuator,
+    viewing(
+        help="What dims the display: its backlight, or its pixels (as on OLED), which show nothing below "
+        "the black level."
+    ),
 ]
 FpsOption = Annotated[
-    float | None, typer.Option(help="Frames per second of a folder of images or a sequence.")
+    float | None, viewing(help="Frames per second, for a folder of images or a built-in sequence.")
 ]
 CurvesOption = Annotated[
-    Path | None, typer.Option(help="Loss curves (npz) of an earlier run on this video and display.")
+    Path | None,
+    computation(help="loss_curves.npz of an earlier run on this video and display, to save the analysis."),
 ]
 JobsOption = Annotated[
-    int, typer.Option(help="Frames to analyse at a time, each on a core; 0 for all cores.")
+    int, computation(help="How many frames to analyse at the same time, each on a core; 0: on all cores.")
 ]
 DeviceOption = Annotated[
-    Device, typer.Option(help="What computes loss curves; auto: compute shaders where hardware runs them.")
+    Device,
+    computation(
+        help="What computes loss curves: the processor, the graphics processor (OpenGL 4.3), or that where "
+        "it is hardware."
+    ),
 ]
 OtherDisplayOption = Annotated[
-    bool, typer.Option("--other-display-ok", help="Accept a rate limit fitted on another display.")
+    bool,
+    limits(
+        "--other-display-ok", help="Use a rate limit that was measured on another display, at your own risk."
+    ),
 ]
 AcceptWideBandOption = Annotated[
-    bool, typer.Option("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
+    bool,
+    limits(
+        "--accept-wide-band",
+        help="Use a rate limit even if it is known too imprecisely (its band is missing or too wide).",
+    ),
+]
+BatteryOption = Annotated[
+    float | None,
+    output(
+        metavar="WH",
+        min=0.001,
+        max=1e6,
+        help="Capacity of a battery, in watt hours, to say how long the display lasts on it.",
+    ),
 ]
 NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", help="Use and keep no loss curves or pictures in the user's cache.")
+    bool, computation("--no-cache", help="Neither use nor keep loss curves and pictures in the user's cache.")
 ]
 NoPlayerOption = Annotated[
-    bool, typer.Option("--no-player", help="Leave out player.html, the page that shows video and track.")
+    bool,
+    output("--no-player", help="Do not write player.html, the page that plays the video with its track."),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing lines.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")]
 
 
 def check_video(video: str, min_factor: float, field_of_view: float | None, jobs: int) -> None:
@@ -156,6 +219,13 @@ def chosen_device(device: Device, display: Display, model: ContrastModel, quiet:
         by = "by OpenGL" if chosen.device is Device.GPU else "on the processor"
         typer.echo(f"loss curves {by}: {chosen.reason}", err=True)
     return chosen.device
+
+
+def borrowed_line(limit: RateLimit, display: Display) -> str:
+    """Return a line that says that a rate limit was fitted on another display; nothing if it was not."""
+    if limit.holds_for(display):
+        return ""
+    return f"rate limit borrowed: fitted on {limit.display_name!r}, unproven on {display.name!r}\n"
 
 
 def results_in(out: Path) -> str:

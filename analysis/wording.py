@@ -84,19 +84,21 @@ def percent(share: float) -> str:
 
 
 def detection_in_words(summary: OptimizationSummary) -> str:
-    """Return how near to its limit a track changes, and how well that can be detected, for a sentence."""
+    """Return sentences on how near to its limit a track changes, and how well that can be detected."""
     if summary.share_near_limit is None or summary.reversals_per_s is None:
-        return "how long it is near the limit is not known (an older file)"
+        return "How long it is near the limit is not known (an older file)."
     words = (
-        f"{100 * summary.share_near_limit:.0f} % of the time above 0.9 of the rate limit, turning back "
-        f"{summary.reversals_per_s:.2f} times a second; "
+        f"It spends {100 * summary.share_near_limit:.0f} % of the time above 0.9 of the rate limit, and "
+        f"turns back {summary.reversals_per_s:.2f} times a second. "
     )
     if summary.detectability is None:
-        return f"{words}how detectable that is, a limit of `evenlight fit` tells"
-    words += f"to a watcher of a plain screen d' = {summary.detectability:.2g} over all of it"
+        return f"{words}How detectable that is can be said for a limit of `evenlight fit` only."
     if summary.windows_noticed is None:
-        return words
+        return (
+            f"{words}For someone who watches a plain screen, d' = {summary.detectability:.2g} over all of it."
+        )
     return (
-        f"{words}, a change reported in {summary.windows_noticed:.1f} of {summary.windows} windows, false "
-        "alarms included"
+        f"{words}Someone who watches a plain screen for changes would report one in "
+        f"{summary.windows_noticed:.1f} of {summary.windows} windows, false alarms included "
+        f"(d' = {summary.detectability:.2g} over all of it)."
     )

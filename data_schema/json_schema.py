@@ -43,8 +43,8 @@ without a default must be there; an unknown key is refused. Numbers are finite: 
 _DATA_SET = """\
 ## Layout of a data set
 
-BIDS-like: the validator of BIDS finds no error in it. Written by `evenlight run`, `evenlight simulate` and
-`evenlight import`.
+BIDS-like: the present validator of BIDS finds no error in it; the classic one wants `n/a` in empty cells, as
+exports have it. Written by `evenlight run`, `evenlight simulate` and `evenlight import`.
 
 | file | what it holds |
 |---|---|
@@ -59,7 +59,8 @@ of an imported session null for what its file does not tell |
 [frame](#frame-log), [clip](#clip-log) or \
 [view log](#view-log) |
 | `sub-XX/ses-YY/events.jsonl` | what happened, as lines ([session event](#session-event)); of `run` only |
-| `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` where there is no value |
+| `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` for null. In exports `sub-01` \
+in place of `01`, and `n/a` in empty cells, too |
 | `sweeps/TASK_SESSION/sweep.json` | what a [sweep](#sweep-manifest) of a display measured, and with what |
 | `sweeps/TASK_SESSION/readings.jsonl` | one reading per line, written as it is made: \
 [luminance](#luminance-reading) or [power reading](#power-reading) |

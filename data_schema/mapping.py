@@ -43,7 +43,8 @@ def sha256_of_record(record: Any) -> str:
     """Return the SHA-256 of a record's content, the same whether it came from a preset or a file."""
     content = mapping_from_record(record)
     for field in dataclasses.fields(record):
-        if field.metadata.get("later") and getattr(record, field.name) == field.default:
+        unchanged = field.metadata.get("later") and getattr(record, field.name) == field.default
+        if unchanged or field.metadata.get("unhashed"):
             del content[file_key(field)]
     text = json.dumps(content, sort_keys=True)
     return sha256_of_bytes(text.encode())

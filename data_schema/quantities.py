@@ -78,14 +78,21 @@ def quantity(
 
 
 def described(
-    doc: str, *, default: Any = dataclasses.MISSING, pattern: str | None = None, later: bool = False
+    doc: str,
+    *,
+    default: Any = dataclasses.MISSING,
+    pattern: str | None = None,
+    later: bool = False,
+    unhashed: bool = False,
 ) -> Any:
     """Return a dataclass field without a unit: a name, a choice, a flag.
 
     A `pattern` is a regular expression that the whole text, or each text of a list, must match. A field that
-    a record got `later` leaves its hash as it was while it has its default, so that older files stay usable.
+    a record got `later` leaves its hash as it was while it has its default, so that older files stay usable;
+    one that is `unhashed` always does: another field tells its content.
     """
-    return dataclasses.field(default=default, metadata={"doc": doc, "pattern": pattern, "later": later})
+    metadata = {"doc": doc, "pattern": pattern, "later": later, "unhashed": unhashed}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def as_in(record: type[Any], name: str) -> Any:

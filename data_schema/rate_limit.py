@@ -155,6 +155,9 @@ class RateLimit:
         maximum=MOST_LAPSES,
         default=None,
     )
+    display: Display | None = described(
+        "the display that it was fitted on; null in files of earlier versions", default=None, unhashed=True
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)
@@ -168,6 +171,11 @@ class RateLimit:
             raise ValueError("the three band lists must be equally long")
         if len(self.point_luminance) != len(self.point_rate):
             raise ValueError("point_luminance_cd_m2 and point_rate_cd_m2_s must be equally long")
+        if self.display is not None and not self.holds_for(self.display):
+            raise ValueError(
+                f"display has other photometry ({self.display.fingerprint}) than display_fingerprint "
+                f"({self.display_fingerprint}); {MEND}"
+            )
         self._check_band()
         self._check_size()
         self._check_curve_in_band()

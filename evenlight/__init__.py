@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
     from evenlight.track import Track, load, optimize
 
+    __version__: str
+
 # In the order of docs/api.md: what goes in, a track, online, data, tasks, errors, drivers.
 _PLACES = {
     "open_video": "evenlight.stimuli.sequences",
@@ -86,6 +88,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import evenlight` itself loads nothing."""
+    if name == "__version__":
+        return _version()
     if name not in _PLACES:
         raise AttributeError(f"module 'evenlight' has no attribute {name!r}")
     import importlib
@@ -93,6 +97,20 @@ def __getattr__(name: str) -> Any:
     found = getattr(importlib.import_module(_PLACES[name]), name)
     globals()[name] = found
     return found
+
+
+def _version() -> str:
+    """Return the version of the package, or that of a checkout that is not installed."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("evenlight")
+    except metadata.PackageNotFoundError:
+        import tomllib
+        from pathlib import Path
+
+        pyproject = Path(__file__).parents[1] / "pyproject.toml"
+        return str(tomllib.loads(pyproject.read_text(encoding="utf-8"))["project"]["version"])
 
 
 def __dir__() -> list[str]:

@@ -28,15 +28,17 @@ class SubjectName(enum.Enum):
 
 
 def bench(
-    subject: Annotated[SubjectName, typer.Argument(help="What to measure; `all` writes the page of all.")],
-    out: Annotated[Path, typer.Option(help="Folder for benchmarks.md, the tables and the figures.")],
+    subject: Annotated[
+        SubjectName, typer.Argument(help="What to measure: curves, optimizer, fit, online, apply, or all.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for benchmarks.md, tables and figures.")],
     quick: Annotated[
         bool, typer.Option("--quick", help="Small sizes, each timed once: rough figures.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Measure speed against error: loss curves, optimizer, psychometric fit, controller, dimmed files."""
+    """Measure how fast and how exact Evenlight is on this computer. It needs a checkout."""
     require_seed(seed)
     if not (CHECKOUT / "benchmarks" / "__init__.py").exists():
         raise InputError(

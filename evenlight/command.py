@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import itertools
 import math
 import os
@@ -34,11 +35,13 @@ from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.quantities import LARGEST_WHOLE
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
-from evenlight.experiments import light_command, play_command, run_command, watch_command
+from evenlight.experiments import light_command, new_command, play_command, run_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
+from evenlight.help_pages import HelpfulCommand, HelpfulGroup
+from evenlight.option_panels import declared_by_name
 from evenlight.registered_tasks import load_tasks
 from evenlight.stimuli import apply_command, track_command
 from evenlight.stimuli import commands as stimuli_commands
@@ -49,12 +52,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
     from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Trial
 
-app = typer.Typer(
-    name="evenlight",
-    help="Temporal brightness management: dim a display over time, to a power budget, within a rate limit.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 DATASET = "dataset"  # the demo's
@@ -76,11 +74,16 @@ def start(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
-    """Temporal brightness management: dim a display over time, to a power budget, within a rate limit."""
-    if version:
-        from importlib import metadata
+    """Dim a display over time: within a power budget, and never faster than a limit measured with people.
 
-        typer.echo(f"evenlight {metadata.version('evenlight')}")
+    Start with: evenlight demo --out demo
+
+    `evenlight COMMAND --help` explains a command, and ends with two examples.
+    """
+    if version:
+        import evenlight
+
+        typer.echo(f"evenlight {evenlight.__version__}")
     elif context.invoked_subcommand is None:
         typer.echo(context.get_help())
     elif context.invoked_subcommand in TASK_COMMANDS:
@@ -146,33 +149,8 @@ def _repeat_viewing(
     return repeated_viewing(load_simulation(task, stimuli, people, display, None), sets)
 
 
-app.command()(stimuli_commands.render)
-app.command()(apply_command.apply)
-app.command()(play_command.play_command(_write_power))
-app.command()(follow_command.follow_command)
-app.command()(run_command.run_command(_fit_sweep))
-app.command()(watch_command.watch)
-app.command()(experiment_commands.simulate)
-app.command()(fit_commands.fit)
-app.command()(analyze_command.analyze)
-app.command()(optimize_command.optimize)
-app.command()(control_command.control)
-app.command()(judge_command.judge)
-app.command()(audit_command.audit)
-app.command("reproduce")(reproduce_command.reproduce_command((_simulate, _repeat_viewing)))
-app.command("plan")(plan_command.plan_command(_simulated_ramps, _ramp_design))
-measure_command.measure.command()(saving_command.saving)
-measure_command.measure.command("light")(light_command.light_command(_write_light))
-app.add_typer(measure_command.measure, name="measure")
-app.add_typer(track_command.track, name="track")
-app.command()(bench_command.bench)
-app.command()(validate_command.validate)
-app.command("import")(import_command.import_command(_display))
-app.command()(export_command.export)
-
-
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command that refuses numbers among its options with which nothing can be computed."""
+    """Return a command, declared in full, that refuses numbers with which nothing can be computed."""
 
     @functools.wraps(command)
     def checked(**given: Any) -> Any:
@@ -181,6 +159,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
                 _refuse_no_number(f"--{name.strip('_').replace('_', '-')}", number)
         return command(**given)
 
+    checked.__signature__ = declared_by_name(command)  # type: ignore[attr-defined] # which Typer reads
     return checked
 
 
@@ -194,15 +173,16 @@ def _refuse_no_number(option: str, value: object) -> None:
         )
 
 
-@app.command()
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for all of it; report.html tells the story.")],
-    participants: Annotated[int, typer.Option(help="How many simulated participants.", min=2, max=9999)] = 10,
-    budget: Annotated[float, typer.Option(help="Mean brightness factor of the track.")] = 0.4,
-    seed: Annotated[int, typer.Option(help="Seed of the simulated participants.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for all results; report.html in it explains them.")],
+    participants: Annotated[int, typer.Option(help="How many people to simulate.", min=2, max=9999)] = 10,
+    budget: Annotated[
+        float, typer.Option(help="Mean brightness factor of the track, 0.2 to 1 (full brightness).")
+    ] = 0.4,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Run the whole loop, small: simulated calibration, rate limit, a track, a report."""
+    """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
     from evenlight.analysis.tracks.closed_loop import close_loop
     from evenlight.stimuli.sequences import built_in_sequence
 
@@ -222,9 +202,52 @@ def demo(
         )
 
 
-for mounted in (*app.registered_commands, *measure_command.measure.registered_commands):
-    assert mounted.callback is not None
-    mounted.callback = guarded(mounted.callback)
+# The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.
+COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
+    "Start here": {"demo": demo, "new": new_command.new},
+    "Video": {
+        "optimize": optimize_command.optimize,
+        "control": control_command.control,
+        "judge": judge_command.judge,
+        "play": play_command.play_command(_write_power),
+        "apply": apply_command.apply,
+        "follow": follow_command.follow_command,
+        "track": track_command.track,
+        "render": stimuli_commands.render,
+    },
+    "Calibration": {"fit": fit_commands.fit},
+    "Experiments": {
+        "plan": plan_command.plan_command(_simulated_ramps, _ramp_design),
+        "run": run_command.run_command(_fit_sweep),
+        "watch": watch_command.watch,
+        "simulate": experiment_commands.simulate,
+    },
+    "Instruments": {"measure": measure_command.measure},
+    "Statistics": {
+        "analyze": analyze_command.analyze,
+        "reproduce": reproduce_command.reproduce_command((_simulate, _repeat_viewing)),
+        "audit": audit_command.audit,
+    },
+    "Files": {
+        "validate": validate_command.validate,
+        "import": import_command.import_command(_display),
+        "export": export_command.export,
+        "bench": bench_command.bench,
+    },
+}
+measure_command.measure.command()(saving_command.saving)
+measure_command.measure.command("light")(light_command.light_command(_write_light))
+for panel, commands in COMMANDS.items():
+    for name, mounted in commands.items():
+        if isinstance(mounted, typer.Typer):
+            app.add_typer(mounted, name=name, cls=HelpfulGroup, rich_help_panel=panel)
+        else:
+            app.command(name, rich_help_panel=panel)(mounted)
+for level in (app, *(group.typer_instance for group in app.registered_groups)):
+    assert level is not None
+    for one in level.registered_commands:
+        assert one.callback is not None
+        one.callback, one.cls = guarded(one.callback), HelpfulCommand
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -236,11 +259,14 @@ def main(arguments: list[str] | None = None) -> None:
         In place of the command line's.
     """
     given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a code page without "≤" or "λ", as on Windows
     progress.told_by_default = "--quiet" not in given
     try:
         _refuse_empty(given)
         with _termination_raised():
-            code = app(arguments, standalone_mode=False)
+            code = app(arguments, prog_name="evenlight", standalone_mode=False)
             if sys.stdout is not None:
                 sys.stdout.flush()  # what cannot be written is told here, not at Python's end
     except InputError as error:
@@ -305,7 +331,10 @@ def _termination_raised() -> Iterator[None]:
 def _usage(error: typer.BadParameter) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
-    return f"{error.format_message().replace('Value error, ', '').rstrip('.')}; see {where} --help"
+    said = error.format_message().replace("Value error, ", "").rstrip(".")
+    if possible := getattr(error, "possibilities", None):  # options that look like it
+        said = f"{said.partition(' (')[0]}. Did you mean {' or '.join(possible)}?"
+    return f"{said}{' See' if said.endswith('?') else '; see'} {where} --help"
 
 
 def _system_error(error: OSError) -> str:

@@ -17,16 +17,18 @@ from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.tracks.loss_curves import LossCurves, require_possible_curves
 from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.method.preset_files import (
+    display_for,
     load_contrast_model,
     load_display,
     load_power_model,
     load_rate_limit,
 )
-from evenlight.method.rate_limit import require_known, require_same_display
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource
@@ -39,8 +41,10 @@ Record = TypeVar("Record")
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 
-def display_of(given: Named | Display) -> Display:
-    """Return the display of a preset, of a file, or the record itself."""
+def display_of(given: Named | Display | None, limit: RateLimit | None = None) -> Display:
+    """Return the display of a preset, of a file, or the record itself; if none, that of a rate limit."""
+    if given is None and limit is not None:
+        return display_for(limit)
     return _record_of("display", given, Display, load_display)
 
 
@@ -54,18 +58,9 @@ def contrast_model_of(given: Named | ContrastModel) -> ContrastModel:
     return _record_of("contrast_model", given, ContrastModel, load_contrast_model)
 
 
-def rate_limit_of(
-    given: Named | RateLimit,
-    display: Display,
-    other_display_ok: bool = False,
-    accept_wide_band: bool = False,
-) -> RateLimit:
-    """Return the rate limit of a preset, of a file, or the record itself, if it may be used on a display."""
-    limit = _record_of("rate_limit", given, RateLimit, load_rate_limit)
-    if not other_display_ok:
-        require_same_display(limit, display)
-    require_known(limit, accept_wide_band)
-    return limit
+def rate_limit_of(given: Named | RateLimit) -> RateLimit:
+    """Return the rate limit of a preset, of a file, or the record itself."""
+    return _record_of("rate_limit", given, RateLimit, load_rate_limit)
 
 
 def _record_of(name: str, given: Any, cls: type[Record], load: Callable[[str], Record]) -> Record:
@@ -76,6 +71,25 @@ def _record_of(name: str, given: Any, cls: type[Record], load: Callable[[str], R
         kind = type(given).__name__
         raise InputError(f"{name} must be a preset's name, a path or a {cls.__name__}, got a {kind}")
     return load(fspath(given))
+
+
+def require_own(
+    curves: LossCurves, display: Any, contrast_model: Any, rate: Any, field_of_view: Any, lowest_factor: Any
+) -> None:
+    """Refuse arguments that loss curves were made with already, and curves that cannot be."""
+    require_possible_curves(curves)
+    given = {
+        "display": display not in (None, curves.display),
+        "frames_per_second": rate is not None,
+        "field_of_view": field_of_view is not None,
+        "lowest_factor": lowest_factor not in (0.2, float(curves.factors[0])),
+    }
+    if any(given.values()):
+        names = ", ".join(name for name, is_given in given.items() if is_given)
+        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
+    made_with = curves.provenance.inputs.get("contrast_model")
+    if made_with not in (None, sha256_of_record(contrast_model_of(contrast_model))):
+        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
 
 
 def choice(name: str, value: Any, of: type[Choice]) -> Choice:

@@ -63,6 +63,7 @@ from evenlight.method.online.lookahead import (
 )
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.power import power_per_factor
+from evenlight.method.preset_files import usable_limit
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, viewing_geometry
 
@@ -89,7 +90,9 @@ class OnlineController:
         Mean factor, share of the power at full brightness, or watt.
     horizon : float
         Over which the mean is to meet the budget [s].
-    display, power_model, rate_limit, contrast_model : str, path or record
+    display : str, path or Display, optional
+        A preset, a file or the record; else the one that the rate limit was fitted on.
+    power_model, rate_limit, contrast_model : str, path or record
         Presets by name, files by path, or the records themselves.
     field_of_view : float, optional
         What the frames' width spans [deg]; else they are shown pixel for pixel.
@@ -105,6 +108,8 @@ class OnlineController:
         Frame rate that K_i and K_d are meant for [Hz].
     limit_curve : {"fitted", "safe"}
         The fitted rate limit, or the lower edge of its band.
+    other_display_ok : bool
+        Whether a rate limit that was fitted on another display will do.
     accept_wide_band : bool
         Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
     lookahead : float, optional
@@ -144,7 +149,7 @@ class OnlineController:
         budget: float | None = None,
         budget_unit: str = "factor",
         horizon: float = HORIZON,
-        display: Named | Display = "varjo-xr3",
+        display: Named | Display | None = None,
         power_model: Named | PowerModel = "surace2025",
         rate_limit: Named | RateLimit = "surace2025",
         contrast_model: Named | ContrastModel = "default",
@@ -157,17 +162,19 @@ class OnlineController:
         derivative: float = 0.05,
         gain_rate: float = 90.0,
         limit_curve: str = "fitted",
+        other_display_ok: bool = False,
         accept_wide_band: bool = False,
         lookahead: float | None = None,
     ) -> None:
         if target_loss is None and budget is None:
             raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
-        self._display = display_of(display)
+        asked = rate_limit_of(rate_limit)
+        self._display = display_of(display, asked)
         self._model = contrast_model_of(contrast_model)
         self._field_of_view = field_of_view_in(field_of_view)
         self._geometry: ViewingGeometry | None = None
         self._power = power_model_of(power_model)
-        limit = rate_limit_of(rate_limit, self._display, accept_wide_band=accept_wide_band)
+        limit = usable_limit(asked, self._display, other_display_ok, accept_wide_band)
         lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
         unit = choice("budget_unit", budget_unit, BudgetUnit)
         curve = choice("limit_curve", limit_curve, LimitCurve)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from datetime import timedelta
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 told_by_default = False  # set by the command
 _shown: list[Progress] = []  # what shows the progress of the command that runs
 INTERVAL = 10.0  # between two lines, and before the first: what takes less says nothing [s]
+COMPILING = "compiling (once, about 20 s)"
 Item = TypeVar("Item")
 
 
@@ -29,6 +32,9 @@ class Progress(Protocol):
 
     def aside(self, words: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
         """Begin work within the step, and yield what takes how many parts of it are done."""
+
+    def compiling(self, begun: bool) -> None:
+        """Tell that loops are being compiled, which no estimate of time may count; or that they are."""
 
 
 class ProgressLines:
@@ -45,7 +51,7 @@ class ProgressLines:
     def __init__(self, write: Callable[[str], None], clock: Callable[[], float]) -> None:
         self._write, self._clock = write, clock
         self._begun = self._told = clock()
-        self._words, self._done = "starting", 0
+        self._words, self._done, self._compiling = "starting", 0, False
         self._total: int | None = None
 
     def step(self, words: str, total: int | None = None) -> None:
@@ -68,6 +74,10 @@ class ProgressLines:
         finally:
             self._words, self._done, self._total = before
 
+    def compiling(self, begun: bool) -> None:
+        """Take note of whether loops are being compiled."""
+        self._compiling = begun
+
     def tell_if_due(self) -> None:
         """Write a line if the last one is `INTERVAL` old."""
         if self._clock() - self._told >= INTERVAL:
@@ -79,7 +89,8 @@ class ProgressLines:
         minutes, seconds = divmod(int(self._told - self._begun), 60)
         since = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
         count = count_in_words(self._done, self._total)
-        self._write(f"evenlight: {since}: {self._words}{count and ', '}{count}")
+        words = COMPILING if self._compiling else self._words
+        self._write(f"evenlight: {since}: {words}{count and ', '}{count}")
 
 
 def count_in_words(done: int, total: int | None) -> str:
@@ -108,17 +119,40 @@ def shown_progress(quiet: bool) -> Iterator[Progress]:
         if quiet:
             progress = ProgressLines(lambda line: None, lambda: 0.0)
         elif console.is_terminal:
-            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import BarColumn, TextColumn
             from rich.progress import Progress as Bars
 
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[count]}")
-            bars = Bars(*columns, TimeRemainingColumn(), console=console, transient=True)
+            told = TextColumn("{task.fields[count]}"), TextColumn("[cyan]{task.fields[left]}")
+            bars = Bars(TextColumn("{task.description}"), BarColumn(), *told, console=console, transient=True)
             progress = _Bar(stack.enter_context(bars))
         else:
             progress = stack.enter_context(_told_regularly(ProgressLines(_to_standard_error, time.monotonic)))
         _shown.append(progress)
         stack.callback(_shown.remove, progress)
+        stack.enter_context(_compilation_told(progress))
         yield progress
+
+
+@contextmanager
+def _compilation_told(progress: Progress) -> Iterator[None]:
+    """Tell when Numba compiles a loop, not when its machine code is read."""
+    from numba.core import event  # not needed by commands that are done at once
+
+    class CompilationListener(event.Listener):
+        depth = 0  # loops that wait for another one, which they use
+
+        def on_start(self, event: object) -> None:
+            self.depth += 1
+            if self.depth == 1:
+                progress.compiling(True)
+
+        def on_end(self, event: object) -> None:
+            self.depth -= 1
+            if self.depth == 0:
+                progress.compiling(False)
+
+    with event.install_listener("numba:compile", CompilationListener()):
+        yield
 
 
 @contextmanager
@@ -149,26 +183,57 @@ class _Bar:
     """A bar on a terminal; a new one for each step."""
 
     def __init__(self, bars: Bars) -> None:
-        self._bars, self._task = bars, bars.add_task("starting", total=None, count="")
+        self._bars, self._task = bars, bars.add_task("starting", total=None, count="", left="")
+        self._words, self._done, self._compiling = "starting", 0, False
+        self._total: int | None = None
+        self._since = bars.get_time(), 0  # from when on, and from how many done, the time left is estimated
 
     def step(self, words: str, total: int | None = None) -> None:
         """Begin a bar."""
         self._bars.remove_task(self._task)
-        self._task = self._bars.add_task(words, total=total, count="")
+        self._words, self._done, self._total, self._since = words, 0, total, (self._bars.get_time(), 0)
+        self._task = self._bars.add_task(words, total=total, count="", left=self._left())
 
     def at(self, done: int, total: int | None = None) -> None:
         """Move the bar."""
-        total = total or self._bars.tasks[-1].total  # type: ignore[assignment] # a whole number, as given
-        self._bars.update(self._task, completed=done, total=total, count=count_in_words(done, total))
+        self._done, self._total = done, total or self._total
+        self._show()
+
+    def compiling(self, begun: bool) -> None:
+        """Say that loops are being compiled; the time left is estimated anew from what is done afterwards."""
+        self._compiling, self._since = begun, (self._bars.get_time(), self._done)
+        self._show()
+
+    def _show(self) -> None:
+        """Show the words, how much is done, and the time that is left."""
+        self._bars.update(
+            self._task,
+            description=COMPILING if self._compiling else self._words,
+            completed=self._done,
+            total=self._total,
+            count=count_in_words(self._done, self._total),
+            left=self._left(),
+        )
+
+    def _left(self) -> str:
+        """Return the time left, as what is done took: the last parts may have come all at once."""
+        (since, before), total = self._since, self._total
+        if total is None:
+            return ""
+        if self._compiling or self._done <= before:
+            return "-:--:--"
+        each = (self._bars.get_time() - since) / (self._done - before)
+        return str(timedelta(seconds=math.ceil(each * max(total - self._done, 0))))
 
     @contextmanager
     def aside(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
         """Show a bar below that of the step."""
-        task = self._bars.add_task(words, total=total, count="")
+        below = _Bar(self._bars)
+        below.step(words, total)
         try:
-            yield lambda done: self._bars.update(task, completed=done, count=count_in_words(done, total))
+            yield below.at
         finally:
-            self._bars.remove_task(task)
+            self._bars.remove_task(below._task)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,17 +14,22 @@ from numpy.typing import ArrayLike
 from evenlight.analysis.earlier_results import files_in, remove_earlier_track
 from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.tracks.frame_samples import FrameSamples
-from evenlight.analysis.tracks.objective_words import less_or_more, minimized_in_words
+from evenlight.analysis.tracks.gain_words import gain_in_words, uses_same_power
+from evenlight.analysis.tracks.objective_words import (
+    less_or_more,
+    little_of,
+    minimized_in_words,
+    spread_in_words,
+)
 from evenlight.analysis.tracks.optimization import optimize_curves, optimize_video
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData, uses_same_power
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Actuator
@@ -40,7 +45,6 @@ from evenlight.data_schema.tracks.brightness_track import (
 from evenlight.data_schema.tracks.loss_curves import (
     LossCurves,
     read_loss_curves,
-    require_possible_curves,
     write_loss_curves,
 )
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -55,6 +59,7 @@ from evenlight.inputs import (
     number,
     power_model_of,
     rate_limit_of,
+    require_own,
     video_of,
     whole,
 )
@@ -70,6 +75,7 @@ from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.contrast.measures import measure_named, measures_named
 from evenlight.method.optimizer.objective import objective_named
 from evenlight.method.optimizer.request import Request, require_possible
+from evenlight.method.preset_files import usable_limit
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
@@ -100,11 +106,14 @@ class Track:
     def __repr__(self) -> str:
         s = self.summary
         gain = 1 - self.objective / self.objective_baseline if self.objective_baseline > 0 else 0.0
+        gained = "little to gain here" if little_of(s) else f"{less_or_more(gain)} than constant dimming"
         return (
             f"<Track of {s.video!r}: {s.frames} frames, {s.duration:.4g} s, mean factor {s.mean_factor:.3f}, "
-            f"{s.mean_power:.3g} W; loss differs by {self.objective:.4f} between two frames, "
-            f"{less_or_more(gain)} than constant dimming>"
+            f"{s.mean_power:.3g} W; loss differs by {self.objective:.4f} between two frames, {gained}>"
         )
+
+    def __str__(self) -> str:
+        return "\n".join((*gain_in_words(self.summary), spread_in_words(self.summary)))
 
     def __len__(self) -> int:
         return len(self.track.factors)
@@ -223,7 +232,7 @@ def optimize(
     budget: float,
     *,
     budget_unit: str = "factor",
-    display: Named | Display = "varjo-xr3",
+    display: Named | Display | None = None,
     power_model: Named | PowerModel = "surace2025",
     rate_limit: Named | RateLimit = "surace2025",
     contrast_model: Named | ContrastModel = "default",
@@ -256,7 +265,9 @@ def optimize(
         In `budget_unit`.
     budget_unit : {"factor", "power", "watt"}
         Mean factor, share of the power at full brightness, or watt.
-    display, power_model, rate_limit, contrast_model : str, path or record
+    display : str, path or Display, optional
+        A preset, a file or the record; else the one that the rate limit was fitted on.
+    power_model, rate_limit, contrast_model : str, path or record
         Presets by name, files by path, or the records themselves.
     frames_per_second : float, optional
         Of arrays, of a folder of images, or of a built-in sequence; 25 if not given [Hz].
@@ -308,14 +319,15 @@ def optimize(
     if measures and (known is not None or contrast_model != "default" or objective != "spread"):
         raise InputError("robust is the worst spread: leave out loss curves, contrast_model and objective")
     if known is not None:
-        _require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
+        require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
         if actuator not in ("backlight", known.actuator.value):
             raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
         lowest_factor = float(known.factors[0])
-    shown = known.display if known is not None else display_of(display)
+    limit = rate_limit_of(rate_limit)
+    shown = known.display if known is not None else display_of(display, limit)
     request = Request(
         number("budget", budget), choice("budget_unit", budget_unit, BudgetUnit), power_model_of(power_model),
-        rate_limit_of(rate_limit, shown, other_display_ok, accept_wide_band),
+        usable_limit(limit, shown, other_display_ok, accept_wide_band),
         choice("limit_curve", limit_curve, LimitCurve),
         choice("modulated", modulated, ModulatedLuminance),
         minimized=objective_named(
@@ -347,25 +359,6 @@ def optimize(
 def _name_of(contrast_model: Named | ContrastModel) -> str:
     """Return what a contrast model is called."""
     return "given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model)
-
-
-def _require_own(
-    curves: LossCurves, display: Any, contrast_model: Any, rate: Any, field_of_view: Any, lowest_factor: Any
-) -> None:
-    """Refuse arguments that loss curves were made with already, and curves that cannot be."""
-    require_possible_curves(curves)
-    given = {
-        "display": display not in ("varjo-xr3", curves.display),
-        "frames_per_second": rate is not None,
-        "field_of_view": field_of_view is not None,
-        "lowest_factor": lowest_factor not in (0.2, float(curves.factors[0])),
-    }
-    if any(given.values()):
-        names = ", ".join(name for name, is_given in given.items() if is_given)
-        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
-    made_with = curves.provenance.inputs.get("contrast_model")
-    if made_with not in (None, sha256_of_record(contrast_model_of(contrast_model))):
-        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
 
 
 class _AnalysedVideo:

@@ -31,7 +31,10 @@ def too_old(calibration: Display | PowerModel, age_limit: float | None, now: str
         return ""
     wanted = f"and the rig takes calibrations of at most {age_limit:g} days"
     if not calibration.measured:
-        return f"{calibration.name!r} does not say when it was measured (`measured`), {wanted}"
+        return (
+            f"{calibration.name!r} does not say when it was measured, {wanted}: write "
+            '`measured = "YYYY-MM-DD"` into its toml file'
+        )
     days = (_moment(now) - _moment(calibration.measured)).total_seconds() / SECONDS_A_DAY
     if days < -1:  # within a day it may be another zone's date
         return f"{calibration.name!r} says that it was measured in the future ({calibration.measured[:10]})"

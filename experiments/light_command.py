@@ -11,6 +11,7 @@ from typing import Annotated, Protocol
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import asked, instruments, output
 
 
 class AnalyseLight(Protocol):
@@ -31,30 +32,35 @@ def light_command(analyse_light: AnalyseLight) -> Callable[..., None]:
 
     def light(
         instrument: Annotated[
-            str, typer.Option(help="adc:PORT, soundcard:, simulated, or file:FILE made elsewhere.")
+            str,
+            instruments(
+                help="The photodiode's sampler: adc:PORT, soundcard:, simulated, or file:FILE, a recording."
+            ),
         ],
         rig: Annotated[
             str | None,
-            typer.Option(
-                help="Rig on whose window a corner turns white and black: response and latency, too."
-            ),
+            asked(help="Rig on whose screen a corner turns white and black: for response time and latency."),
         ] = None,
-        out: Annotated[Path | None, typer.Option(help="New folder: samples, results, figures.")] = None,
-        seconds: Annotated[float, typer.Option(help="Of a steady white screen, without --rig.")] = 2.0,
-        edges: Annotated[int, typer.Option(help="How often the corner changes.", min=10, max=10_000)] = 120,
-        interval_s: Annotated[float, typer.Option("--interval-s", help="From change to change.")] = 0.25,
+        out: Annotated[Path | None, output(help="New folder for samples, results and figures.")] = None,
+        seconds: Annotated[float, asked(help="Without --rig: how long the steady white is recorded.")] = 2.0,
+        edges: Annotated[
+            int, asked(help="With --rig: how often the corner changes.", min=10, max=10_000)
+        ] = 120,
+        interval_s: Annotated[
+            float, asked("--interval-s", help="With --rig: time from change to change.")
+        ] = 0.25,
         rate_hz: Annotated[
-            float | None, typer.Option("--rate-hz", help="Samples each second; else the sampler's own.")
+            float | None, instruments("--rate-hz", help="Samples per second. Otherwise the sampler's own.")
         ] = None,
         dark: Annotated[
-            bool, typer.Option("--dark", help="First measure darkness: asks to cover the photodiode.")
+            bool, asked("--dark", help="First measure darkness; asks you to cover the photodiode.")
         ] = False,
         simulate: Annotated[
-            bool, typer.Option("--simulate", help="Without a window: a simulated photodiode and panel.")
+            bool, asked("--simulate", help="Without a window: simulate photodiode and panel.")
         ] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="Only the first line.")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="Print only the first line.")] = False,
     ) -> None:
-        """Record light over time: the PWM of a steady white; with --rig response time and latency."""
+        """Record light over time: flicker (PWM) of a steady white; with --rig response time and latency."""
         from evenlight.experiments.measured_light import LightRequest, record_light
         from evenlight.hardware.rig_files import load_rig
 

@@ -34,7 +34,10 @@ def play_command(analyse_power: AnalysePower) -> Callable[..., None]:
     def play(
         screen: ScreenOptions, video: VideoOptions, power: PowerOptions, walk: WalkOptions, live: LiveOptions
     ) -> None:
-        """Show a video with its brightness track (keys: 1 ours, 2 baseline, 3 undimmed), or walk; escape ends."""  # noqa: E501 - one line of help
+        """Show a video dimmed by its track, in a window; or walk through a scene, dimmed live.
+
+        Keys: 1 dimmed by the track, 2 constantly at equal power, 3 undimmed, Esc ends. It needs PsychoPy.
+        """
         if walk.walk:
             _walk(screen, video, power, walk, live)
             return

@@ -15,6 +15,8 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
+from evenlight.option_panels import asked, output, words_and_files
 
 if TYPE_CHECKING:
     from evenlight.experiments.run_session import SessionOutcome, SessionRequest
@@ -29,6 +31,10 @@ AnalyseSweep = Callable[
 ]  # writes a sweep's results into its folder; returns what to say of them
 
 
+rehearsal = functools.partial(typer.Option, rich_help_panel="Rehearsal")
+pages_of = functools.partial(typer.Option, rich_help_panel="Pages that the participant reads")
+
+
 class Rehearsal(enum.Enum):
     """How a session is rehearsed."""
 
@@ -40,53 +46,69 @@ def run(
     task: Annotated[
         str,
         typer.Argument(
-            help="Experiment: ramp, rating, comparison, search, or one of your own; or luminance-sweep, "
-            "power-sweep of a display."
+            help="What to run: ramp (calibrates the rate limit), rating, comparison, search, or a task of "
+            "your own; luminance-sweep and power-sweep measure a display.",
+            autocompletion=words_and_files(*BUILT_IN_TASKS, *SWEEPS),
         ),
     ],
-    session: Annotated[str, typer.Option(help="Session: letters and digits, e.g. 01.")],
-    rig: Annotated[str, typer.Option(help="Rig: a toml file, or the preset simulated.")],
-    out: Annotated[Path, typer.Option(help="Folder of the data set; sessions are added to it.")],
+    session: Annotated[str, asked(help="Which session of the participant, such as 01.")],
+    rig: Annotated[
+        str,
+        asked(
+            help="The rig, a file that describes your display, keys and instruments (desk.rig.toml), or the "
+            "preset simulated."
+        ),
+    ],
+    out: Annotated[Path, output(help="Folder of the data set, to which the session is added.")],
     participant: Annotated[
-        str | None,
-        typer.Option(help="Participant: letters and digits, no name; of a sweep, who measures (optional)."),
+        str | None, asked(help="A code of letters and digits, such as 01; never a name. Optional in sweeps.")
     ] = None,
     design: Annotated[
         str | None,
-        typer.Option(help="Design: a preset (paper, quick, ...) or a toml file; default paper."),
+        asked(
+            help="What is shown, and how often: a preset (paper, recommended, quick, ...) or a toml file.",
+            show_default="paper; standard for sweeps",
+        ),
     ] = None,
     stimuli: Annotated[
         Path | None,
-        typer.Option(help="Folder with a track, and a video, for each sequence of a viewing experiment."),
+        asked(help="rating, comparison, search: folder with a track, and a video, for each sequence."),
     ] = None,
     simulate: Annotated[
         Rehearsal | None,
-        typer.Option(help="Rehearse with a simulated observer: data, without a window; visual, through it."),
+        rehearsal(help="A simulated observer answers: data, without a window; visual, in the real window."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    resume: Annotated[bool, asked("--resume", help="Go on with a session that was interrupted.")] = False,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of order, placement and noise; otherwise drawn and recorded.")
+        int | None,
+        asked(help="Seed of all that is random: order, places, noise. Otherwise drawn, and recorded."),
     ] = None,
-    language: Annotated[str | None, typer.Option(help="Of the pages; otherwise the rig's.")] = None,
+    language: Annotated[
+        str | None,
+        pages_of(metavar="CODE", help="Language of the pages, such as en or de. Otherwise that of the rig."),
+    ] = None,
     pages: Annotated[
-        Path | None, typer.Option(help="Folder with your own pages in place of those that come along.")
+        Path | None, pages_of(metavar="DIR", help="Folder with pages of your own, in place of ours.")
     ] = None,
     font: Annotated[
-        Path | None, typer.Option(help="Font file of the pages, for scripts that DejaVu Sans does not have.")
+        Path | None, pages_of(help="Font for the pages, for scripts that DejaVu Sans does not have.")
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="Rehearse at the pace of a session, not as fast as it goes.")
+        bool, rehearsal("--real-time", help="With --simulate visual: at the pace of a session, not faster.")
     ] = False,
     screenshots: Annotated[
-        Path | None, typer.Option(help="Folder for a picture of every kind of screen, as it was drawn.")
+        Path | None,
+        output(metavar="DIR", help="Folder for a picture of every kind of screen, as it was drawn."),
     ] = None,
     old_calibration_ok: Annotated[
         bool,
-        typer.Option("--old-calibration-ok", help="Accept a display that was measured too long ago."),
+        asked(
+            "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
+        ),
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing line.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing line.")] = False,
 ) -> Path | None:
-    """Run one session of an experiment with a participant, or a sweep of a display, or rehearse it."""
+    """Run a session with a participant, measure a display by a sweep, or rehearse either."""
     from evenlight.data_schema.recordings.session import TASKS
 
     known = (*TASKS, *SWEEPS)
@@ -147,7 +169,7 @@ def run(
     except InputError as error:
         raise InputError(
             f"the display of the rig {loaded.name!r} cannot be loaded, and without it no luminance can "
-            f"be drawn: {error}"
+            f"be drawn: {error}; `evenlight new rig FILE` writes a rig and a display to fill in"
         ) from error
     request = SessionRequest(
         task=task,

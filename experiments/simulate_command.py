@@ -10,6 +10,8 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
+from evenlight.option_panels import asked, computation, output, words_and_files
 from evenlight.progress import shown_progress
 
 MAX_PARTICIPANTS = 9999
@@ -17,22 +19,36 @@ MAX_PARTICIPANTS = 9999
 
 def simulate(
     task: Annotated[
-        str, typer.Argument(help="Experiment: ramp, rating, comparison, search, or one of your own.")
+        str,
+        typer.Argument(
+            help="Which experiment: ramp, rating, comparison, search, or a task of your own.",
+            autocompletion=words_and_files(*BUILT_IN_TASKS),
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the data set to be made.")],
-    participants: Annotated[int, typer.Option(help="How many simulated participants.")] = 20,
-    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 1,
-    display: Annotated[str, typer.Option(help="Display: a preset or a toml file.")] = "varjo-xr3",
+    out: Annotated[Path, output(help="Folder of the data set, which is made.")],
+    participants: Annotated[int, asked(help="How many people to simulate.")] = 20,
+    seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
+    display: Annotated[
+        str | None,
+        asked(
+            help="Display that is looked at: a preset such as laptop-lcd, or a file such as "
+            "desk.display.toml.",
+            show_default="that of the stimuli, or varjo-xr3",
+        ),
+    ] = None,
     design: Annotated[
-        str | None, typer.Option(help="Design: a preset (paper, quick, ...) or a toml file; default paper.")
+        str | None,
+        asked(
+            help="What is shown, and how often: a preset (paper, recommended, quick, ...) or a toml file.",
+            show_default="paper",
+        ),
     ] = None,
     stimuli: Annotated[
-        Path | None,
-        typer.Option(help="Folder with a track for each sequence of a viewing experiment."),
+        Path | None, asked(help="rating, comparison, search: folder with a track for each sequence.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no closing line.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing line.")] = False,
 ) -> None:
-    """Simulate many participants of an experiment at once, without a window."""
+    """Let many simulated participants answer an experiment, without a window: a data set to try things on."""
     from evenlight.data_schema.recordings.session import TASKS
 
     if task not in TASKS:
@@ -58,17 +74,17 @@ def simulate(
 Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set, and reports who is done
 
 
-def _ramps(participants: int, seed: int, display: str, design: str | None) -> Simulation:
+def _ramps(participants: int, seed: int, display: str | None, design: str | None) -> Simulation:
     """Return the simulation of ramp sessions."""
     from evenlight.experiments.design_files import load_design
     from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
     from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
-    from evenlight.method.preset_files import load_display, load_rate_limit
+    from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display, load_rate_limit
 
     simulation = RampSimulation(
         participants=participants,
         seed=seed,
-        display=load_display(display),
+        display=load_display(display or DEFAULT_DISPLAY),
         design=load_design(design or "paper"),
         limit=load_rate_limit("surace2025"),
         population=ObserverPopulation(),
@@ -76,11 +92,11 @@ def _ramps(participants: int, seed: int, display: str, design: str | None) -> Si
     return lambda out, report: simulate_dataset(simulation, out, report)
 
 
-def _viewing(task: str, stimuli: Path | None) -> Callable[[int, int, str, str | None], Simulation]:
+def _viewing(task: str, stimuli: Path | None) -> Callable[[int, int, str | None, str | None], Simulation]:
     """Return what makes the simulation of another experiment, on some stimuli."""
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
 
-    def simulation(participants: int, seed: int, display: str, design: str | None) -> Simulation:
+    def simulation(participants: int, seed: int, display: str | None, design: str | None) -> Simulation:
         loaded = load_simulation(task, stimuli, (participants, seed), display, design)
         return lambda out, report: simulate_viewing(loaded, out, report)
 

@@ -18,7 +18,12 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.viewing import Stimulus, Version
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, read_track, require_light_of
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    read_track,
+    require_display_of,
+    require_light_of,
+)
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
@@ -107,6 +112,12 @@ def load_stimuli(
     return tuple(_stimulus(folder / name, name, display, with_video) for name in names)
 
 
+def track_display(folder: Path, names: Sequence[str]) -> Display | None:
+    """Return the display that the first sequence's track was made for; None where there is no such track."""
+    track = folder / names[0] / TRACK
+    return read_track(track).header.display if track.is_file() else None
+
+
 def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]:
     """Return sequences that are searched: no video is shown of them, but the scenes along their paths.
 
@@ -144,12 +155,12 @@ def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> Lo
         )
     track = read_track(folder / TRACK)
     summary = read_json_record(OptimizationSummary, folder / SUMMARY)
-    if track.header.display_fingerprint != display.fingerprint:
-        same_name = " in another calibration" if track.header.display_name == display.name else ""
-        raise InputError(
-            f"{folder / TRACK}: was made for the display {track.header.display_name!r}, and the rig has "
-            f"{display.name!r}{same_name}; make it with --display set to the rig's"
+    try:
+        require_display_of(
+            track.header, display, "FILE", ", FILE being the one that the rig names as its display"
         )
+    except InputError as error:
+        raise InputError(f"{folder / TRACK}: {error}") from error
     require_light_of(track, display, folder / TRACK)
     path = _video_file(folder, name) if with_video else None
     video = open_video(str(path)) if path is not None else None

@@ -13,11 +13,11 @@ from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST
 
 def watch(
     dataset: Annotated[Path, typer.Argument(help="Folder of the data set that `evenlight run` writes to.")],
-    participant: Annotated[str | None, typer.Option(help="Whose session; otherwise the latest one.")] = None,
-    session: Annotated[str | None, typer.Option(help="Which session; otherwise the latest one.")] = None,
-    once: Annotated[bool, typer.Option("--once", help="Show it once, and end.")] = False,
+    participant: Annotated[str | None, typer.Option(help="Whose session. Otherwise the latest.")] = None,
+    session: Annotated[str | None, typer.Option(help="Which session. Otherwise the latest.")] = None,
+    once: Annotated[bool, typer.Option("--once", help="Show the state once, and end.")] = False,
 ) -> None:
-    """Watch a session while it runs: thresholds so far, dropped frames, time left. It only reads."""
+    """Watch a session while it runs, from another terminal: thresholds so far, dropped frames, time left."""
     from evenlight.experiments.live_view.live_view import watch_session
 
     watch_session(latest_session(dataset, participant, session), once)

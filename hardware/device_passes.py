@@ -26,6 +26,7 @@ from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.whole_files import make_folder
 from evenlight.hardware.measuring import Bench, ShowLine, bench_for
+from evenlight.hardware.operating_system import HAS_UNIX
 from evenlight.hardware.power_average import averaged, sampled
 from evenlight.hardware.protocols import Fault, InstrumentError, PowerMeter
 from evenlight.hardware.rig import open_power_meter
@@ -167,7 +168,10 @@ def _started(
 
 
 def _end(player: subprocess.Popen[bytes]) -> None:
-    """End a player, and all that it has started."""
+    """End a player, and all that it has started; on Windows the player alone."""
+    if not HAS_UNIX:
+        player.kill()
+        return
     for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(player.pid, number)

@@ -20,16 +20,19 @@ from evenlight.hardware.installed_drivers import InstrumentKind, known_drivers
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 measure = typer.Typer(invoke_without_command=True)
-QUIET = typer.Option("--quiet", help="Only the closing line.")
-RIG = typer.Option(help="Rig that names the instrument: a toml file, or a preset.")
-OUT = typer.Option(help="New table (csv) for all that is read, on the disk as it comes.")
+QUIET = typer.Option("--quiet", help="Print only the closing line.")
+INSTRUMENT = typer.Option(
+    help="The instrument; `evenlight measure list` shows them. `simulated` needs no device."
+)
+RIG = typer.Option(help="Rig that names the instrument, in place of --instrument: a toml file, or a preset.")
+OUT = typer.Option(metavar="FILE", help="New table (.csv) of all readings, written as they come.")
 SYSTEM = Path("/sys")
 SERIAL_CONVERTERS = (0x0403, 0x067B, 0x10C4, 0x1A86)  # vendors: FTDI, Prolific, Silicon Labs, WCH
-INSTALL = "pip install 'evenlight[instruments]'"
+INSTALL = "pip install '.[instruments]' in the checkout"
 LIBRARIES = {
     "ppk2_api": ("the power meter ppk2", INSTALL),
     "monitorcontrol": ("the backlight ddc", INSTALL),
-    "pylsl": ("the trigger output lsl", "pip install 'evenlight[lsl]'"),
+    "pylsl": ("the trigger output lsl", "pip install '.[lsl]' in the checkout"),
     "pyvisa": ("the power meter visa", INSTALL),
     "pyvisa_py": ("the power meter visa, unless a vendor's VISA is there", INSTALL),
 }
@@ -42,34 +45,35 @@ PROGRAMS = {
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Talk to the instruments: list, luminance, power, light, zero, saving, conform; all with --quiet."""
+    """Measure with luminance meters, power meters and photodiodes. All commands take --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
 
 @measure.command("list")
 def list_instruments(
-    quiet: Annotated[bool, typer.Option("--quiet", help="Only the names of the drivers.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print only the names of the drivers.")] = False,
 ) -> None:
-    """Show drivers, what is plugged in, and what is not installed; nothing is opened."""
+    """List the drivers, what is plugged in, and what is not installed. Nothing is opened."""
     for line in driver_names() if quiet else list_lines(connected_devices()):
         typer.echo(line)
 
 
 @measure.command()
 def luminance(
-    instrument: Annotated[
-        str | None, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")
-    ] = None,
+    instrument: Annotated[str | None, INSTRUMENT] = None,
     rig: Annotated[str | None, RIG] = None,
     count: Annotated[int, typer.Option(help="How many readings.", min=1, max=1_000_000)] = 3,
     interval_s: Annotated[
-        float, typer.Option("--interval-s", help="From one reading's begin to the next.", min=0.0, max=86400)
+        float,
+        typer.Option(
+            "--interval-s", help="Time from the start of a reading to that of the next.", min=0.0, max=86400
+        ),
     ] = 0.0,
     out: Annotated[Path | None, OUT] = None,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
-    """Read a luminance meter, and show each reading, their mean and their standard deviation."""
+    """Read a luminance meter: each reading, their mean and their standard deviation, in cd/m²."""
     from evenlight.hardware.measuring import measure_luminance
 
     name = instrument or _named(rig, "luminance_meter")
@@ -79,19 +83,19 @@ def luminance(
 
 @measure.command()
 def power(
-    instrument: Annotated[
-        str | None, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")
-    ] = None,
+    instrument: Annotated[str | None, INSTRUMENT] = None,
     rig: Annotated[str | None, RIG] = None,
-    seconds: Annotated[float, typer.Option(help="How long.", min=0.0, max=1e6)] = 10.0,
+    seconds: Annotated[float, typer.Option(help="How long to measure.", min=0.0, max=1e6)] = 10.0,
     rate_hz: Annotated[
         float | None,
-        typer.Option("--rate-hz", help="Samples a second: 100, or what the driver is for.", min=0.0, max=1e6),
+        typer.Option(
+            "--rate-hz", help="Samples per second.", min=0.0, max=1e6, show_default="100, or the driver's own"
+        ),
     ] = None,
     out: Annotated[Path | None, OUT] = None,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
-    """Average the power that a meter measures, and show how many samples were lost or came twice."""
+    """Measure the mean power, in watts, and count samples that were lost or came twice."""
     from evenlight.hardware.measuring import measure_power
 
     name = instrument or _named(rig, "power_meter")
@@ -101,11 +105,13 @@ def power(
 
 @measure.command()
 def zero(
-    instrument: Annotated[str, typer.Option(help="DRIVER:ADDRESS, as `measure list` has them.")],
-    yes: Annotated[bool, typer.Option("--yes", help="All is ready: do not ask.")] = False,
+    instrument: Annotated[str, INSTRUMENT],
+    yes: Annotated[
+        bool, typer.Option("--yes", help="The sensor is covered, or the panel unplugged: do not ask.")
+    ] = False,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
-    """Set the zero of a meter: asks to cover its sensor, or to unplug the panel, and for Enter."""
+    """Set the zero of a meter. It asks you to cover its sensor, or to unplug the panel, first."""
     from evenlight.hardware.measuring import measure_zero
 
     typer.echo(measure_zero(instrument, None if yes else input, _show(quiet)))
@@ -113,13 +119,14 @@ def zero(
 
 @measure.command()
 def conform(
-    instrument: Annotated[str, typer.Argument(help="DRIVER:ADDRESS, or simulated:DRIVER.")],
+    instrument: Annotated[str, typer.Argument(help="The instrument, or simulated:DRIVER.")],
     kind: Annotated[
-        str | None, typer.Option(help="luminance, power or backlight, where several have the name.")
+        str | None,
+        typer.Option(metavar="KIND", help="luminance, power or backlight, if several have this name."),
     ] = None,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
-    """Try what every driver promises, faults included; ends with 1 if a promise is broken.
+    """Test what every driver promises, on an instrument or its emulator; ends with 1 if one is broken.
 
     A backlight changes the screen's brightness meanwhile, and is left as it was found. Faults are tried on
     the emulated instrument that the driver brings: simulated:DRIVER.
@@ -308,6 +315,6 @@ def _sensor_lines(system: Path) -> Iterable[str]:
 def _text(path: Path) -> str:
     """Return what a file of the system says; nothing where it says nothing."""
     try:
-        return path.read_text().strip()
+        return path.read_text(encoding="utf-8").strip()
     except OSError:
         return ""

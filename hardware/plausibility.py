@@ -25,7 +25,7 @@ class Span:
 ANY_LUMINANCE = Span(0.0, 1e6, "no display is as bright: the sun is 1.6e9 cd/m^2, white paper in it 3e4")
 ANY_POWER = Span(-1e4, 1e4, "no panel, and no computer with it, takes as much")
 MINOLTA_CATALOGUE = "Konica Minolta's catalogue, FAST, quoted from memory; 0 is what its display begins with"
-# By the name of the driver [cd/m^2]; ANY_LUMINANCE for the others, whose data sheets were not to be had.
+# By the name of the driver [cd/m^2]; ANY_LUMINANCE for the others, whose data sheets we could not get.
 LUMINANCES: dict[str, Span] = {
     "ls100": Span(0.0, 299_900.0, MINOLTA_CATALOGUE),
     "ls110": Span(0.0, 999_900.0, MINOLTA_CATALOGUE),

@@ -69,6 +69,7 @@ def _rig_file(name_or_path: str) -> Path:
         hint = difflib.get_close_matches(name_or_path, rig_names(), n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""
         raise InputError(
-            f"{name_or_path}: no such rig; {guess}give a preset ({', '.join(rig_names())}) or a toml file"
+            f"{name_or_path}: no such rig; {guess}give a preset ({', '.join(rig_names())}) or a toml file, "
+            "which `evenlight new rig desk.rig.toml` writes for you to fill in"
         )
     return path

@@ -15,10 +15,12 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
+from evenlight.data_schema.tracks.loss_curves import read_curves_header
 from evenlight.method.contrast.measures import MEASURES
 from evenlight.method.rate_limit import require_known, require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
+DEFAULT_DISPLAY = "varjo-xr3"  # where none is given and nothing carries one
 
 Record = TypeVar("Record")
 
@@ -37,6 +39,35 @@ def load_display(name_or_path: str | PathLike[str]) -> Display:
     return _load(name_or_path, "display", "toml", lambda path: read_toml_record(Display, path))
 
 
+def display_for(
+    limit: RateLimit, given: str | PathLike[str] | None = None, curves: Path | None = None
+) -> Display:
+    """Return the display that is given; else that of loss curves or a rate limit, else `varjo-xr3`.
+
+    Parameters
+    ----------
+    limit : RateLimit
+        A limit of an earlier version carries none.
+    given : str or path, optional
+        A preset, or a toml file.
+    curves : Path, optional
+        Loss curves of an earlier run, which count before the rate limit.
+
+    Raises
+    ------
+    InputError
+        As `load_display`, or if the file holds no loss curves.
+
+    >>> display_for(load_rate_limit("surace2025")).name
+    'varjo-xr3'
+    """
+    if given is not None:
+        return load_display(given)
+    if curves is not None:
+        return read_curves_header(curves).display
+    return limit.display or load_display(DEFAULT_DISPLAY)
+
+
 def load_power_model(name_or_path: str | PathLike[str]) -> PowerModel:
     """Return the power model of a preset (`surace2025`) or of a toml file; errors as `load_display`."""
     return _load(name_or_path, "power", "toml", lambda path: read_toml_record(PowerModel, path))
@@ -47,17 +78,15 @@ def load_rate_limit(name_or_path: str | PathLike[str]) -> RateLimit:
     return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
 
 
-def load_rate_limit_for(
-    display: Display, name_or_path: str, other_display_ok: bool = False, accept_wide_band: bool = False
+def usable_limit(
+    limit: RateLimit, display: Display, other_display_ok: bool = False, accept_wide_band: bool = False
 ) -> RateLimit:
-    """Return the rate limit of a preset or a file, if it was fitted on a display and is known well enough.
+    """Return a rate limit, if it was fitted on a display and is known well enough.
 
     Parameters
     ----------
-    display : Display
-        The display that it is used for.
-    name_or_path : str
-        Of the preset (`surace2025`) or of the json file.
+    limit, display : RateLimit, Display
+        The limit, and the display that it is used for.
     other_display_ok : bool
         Whether to accept one that was fitted on another display.
     accept_wide_band : bool
@@ -66,12 +95,11 @@ def load_rate_limit_for(
     Raises
     ------
     InputError
-        If there is none of that name, it was fitted on another display, or its band is too wide.
+        If it was fitted on another display, or its band is too wide.
 
-    >>> load_rate_limit_for(load_display("varjo-xr3"), "surace2025").name
+    >>> usable_limit(load_rate_limit("surace2025"), load_display("varjo-xr3")).name
     'surace2025'
     """
-    limit = load_rate_limit(name_or_path)
     if not other_display_ok:
         require_same_display(limit, display)
     require_known(limit, accept_wide_band)

@@ -98,9 +98,12 @@ def require_same_display(limit: RateLimit, display: Display) -> None:
     """
     if not limit.holds_for(display):
         same_name = " of other photometry" if limit.display_name == display.name else ""
+        missing = "" if limit.display else "name the display that it was fitted on (--display), "
         raise InputError(
             f"the rate limit {limit.name!r} was fitted on the display {limit.display_name!r}{same_name}, "
-            f"not on {display.name!r}; calibrate {display.name!r}, or accept that (other_display_ok)"
+            f"not on {display.name!r}: {missing}measure a limit on {display.name!r} (`evenlight run ramp`, "
+            "then `evenlight fit`) and give it with --rate-limit, or borrow this one, unproven there, with "
+            "--other-display-ok (in Python other_display_ok=True)"
         )
 
 

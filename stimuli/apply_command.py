@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import asked, output
 from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, Codec, DimmedFile
 
@@ -17,31 +18,37 @@ if TYPE_CHECKING:
 
 
 def apply(
-    video: Annotated[str, typer.Argument(help="Video file, folder of images, or built-in sequence.")],
-    track: Annotated[
-        Path, typer.Argument(help="Its track.csv, or the folder that `evenlight optimize` wrote.")
+    video: Annotated[
+        str, typer.Argument(help="The video: a file, a folder of images, or a built-in sequence.")
     ],
-    out: Annotated[Path, typer.Option(help="File to write: .mp4, .mov or .mkv.")],
+    track: Annotated[
+        Path, typer.Argument(help="Its track: the folder that `evenlight optimize` wrote, or track.csv.")
+    ],
+    out: Annotated[Path, output(metavar="FILE", help="File to write: .mp4, .mov or .mkv.")],
     version: Annotated[
-        AppliedVersion,
-        typer.Option(help="Dimmed by the track, constantly at equal power, or both in one picture."),
+        AppliedVersion, asked(help="Dimmed by the track, constantly at equal power, or both in one picture.")
     ] = AppliedVersion.OURS,
     codec: Annotated[
-        Codec | None, typer.Option(help="How to encode it: else h264, and in .mkv ffv1, without loss.")
+        Codec | None,
+        output(
+            help="How to encode it: h264 plays everywhere; hevc10 and av1 have 10 bits; ffv1 is lossless.",
+            show_default="h264; ffv1 in .mkv",
+        ),
     ] = None,
     display: Annotated[
-        str | None, typer.Option(help="Display of an older track that does not hold it: a preset or a file.")
+        str | None,
+        asked(help="Display of an older track, which does not name it itself: a preset or a toml file."),
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(help="Frames per second of images or a sequence; else the track's.")
+        float | None, asked(help="Frames per second of images or a sequence. Otherwise the track's.")
     ] = None,
     other_video_ok: Annotated[
-        bool, typer.Option("--other-video-ok", help="Take a video of other content with the same times.")
+        bool, asked("--other-video-ok", help="Accept another video that has the same frame times.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no closing lines.")] = False,
+    force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
-    """Write a video dimmed by its track to a file, with its sound, subtitles, frame times and tags."""
+    """Write the dimmed video to a file, with its sound, subtitles, frame times and tags."""
     from evenlight.data_schema.storage.whole_files import require_free
     from evenlight.stimuli.dimmed.apply_video import apply_track
     from evenlight.stimuli.dimmed.encoders import codec_for

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import asked, output, viewing
 from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
@@ -23,23 +24,28 @@ DARK = 0.2  # [cd/m^2] and so is one of which more than half is below this
 def render(
     sequence: Annotated[
         str,
-        typer.Argument(help="A built-in sequence or scene, or with --path a .glb file."),
+        typer.Argument(
+            help="A built-in sequence or scene (library, gym, living_room, basement, house, checkerboard, "
+            "sunrise), or with --path a .glb file."
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="File to write: a video in .mkv, or the scene in .glb.")],
-    path: Annotated[Path | None, typer.Option(help="Camera path through the scene, a .json file.")] = None,
-    size: Annotated[str | None, typer.Option(help="Size in pixels, as 640x360.")] = None,
-    duration: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
-    fps: Annotated[float | None, typer.Option(help="Frames per second.")] = None,
+    out: Annotated[
+        Path, output(metavar="FILE", help="File to write: a video (.mkv), or the scene itself (.glb).")
+    ],
+    path: Annotated[Path | None, asked(help="Camera path through the scene (.json).")] = None,
+    size: Annotated[str | None, asked(metavar="WxH", help="Size in pixels, such as 640x360.")] = None,
+    duration: Annotated[float | None, asked(metavar="SECONDS", help="Length of the video.")] = None,
+    fps: Annotated[float | None, asked(help="Frames per second.")] = None,
     field_of_view: Annotated[
-        float | None, typer.Option(help="Degrees that the width spans; else 90.")
+        float | None, viewing(help="Visual angle that the width of the video spans.", show_default="90")
     ] = None,
     display: Annotated[
-        str | None, typer.Option(help="Display to render it for, pixel for pixel: a preset or a toml file.")
+        str | None, viewing(help="Display to render it for, pixel for pixel: a preset or a toml file.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
 ) -> None:
-    """Render a sequence, or a walk through a scene, to a lossless video (FFV1, 10 bits, Matroska)."""
+    """Make a video file of a built-in sequence, or of a walk through a scene: lossless, 10 bits (FFV1)."""
     from evenlight.data_schema.storage.whole_files import require_free
     from evenlight.method.preset_files import load_display
     from evenlight.stimuli.scenes.content.catalogue import is_scene_file

@@ -33,26 +33,33 @@ USES = {
 
 @track.callback()
 def start(context: typer.Context) -> None:
-    """Hand a brightness track on: export; with --quiet."""
+    """Hand a track on to other programs. All commands take --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
 
 @track.command()
 def export(
-    track: Annotated[Path, typer.Argument(help="A track.csv, or the folder of `evenlight optimize`.")],
-    to: Annotated[ExportFormat, typer.Option(help="A script for FFmpeg or mpv, JSON, or an edit list.")],
-    out: Annotated[Path, typer.Option(help="File to write.")],
+    track: Annotated[
+        Path, typer.Argument(help="The track: the folder that `evenlight optimize` wrote, or track.csv.")
+    ],
+    to: Annotated[
+        ExportFormat, typer.Option(help="A script for FFmpeg or mpv, JSON, or an edit decision list.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")],
     version: Annotated[
         DimmedVersion, typer.Option(help="Dimmed by the track, or constantly at equal power.")
     ] = DimmedVersion.OURS,
     display: Annotated[
-        str | None, typer.Option(help="The track's display, if it does not hold it: a preset or a toml file.")
+        str | None,
+        typer.Option(
+            help="Display of an older track, which does not name it itself: a preset or a toml file."
+        ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
 ) -> None:
-    """Export a track for other programs: FFmpeg, mpv, an edit, or anything that reads JSON."""
+    """Write a track for another program: FFmpeg, mpv, an editing suite, or anything that reads JSON."""
     from evenlight.data_schema.storage.whole_files import require_free
     from evenlight.data_schema.tracks.loaded_track import load_track
     from evenlight.stimuli.dimmed.exports.track_export import exported_track, write_export

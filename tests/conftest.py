@@ -1,5 +1,8 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
+import gc
+import importlib.util
+import io
 import math
 import os
 import shutil
@@ -7,15 +10,17 @@ import signal
 import subprocess
 import time
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import settings
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from PIL import Image
 
 from evenlight import command as command_line
 from evenlight import progress
@@ -49,14 +54,77 @@ os.environ["EVENLIGHT_CURVES_CACHE_MB"] = "0"
 # It imports what a session needs, warnings of PsychoPy and all, and is run by processes of its own.
 collect_ignore = ["companions/warm_modules.py"]
 
+TESTS = Path(__file__).parent
 SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")  # commands from end to end, simulated studies, timings
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let each process import the folders of tests in another order: each compiles its share for all."""
+    worker = getattr(config, "workerinput", None)
+    if worker and config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        folders = sorted({str(path.parent) for path in TESTS.glob("*/test_*.py")})
+        begin = len(folders) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+        config.args[:1] = folders[begin:] + folders[:begin]
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what lives as long as the process: a hundred thousand items and modules."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark by its folder what `make test-fast` leaves out; other files and tests have marks of their own."""
+    items.sort(key=lambda item: (TESTS not in item.path.parents, item.path))
     for item in items:
         if item.path.parent.name in SLOW_FOLDERS:
             item.add_marker(pytest.mark.slow)
+
+
+MOST_TRIES = 3  # of a test marked `real_time`
+TRIED = "tried again"
+
+
+def is_worth_another_try(failed: pytest.TestReport) -> bool:
+    """Whether a failure may be for want of time: not where the test could not be set up, and not a hang.
+
+    A hang has used up the time-out of all its tries.
+    """
+    return failed.when == "call" and "Timeout (>" not in failed.longreprtext
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Try a failed test that is about real time again, with fixtures, screens and processes of its own.
+
+    What a busy machine does to it is no failure of what it is about; the run's end says that it was done.
+    """
+    if item.get_closest_marker("real_time") is None:
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for tries in range(1, MOST_TRIES + 1):
+        reports = runtestprotocol(item, log=False, nextitem=nextitem)
+        failed = [report for report in reports if report.failed]
+        if not failed or tries == MOST_TRIES or not is_worth_another_try(failed[0]):
+            break
+        lines = failed[0].longreprtext.splitlines()
+        item.user_properties.append(
+            (TRIED, next((line for line in lines if line.startswith("E ")), lines[-1]))
+        )
+        item.session._setupstate.teardown_exact(None)  # fixtures of modules and of the session too
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests of real time were tried again, and why."""
+    for report in [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]:
+        if report.when == "call":
+            for name, why in report.user_properties:
+                if name == TRIED:
+                    terminalreporter.write_line(f"TRIED AGAIN {report.nodeid} - {why}")
 
 
 # A busy machine is no failure; pytest's own timeout ends what hangs.
@@ -228,6 +296,16 @@ def coarse_pictures() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def blank_pictures() -> Iterator[None]:
+    """Write an empty picture in place of each, where a command that draws the same is tested elsewhere."""
+    stream = io.BytesIO()
+    Image.new("L", (8, 8)).save(stream, format="PNG")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_style, "png_bytes", lambda figure: stream.getvalue())
+        yield
+
+
 @pytest.fixture(autouse=True, scope="session")
 def heeded_interruptions() -> None:
     """Let processes heed Ctrl-C where a shell started the tests in the background: it has them ignore it."""
@@ -251,7 +329,7 @@ def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.fixture(scope="session")
-def virtual_screen() -> Iterator[Callable[[int], str]]:
+def bare_screen() -> Iterator[Callable[[int], str]]:
     """Start a virtual screen of 24 or 30 bits where there is none yet, and return its DISPLAY."""
     running: dict[int, tuple[subprocess.Popen[str], str]] = {}
 
@@ -275,3 +353,28 @@ def virtual_screen() -> Iterator[Callable[[int], str]]:
         server.wait()
         assert server.stdout is not None
         server.stdout.close()
+
+
+WITHOUT_PSYCHOPY = "PsychoPy is missing, sessions in a window are not tested: `make lab`, Python 3.11 or 3.12"
+
+
+@pytest.fixture(scope="session")
+def psychopy_is_here() -> None:
+    """Skip what opens a window of a session where PsychoPy is missing; it has no Python 3.13."""
+    if importlib.util.find_spec("psychopy") is None:
+        pytest.skip(WITHOUT_PSYCHOPY)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Let all tests that lack PsychoPy share one line at the end."""
+    report = yield
+    if report.skipped and isinstance(report.longrepr, tuple) and WITHOUT_PSYCHOPY in report.longrepr[2]:
+        report.longrepr = (__file__, 1, report.longrepr[2])
+    return report
+
+
+@pytest.fixture(scope="session")
+def virtual_screen(psychopy_is_here: None, bare_screen: Callable[[int], str]) -> Callable[[int], str]:
+    """Start a virtual screen for a window of PsychoPy, and return its DISPLAY."""
+    return bare_screen

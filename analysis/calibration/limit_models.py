@@ -201,6 +201,7 @@ def _joint_limit(joint: JointFit, answers: Answers, options: RateLimitOptions) -
             name=NAME,
             display_name=answers.display.name,
             display_fingerprint=answers.display.fingerprint,
+            display=answers.display,
             form=joint.basis.form,
             coefficients=tuple(joint.coefficients.tolist()),
             luminance_range=joint.basis.luminance_range,

@@ -13,9 +13,9 @@ from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.tracks.brightness_track import require_display_of
 from evenlight.data_schema.tracks.judgement import MeasureAgreement, MeasuredTrack
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.method.choices import AnalysisEffort
@@ -96,18 +96,7 @@ class MeasuredLosses:
 
 def require_judgeable(judged: JudgedVideo) -> None:
     """Refuse a track that was made for another display, or is none of the video's."""
-    header = judged.loaded.track.header
-    name = judged.display.name
-    if header.display_fingerprint != judged.display.fingerprint:
-        here = (
-            "another of that name (peak luminance, black level or other values differ)"
-            if header.display_name == name
-            else repr(name)
-        )
-        raise InputError(
-            f"the track was made for the display {header.display_name!r}, and here is {here}: give --display "
-            "the one that it was made for"
-        )
+    require_display_of(judged.loaded.track.header, judged.display, judged.display.name)
     require_fit(judged.source, judged.loaded.track)
 
 

@@ -89,7 +89,7 @@ def judged_modulation(
     track = judged.loaded.track
     rate = 1 / float(np.median(np.diff(track.times))) if len(track.times) > 1 else 0.0
     if metric is None:
-        return (), "ColorVideoVDP is not installed: pip install 'evenlight[judge]'"
+        return (), "ColorVideoVDP is not installed: pip install '.[judge]' in the checkout"
     if rate < SLOWEST:
         return (), f"ColorVideoVDP was not asked: {rate:.3g} frames a second are too few to show movement"
     length = round(LENGTH * rate)

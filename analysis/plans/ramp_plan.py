@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -49,6 +49,7 @@ NOT_COMPARABLE = (
 )
 INTERVAL = 1.96  # standard deviations: 95 %
 PAPER_SHAPE = RateLimitOptions(RateLimitForm.LN_RATE, PAPER_DEGREE)
+RECOMMENDED = "recommended"  # the design that the guides run
 ASSURED = 0.8  # share of experiments whose band is to be narrow enough, for the second figure
 EFFORTS = {"quick": (12, 12), "default": (24, 20), "thorough": (80, 40)}  # simulated people; experiments
 
@@ -76,7 +77,7 @@ class PlanRequest:
     display: Display
     precision: float = 0.1
     participants: tuple[int, ...] = (5, 10, 20, 40)
-    trials: tuple[int, ...] = (20, 40, 60, 100)
+    trials: tuple[int, ...] = (20, 30, 40, 60, 100)
     pool: int = EFFORTS["default"][0]
     draws: int = EFFORTS["default"][1]
     seed: int = 1
@@ -238,9 +239,23 @@ def _share(log_ratio: float | np.floating[Any]) -> float:
 
 
 def in_words(plan: RampPlan) -> tuple[str, ...]:
-    """Return what the plan comes to, a sentence for each task, and one if there are two."""
+    """Return what the plan comes to, the answer first, a sentence for each task, and one if there are two."""
     found = tuple(_best_in_words(plan, procedure) for procedure in plan.best)
-    return (*found, NOT_COMPARABLE) if len(found) > 1 else found
+    return (*_recommended_in_words(plan), *found, *((NOT_COMPARABLE,) if len(found) > 1 else ()))
+
+
+def _recommended_in_words(plan: RampPlan) -> Iterator[str]:
+    """Yield how many participants the recommended design takes as it is run, if it was tried so."""
+    design = plan.request.designs.get(RECOMMENDED)
+    trials = None if design is None else design.trials_per_level
+    for row in plan.rows:
+        if (row.design, row.trials_per_level) == (RECOMMENDED, trials):
+            yield (
+                f"recommended: {row.participants_needed_in_words} participants for ΔL(L) to "
+                f"{100 * plan.request.precision:g} %, each with `evenlight run ramp --design {RECOMMENDED}` "
+                f"({row.trials_per_level} trials per level, {row.minutes:.0f} min)"
+            )
+            return
 
 
 def chance_in_words(plan: RampPlan) -> str:

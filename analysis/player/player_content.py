@@ -13,6 +13,7 @@ from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_figure_data import TrackFigureData
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.power import power
+from evenlight.progress import shown_progress
 from evenlight.stimuli.sequence_format import SequenceFormat
 
 PLAYER = "player.html"
@@ -38,7 +39,9 @@ def player_content(
     constant = power(model, np.full(curves.n_frames, data.baseline_factor), curves.channel_means)
     full = float(share @ power(model, np.ones(curves.n_frames), curves.channel_means))
     picture = recorder.picture(curves)
-    contrast, detail = contrast_tiles(samples.held, data, curves.display, job.model)
+    with shown_progress(job.quiet) as progress:
+        progress.step(f"maps of lost contrast of {curves.video}")
+        contrast, detail = contrast_tiles(samples.held, data, curves.display, job.model)
     shown, why = _of_the_picture(picture, curves)
     notes = [f"{shown} Maps of lost contrast for {len(contrast.frames)} frames."]
     if isinstance(getattr(recorder.source, "format", None), SequenceFormat):

@@ -148,6 +148,7 @@ def player_html(content: PlayerContent) -> str:
         file=_file,
         data=_script_data(content),
         title=f"{data.track.header.video} on {display.name}, {budget_in_words(data)}",
+        gained=data.gained,
         outcome=outcome_in_words(data),
         figures=_key_figures(content),
         display=display,

@@ -32,7 +32,7 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import DEFAULT_CALM
 from evenlight.method.optimizer.request import Request
-from evenlight.method.preset_files import load_power_model, load_rate_limit, load_rate_limit_for
+from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
 from evenlight.stimuli.video.video_source import VideoSource
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
@@ -74,7 +74,7 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     write_figures(calibration, fitted, load_rate_limit("surace2025"))
     # The optimizer reads the file that the fit wrote, as it would on another day.
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
-    limit = load_rate_limit_for(data.display, str(fitted / "rate_limit.json"), accept_wide_band=True)
+    limit = usable_limit(load_rate_limit(fitted / "rate_limit.json"), data.display, accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
     job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, player=True, quiet=quiet)
     summary = run_optimization(job, folder / TRACK)

@@ -145,9 +145,11 @@ def optimize_curves(
         else:
             solution = optimize_problem(problem, solver)
             factors = calmed(problem, solution.factors, job.calm)
-    solved = time.perf_counter()
+        solved = time.perf_counter()
+        if not by_measure:
+            progress.step(f"lower bound of {whole.video}")
+            bound = lower_bound(problem, solution)
     if not by_measure:
-        bound = lower_bound(problem, solution)
         answer = SolverAnswer(bound, solution.iterations, job.model_name, len(curves))
     shape = float(pixel_aspect(job.source))
     effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)
@@ -193,7 +195,9 @@ def _with_floor(
     """Return the header of a track made for a backlight, with what pixels would add to the loss."""
     if curves.actuator is Actuator.PIXELS:
         return header
-    added = floor_in_samples(samples.held, factors, curves.display, job.model)
+    with shown_progress(job.quiet) as progress:
+        progress.step(f"loss of {curves.video} if pixels dimmed")
+        added = floor_in_samples(samples.held, factors, curves.display, job.model)
     return replace(header, loss_added_by_pixels=added)
 
 

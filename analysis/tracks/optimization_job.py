@@ -222,7 +222,8 @@ def _require_same_source(job: OptimizationJob, curves: LossCurves, geometry: Vie
     if (made.fingerprint, made.pixels_per_degree) != (asked.fingerprint, asked.pixels_per_degree):
         at = geometry_words(curves.field_of_view, made.pixels_per_degree)
         raise InputError(
-            f"the curves {job.curves}: made for {made.name!r} {at}, asked is {asked.name!r} {geometry}"
+            f"the curves {job.curves}: made for {made.name!r} {at}, asked is "
+            f"{asked.name!r} {geometry}; leave out --display and --field-of-view, or give the same again"
         )
 
 

@@ -34,8 +34,8 @@ from evenlight.analysis.figure_style import (
     text_lines,
 )
 from evenlight.analysis.tracks.frame_samples import Image, dimmed_picture
+from evenlight.analysis.tracks.gain_words import SAME_POWER
 from evenlight.analysis.tracks.track_figure_data import (
-    SAME,
     TrackFigureData,
     budget_in_words,
     frame_edges,
@@ -159,7 +159,7 @@ def _allowances(data: TrackFigureData) -> str:
     ratio = largest_rate_ratio(data.track.rate[marked], data.limit_alone()[marked])
     return (
         f", in marked sections up to {short(ratio)} times it"
-        if ratio > 1 + SAME
+        if ratio > 1 + SAME_POWER
         else " but for marked sections"
     )
 

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.tracks.frame_samples import Image
-from evenlight.analysis.tracks.objective_words import less_or_more
+from evenlight.analysis.tracks.gain_words import SAME_POWER
+from evenlight.analysis.tracks.objective_words import less_or_more, little_to_gain
 from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.quantities import read_only
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-
-SAME = 1e-4  # relative: powers, or a budget and what was reached, that print alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +43,8 @@ class TrackFigureData:
         The rate limit without allowances [cd/m^2/s]; None where the track has that one.
     minimized : str
         What was minimized, and how far; empty where it is the objective.
+    gained : tuple of str
+        What is saved and what that costs, a sentence each.
     """
 
     track: BrightnessTrack
@@ -60,6 +60,7 @@ class TrackFigureData:
     weighing: FrameWeighting = FrameWeighting.ALIKE
     fitted_limit: Array | None = None
     minimized: str = ""
+    gained: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "baseline_loss", read_only(self.baseline_loss))
@@ -91,11 +92,6 @@ def compared_at(data: TrackFigureData, frame: int) -> tuple[tuple[float, float],
     )
 
 
-def uses_same_power(summary: OptimizationSummary) -> bool:
-    """Return whether a track and its constant baseline use the same power."""
-    return abs(summary.mean_power - summary.baseline_power) <= SAME * summary.baseline_power
-
-
 def frame_edges(times: Array) -> Array:
     """Return when frames begin, and when the last one ends: it lasts as long as the median of the others."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
@@ -109,7 +105,7 @@ def budget_in_words(data: TrackFigureData) -> str:
     words = _amount(data, achieved)
     if data.clips > 1:
         return f"{words} ({_bare(data, budget)} shared by {data.clips} clips)"
-    if abs(achieved - budget) > SAME * budget:
+    if abs(achieved - budget) > SAME_POWER * budget:
         return f"{words} (budget {_bare(data, budget)})"
     return words
 
@@ -139,6 +135,12 @@ def outcome_in_words(data: TrackFigureData) -> str:
     if not (ours > 0 or constant > 0):
         which = "every frame that counts" if weighted else "every frame"
         return f"{lead}Constant dimming already loses the same share of contrast in {which}."
+    at_worst = float(data.baseline_loss.max() - data.track.contrast_loss.max())
+    level = float(data.baseline_loss.max()), float(data.baseline_loss.mean())
+    little = "" if data.minimized else little_to_gain(ours, constant, at_worst, *level)
+    if little:
+        said = f"{lead}{little[0].upper()}{little[1:]}: contrast loss differs between two frames by "
+        return f"{said}{short(constant)}, with the track by {short(ours)}."
     how = "on weighted average" if weighted else "on average"
     return (
         f"{lead}Contrast loss differs between two frames by {short(ours)} {how}, "

@@ -15,11 +15,12 @@ from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, c
 from evenlight.analysis.tracks.control_figures import target_figure, tuning_figure
 from evenlight.analysis.tracks.control_run import ControlJob, ControlledVideo, ControlResult
 from evenlight.analysis.tracks.frame_samples import FrameSamples, thumbnails_of
+from evenlight.analysis.tracks.gain_words import gain_sentences, uses_same_power
 from evenlight.analysis.tracks.objective_words import minimized_in_words
 from evenlight.analysis.tracks.optimization import OptimizedClip, optimize_video
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, clip_folder, loss_curves_of
 from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData, compared_at, uses_same_power
+from evenlight.analysis.tracks.track_figure_data import TrackFigureData, compared_at
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.storage.tables import write_rows
@@ -30,6 +31,7 @@ from evenlight.data_schema.tracks.loss_curves import write_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.evaluate import limit_without_allowances
+from evenlight.progress import shown_progress
 
 
 def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
@@ -63,7 +65,9 @@ def _write_clip(
     curves, data = clip.problem.curves, figure_data_of(clip)
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", clip.track)
-    _draw(data, clip.samples, curves.display, job.model, folder)
+    with shown_progress(job.quiet) as progress:
+        progress.step(f"drawing {curves.video}")
+        _draw(data, clip.samples, curves.display, job.model, folder)
     if recorder is not None:
         write_player_page(folder / PLAYER, player_content(job, data, curves, clip.samples, recorder))
 
@@ -85,6 +89,7 @@ def figure_data_of(clip: OptimizedClip) -> TrackFigureData:
         weighing=clip.weighing,
         fitted_limit=limit_without_allowances(problem, clip.track.factors),
         minimized=minimized_in_words(summary),
+        gained=gain_sentences(summary),
     )
 
 
@@ -109,19 +114,23 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[ControlResult, list[Ta
     recorders = _recorders(asked.work)
     curves = loss_curves_of(asked.work, samples, *(recorder.watch for recorder in recorders))
     video = ControlledVideo(curves, asked, time.perf_counter() - began)
-    done = video.controlled()
+    with shown_progress(asked.work.quiet) as progress:
+        progress.step(f"controlling {curves.video}")
+        done = video.controlled()
+        rows = video.sweep(done.settings) if asked.sweep else []
     write_loss_curves(folder / "loss_curves.npz", curves)
     write_track(folder / "track.csv", done.track)
     write_json_record(folder / "summary.json", done.summary)
     write_json_record(folder / "control.json", done.control)
     data = _figure_data_of_control(done, samples, asked.settings.lowest_factor)
-    _draw(data, samples, done.display, asked.work.model, folder)
+    with shown_progress(asked.work.quiet) as progress:
+        progress.step(f"drawing {curves.video}")
+        _draw(data, samples, done.display, asked.work.model, folder)
     for recorder in recorders:
         write_player_page(folder / PLAYER, player_content(asked.work, data, curves, samples, recorder))
     if done.tuning is not None and done.tuning_runs is not None:
         write_json_record(folder / "tuning.json", done.tuning)
         write_png(folder / "tuning.png", tuning_figure(done.tuning, curves.times, done.tuning_runs))
-    rows = video.sweep(done.settings) if asked.sweep else []
     if rows:
         write_rows(folder / "target_sweep.csv", TargetRow, rows)
         figure = target_figure(rows, curves.video, (curves.n_frames, asked.settings.lowest_factor))
@@ -143,6 +152,7 @@ def _figure_data_of_control(
         lowest_factor=lowest_factor,
         achieved=done.summary.achieved,
         same_power=uses_same_power(done.summary),
+        gained=gain_sentences(done.summary),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import types
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     TRIALS,
     behaviour_file,
 )
+from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.session import TASKS, WHOLE, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.sweep import SweepManifest
@@ -198,26 +200,33 @@ def _check_exported_rows(path: Path, cls: type[Any], trials: CheckedFile) -> Che
     if len(checked.records) != len(trials.records):
         checked.blame(f"expected {len(trials.records)} rows, as {TRIALS}, got {len(checked.records)}")
     for (line, row), (other, trial) in zip(checked.records, trials.records, strict=False):
-        if row != trial:
-            keys = [key for key in row.__slots__ if getattr(row, key) != getattr(trial, key)]
+        keys = [key for key in row.__slots__ if _told(getattr(row, key)) != _told(getattr(trial, key))]
+        if keys:
             checked.blame(f"{', '.join(keys)}: not as in line {other} of {TRIALS}", line)
     return checked
+
+
+def _told(value: Any) -> Any:
+    """Return what a table can tell of a value: "n/a" for none and for an empty text."""
+    return MISSING if value in (None, "") else value
 
 
 def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
     """Return a table of records with tabs between its cells, as BIDS has them."""
     checked = CheckedFile(path, "exported trials")
     columns, names, kinds = columns_of(cls), list(keys_of(cls)[0].values()), type_hints(cls)
+    whose = columns.index("participant_id")
     note, optional = checked.problems.append, optional_columns(cls)  # a table of before they were there
     try:
         rows = csv_rows(path, columns, "exported trials", "\t", lambda error: note(str(error)), optional)
         for line, cells in rows:
             where = f"{path}, line {line}"
+            cells[whose] = cells[whose].removeprefix("sub-")  # as exports name a participant
             try:
                 row = {
                     key: plain_cell(kinds[name], cell, f"{where}: {key}")
                     for key, name, cell in zip(columns, names, cells, strict=True)
-                    if cell or key not in optional
+                    if key not in optional or not _is_default(kinds[name], cell)
                 }
                 checked.records.append((line, record_from_mapping(cls, row, where)))
             except InputError as error:
@@ -225,6 +234,11 @@ def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
     except InputError as error:
         note(str(error))
     return checked
+
+
+def _is_default(kind: Any, cell: str) -> bool:
+    """Return whether a cell stands for its column's default: an empty one, which is `n/a` in an export."""
+    return not cell or (cell == MISSING and not isinstance(kind, types.UnionType))
 
 
 def check_column_descriptions(path: Path, columns: list[str]) -> CheckedFile:

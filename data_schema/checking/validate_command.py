@@ -16,10 +16,10 @@ MOST_SHOWN = 20  # problems of one file, files not checked: a thousand of the sa
 
 
 def validate(
-    path: Annotated[Path, typer.Argument(help="Data set, folder of results, or a single file.")],
-    quiet: Annotated[bool, typer.Option("--quiet", help="Show the problems only.")] = False,
+    path: Annotated[Path, typer.Argument(help="A data set, a folder of results, or a single file.")],
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print only the problems.")] = False,
 ) -> None:
-    """Check files against data_schema; end with 1 if something is wrong with them."""
+    """Check data sets, results, rigs and displays for mistakes. It ends with 1 if there are any."""
     from evenlight.data_schema.checking.validation import KNOWN
     from evenlight.data_schema.checking.validation import validate as checked_files
 

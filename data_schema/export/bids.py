@@ -7,6 +7,7 @@ from pathlib import Path
 from evenlight.data_schema.checking.dataset_checks import personal_columns
 from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.export.shared_tables import shared_descriptions, shared_table
 from evenlight.data_schema.recordings.dataset_layout import (
     BEHAVIOUR_FOLDER,
     DESCRIPTION,
@@ -24,7 +25,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 )
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
-from evenlight.data_schema.storage.text_files import read_json, read_text
+from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
 from evenlight.data_schema.storage.whole_files import is_partial, results_folder, write_whole
 
 IGNORED = ".bidsignore"
@@ -111,13 +112,18 @@ def tables_in(files: list[Path]) -> list[Path]:
 
 
 def copy_files(files: list[Path], dataset: Path, folder: Path) -> None:
-    """Write files of a data set to the same places in a folder, byte by byte."""
+    """Write files of a data set to the same places in a folder: tables as shared, others byte by byte."""
     for path in files:
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-        write_whole(folder / path.relative_to(dataset), content)
+        target = folder / path.relative_to(dataset)
+        if path.suffix == ".tsv":
+            write_whole(target, "".join("\t".join(cells) + "\n" for cells in shared_table(path)))
+        elif path.with_suffix(".tsv") in files:
+            write_json(target, shared_descriptions(path))
+        else:
+            try:
+                write_whole(target, path.read_bytes())
+            except OSError as error:
+                raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def _refuse_problems(dataset: Path) -> None:

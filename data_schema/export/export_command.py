@@ -17,14 +17,14 @@ class DatasetStandard(enum.Enum):
 
 
 def export(
-    dataset: Annotated[Path, typer.Argument(help="Data set of sessions.")],
-    out: Annotated[Path, typer.Option(help="Folder of the exported data set, to be made.")],
+    dataset: Annotated[Path, typer.Argument(help="The data set, a folder of sessions.")],
+    out: Annotated[Path, typer.Option(help="Folder for the exported data set, which is made.")],
     to: Annotated[
-        DatasetStandard, typer.Option(help="Layout; either holds all that Evenlight reads.")
+        DatasetStandard, typer.Option(help="Which layout. Evenlight reads both back.")
     ] = DatasetStandard.PSYCH_DS,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No closing line.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
 ) -> None:
-    """Check a data set and export it in the layout of a standard, to share it."""
+    """Check a data set, and write it in a standard layout (Psych-DS, BIDS) to share it."""
     from evenlight.data_schema.export.bids import export_bids
     from evenlight.data_schema.export.psych_ds import export_psych_ds
 

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.export.bids import IGNORED, README, copy_files, exported_files, tables_in
+from evenlight.data_schema.export.shared_tables import shared_descriptions, shared_table
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, PARTICIPANTS, SIMULATED_TRUTH, SWEEPS
+from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.storage.tables import csv_text
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
 from evenlight.data_schema.storage.whole_files import results_folder, write_whole
 
-MISSING_CODES = ("n/a",)
 PARTICIPANT_TABLE = "group-participants_data.csv"
 NOT_DEFINED = ("sub-*", SWEEPS, PARTICIPANTS, str(Path(PARTICIPANTS).with_suffix(".json")), SIMULATED_TRUTH)
 ABOUT_DATA = """
@@ -50,8 +51,9 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
     with results_folder(folder) as staging:
         copy_files([path for path in files if path not in others], dataset, staging)
         for name, table in tables.items():
-            columns = _write_table(table, staging / "data" / name)
-            variables |= _variables(columns, table.with_suffix(".json"))
+            header, *rows = shared_table(table)
+            write_whole(staging / "data" / name, csv_text(header, rows))
+            variables |= _variables(header, table.with_suffix(".json"))
         write_json(staging / DESCRIPTION, _description(description, variables.values()))
         if dataset / README in files:
             about = read_text(dataset / README, "what the data set is")
@@ -70,16 +72,9 @@ def psych_ds_name(bids_name: str) -> str:
     return name.replace("_beh.tsv", "_data.csv")
 
 
-def _write_table(source: Path, target: Path) -> list[str]:
-    """Write a table with tabs as one with commas, and return its columns."""
-    lines = [line.split("\t") for line in read_text(source, "an exported table").split("\n") if line]
-    write_whole(target, csv_text(lines[0], lines[1:]))
-    return lines[0]
-
-
 def _variables(columns: Iterable[str], sidecar: Path) -> dict[str, dict[str, Any]]:
     """Return the columns of a table as PropertyValue of schema.org, by their BIDS description."""
-    content = read_json(sidecar, "a description of columns")
+    content = shared_descriptions(sidecar)
     return {name: _variable(name, content.get(name, {})) for name in columns}
 
 
@@ -109,5 +104,5 @@ def _description(bids: dict[str, Any], variables: Iterable[dict[str, Any]]) -> d
         "description": f"Sessions on temporal brightness management, one row per trial. {who}",
         "variableMeasured": list(variables),
         "keywords": ["psychophysics", "luminance", "brightness", "temporal brightness management"],
-        "missingValueCodes": list(MISSING_CODES),
+        "missingValueCodes": [MISSING],
     }

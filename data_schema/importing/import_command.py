@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import enum
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.option_panels import asked, output
+
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
 
 _Texts = list[str] | None
+meaning_of = functools.partial(typer.Option, rich_help_panel="What the file's columns mean")
 
 
 class ImportTask(enum.Enum):
@@ -30,34 +34,54 @@ def import_command(load_display: Callable[[str], Display]) -> Callable[..., None
     def import_table(
         file: Annotated[
             list[Path],
-            typer.Argument(help="CSV or TSV, PsychoPy's CSV, jsPsych's CSV or JSON; may be several."),
+            typer.Argument(help="Tables of trials: CSV or TSV, PsychoPy's CSV, jsPsych's CSV or JSON."),
         ],
-        task: Annotated[ImportTask, typer.Option(help="What its trials are.")],
-        out: Annotated[Path, typer.Option(help="Folder of the data set, to be made.")],
-        column: Annotated[_Texts, typer.Option(help="OURS=THEIRS: which column it is; repeatable.")] = None,
-        unit: Annotated[_Texts, typer.Option(help="OURS=UNIT, e.g. search_time=ms; repeatable.")] = None,
-        value: Annotated[
-            _Texts, typer.Option(help="OURS:OURVALUE=THEIRVALUE, e.g. version:ours=TBM; repeatable.")
+        task: Annotated[ImportTask, asked(help="What the trials are.")],
+        out: Annotated[Path, output(help="Folder of the data set, which is made.")],
+        column: Annotated[
+            _Texts, meaning_of(metavar="OURS=THEIRS", help="Name of a column in the file, for one of ours.")
         ] = None,
-        constant: Annotated[_Texts, typer.Option(help="OURS=VALUE for all rows; repeatable.")] = None,
+        unit: Annotated[
+            _Texts, meaning_of(metavar="OURS=UNIT", help="Unit of a column, such as search_time=ms.")
+        ] = None,
+        value: Annotated[
+            _Texts,
+            meaning_of(
+                metavar="OURS:VALUE=THEIRS",
+                help="What a value is called in the file, such as version:ours=TBM.",
+            ),
+        ] = None,
+        constant: Annotated[
+            _Texts,
+            meaning_of(
+                metavar="OURS=VALUE", help="One value for all rows, where the file has no such column."
+            ),
+        ] = None,
         wide: Annotated[
             _Texts,
-            typer.Option(help="OURS=PATTERN of columns, e.g. rating={sequence}_{version}; repeatable."),
+            meaning_of(
+                metavar="OURS=PATTERN",
+                help="For tables with a row per person: names of columns, as rating={sequence}_{version}.",
+            ),
         ] = None,
         only: Annotated[
-            _Texts, typer.Option(help="THEIRS=VALUE: take only rows with that; repeatable.")
+            _Texts, meaning_of(metavar="THEIRS=VALUE", help="Take only the rows with this value.")
         ] = None,
         mapping: Annotated[
             Path | None,
-            typer.Option(help="TOML with tables that say the same: columns, units, values.OURS, …"),
+            meaning_of(
+                help="Toml file that says the same, in tables: columns, units, values.OURS and so on."
+            ),
         ] = None,
         display: Annotated[
-            str | None, typer.Option(help="What was looked at: preset or file; needed for ramps.")
+            str | None, asked(help="Display that was looked at: a preset or a toml file. Needed for ramps.")
         ] = None,
-        simulated: Annotated[bool, typer.Option("--simulated", help="Simulated observers answered.")] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="No closing lines.")] = False,
+        simulated: Annotated[
+            bool, asked("--simulated", help="The answers are those of simulated observers.")
+        ] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing lines.")] = False,
     ) -> None:
-        """Import another program's table of trials as a data set; what it does not tell stays unknown."""
+        """Make a data set of another program's table of trials; what it does not tell stays unknown."""
         from evenlight.data_schema.importing.import_dataset import import_dataset
         from evenlight.data_schema.importing.import_mapping import ImportRequest, import_mapping
         from evenlight.data_schema.recordings.session import TASKS

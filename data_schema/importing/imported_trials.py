@@ -218,7 +218,7 @@ def _make_names(own: _Rows, name: str) -> list[str]:
         fit = (
             re.sub("[^0-9A-Za-z_-]+", "_", text).strip("_-")
             if is_sequence
-            else re.sub("[^0-9A-Za-z]", "", whole[1] if whole else text)
+            else re.sub("[^0-9A-Za-z]", "", whole[1] if whole else text.removeprefix("sub-"))
         )
         where = own.where(line, name)
         if name == "participant_id" and PERSONAL_ID.fullmatch(text):

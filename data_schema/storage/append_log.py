@@ -14,6 +14,9 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.tables import columns_of, csv_text
 
+# Windows would write another end of line, but for the last flag.
+_APPENDING = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
+
 
 class AppendLog:
     """A file of records, one per line; what is in it is never changed.
@@ -27,7 +30,7 @@ class AppendLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            self._handle = os.open(path, _APPENDING, 0o644)
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from error
         sync_folder(path.parent)
@@ -127,9 +130,7 @@ class AppendedRows(AbstractContextManager["AppendedRows"]):
     def __init__(self, path: Path, cls: type[Any]) -> None:
         self._path = path
         try:
-            self._handle: int | None = os.open(
-                path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644
-            )
+            self._handle: int | None = os.open(path, _APPENDING | os.O_EXCL, 0o644)
         except FileExistsError:
             raise InputError(
                 f"{path}: is there already, and measured data are never overwritten; name another file"

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -150,7 +149,7 @@ def _staging_in(folder: Path) -> tuple[Path, int | None]:
                 if dead is not None:
                     shutil.rmtree(left, ignore_errors=True)
                     os.close(dead)
-    fresh = Path(tempfile.mkdtemp(dir=folder, prefix=".begun-"))
+    fresh = folder / Path(tempfile.mkdtemp(dir=folder, prefix=".begun-")).name  # absolute since Python 3.12
     held = None
     with suppress(OSError):  # a file system without locks: what is left there stays
         held = _held(fresh)
@@ -171,10 +170,10 @@ def _held(folder: Path) -> int | None:
     OSError
         If another program holds it.
     """
-    if sys.platform == "win32":
+    try:
+        import fcntl
+    except ImportError:  # on Windows
         return None
-    import fcntl
-
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -270,7 +269,9 @@ def require_sealed(folder: Path, maker: str) -> None:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     beside = _seal_of(folder)
-    if not beside.is_file() or beside.read_text(errors="replace").strip() != sha256_of_file(folder):
+    if not beside.is_file() or beside.read_text(encoding="utf-8", errors="replace").strip() != sha256_of_file(
+        folder
+    ):
         raise InputError(
             f"{folder} holds data that no {maker} made, or that were changed since; choose another folder"
         )

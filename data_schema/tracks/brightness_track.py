@@ -184,6 +184,28 @@ def read_track(path: Path) -> BrightnessTrack:
     return track
 
 
+def require_display_of(header: TrackHeader, display: Display, named: str, otherwise: str = "") -> None:
+    """Raise `InputError` if a track was made for another display than the one it is used on.
+
+    Parameters
+    ----------
+    header : TrackHeader
+        The track's.
+    display : Display
+        The one that it is used on.
+    named : str
+        What `--display` takes for that one, for the message.
+    otherwise : str
+        Another way out.
+    """
+    if header.display_fingerprint != display.fingerprint:
+        same = " in another calibration" if header.display_name == display.name else ""
+        raise InputError(
+            f"the track was made for the display {header.display_name!r}, and here is {display.name!r}{same}"
+            f": make a track for this one with `evenlight optimize VIDEO --display {named} ...`{otherwise}"
+        )
+
+
 def require_light_of(track: BrightnessTrack, display: Display, path: Path) -> None:
     """Raise `InputError` if a frame of a track is brighter than white is at its factor.
 

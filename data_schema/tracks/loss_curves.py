@@ -7,9 +7,10 @@ import json
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from evenlight.data_schema.display import HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.errors import InputError
@@ -182,16 +183,7 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
 
 def read_loss_curves(path: Path) -> LossCurves:
     """Return the loss curves of an npz file; raise `InputError` if it holds none."""
-    what = "loss curves (npz)"
-    stream = open_input(path, what)
-    try:
-        header, arrays = _npz_content(stream)
-    except KeyError as error:
-        raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
-    except UNREADABLE as error:
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
-    made_for = record_from_mapping(CurvesHeader, header, f"{path}: header")
+    made_for, arrays = _npz_content(path, ARRAY_SHAPES)
     try:
         curves = LossCurves(
             made_for.video, made_for.display, **arrays,
@@ -205,10 +197,25 @@ def read_loss_curves(path: Path) -> LossCurves:
     return curves
 
 
-def _npz_content(file: BinaryIO) -> tuple[Any, dict[str, Any]]:
-    """Return the header and the arrays of an npz file of loss curves."""
+def read_curves_header(path: Path) -> CurvesHeader:
+    """Return what the loss curves of an npz file were made for; raise `InputError` if it holds none."""
+    return _npz_content(path, ())[0]
+
+
+def _npz_content(path: Path, names: Iterable[str]) -> tuple[CurvesHeader, dict[str, Any]]:
+    """Return the header and some arrays of an npz file of loss curves."""
     import numpy as np
 
-    with file, np.load(file, allow_pickle=False) as content:
-        held = {name for name in ARRAY_SHAPES if name in content or name not in OPTIONAL_ARRAYS}
-        return json.loads(str(content["header"])), {name: content[name] for name in held}
+    what = "loss curves (npz)"
+    stream = open_input(path, what)
+    try:
+        with stream, np.load(stream, allow_pickle=False) as content:
+            held = {name for name in names if name in content or name not in OPTIONAL_ARRAYS}
+            header = json.loads(str(content["header"]))
+            arrays = {name: content[name] for name in held}
+    except KeyError as error:
+        raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
+    except UNREADABLE as error:
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
+    return record_from_mapping(CurvesHeader, header, f"{path}: header"), arrays

@@ -182,6 +182,25 @@ class OptimizationSummary:
         "the spread by each measure, where the worst of several was minimized; the first is the objective",
         default=(),
     )
+    worst_contrast_loss: float | None = quantity(
+        "1", "largest contrast loss of any frame; null in older files", minimum=0.0, default=None
+    )
+    worst_contrast_loss_baseline: float | None = quantity(
+        "1", "the same, for constant dimming", minimum=0.0, default=None
+    )
+    battery_capacity: float | None = quantity(
+        "Wh", "capacity of the battery, if it was given", above=0.0, key="battery_capacity_wh", default=None
+    )
+    battery_life: float | None = quantity(
+        "h",
+        "how long that lasts at the mean power of the track, with nothing but the display of the power model",
+        above=0.0,
+        key="battery_life_h",
+        default=None,
+    )
+    battery_life_full: float | None = quantity(
+        "h", "the same at full brightness", above=0.0, key="battery_life_full_h", default=None
+    )
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,51 +11,71 @@ import typer
 
 from evenlight.experiments.playback.play_options import interrupted, with_options
 from evenlight.method.choices import LimitCurve
+from evenlight.option_panels import limits, output, words_and_files
+
+light_option = functools.partial(typer.Option, rich_help_panel="Backlight")
+player_option = functools.partial(typer.Option, rich_help_panel="Player")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowOptions:
     """What is followed, with what; the command line is made from it."""
 
-    video: Annotated[Path, typer.Argument(help="Video file, which mpv plays.")]
-    track: Annotated[Path, typer.Argument(help="Its track.csv, or the folder that holds it.")]
+    video: Annotated[
+        Path, typer.Argument(help="The video file, which mpv plays.", autocompletion=words_and_files())
+    ]
+    track: Annotated[
+        Path, typer.Argument(help="Its track: the folder that `evenlight optimize` wrote, or track.csv.")
+    ]
     backlight: Annotated[
         str | None,
-        typer.Option(help="sysfs:NAME, ddc:NUMBER, board:PORT, exec:PROGRAM or simulated."),
+        light_option(
+            metavar="DRIVER:ADDRESS",
+            help="The backlight: sysfs:NAME, ddc:NUMBER, board:PORT, exec:PROGRAM or simulated. `evenlight "
+            "measure list` shows those of this computer.",
+        ),
     ] = None
     backlight_curve: Annotated[
-        Path | None, typer.Option(help="Its measured curve: brightness.csv of a luminance sweep.")
+        Path | None,
+        light_option(help="Measured light of each of its steps: brightness.csv of a luminance sweep."),
     ] = None
     rig: Annotated[
         str | None,
-        typer.Option(help="Rig that names backlight, curve and display, in place of these options."),
+        light_option(help="Rig that names backlight, curve and display, in place of these options."),
     ] = None
     display: Annotated[
-        str | None, typer.Option(help="Display, a preset or a toml file: it must be the track's.")
+        str | None,
+        light_option(
+            help="The display, a preset or a toml file. It must be the one that the track was made for."
+        ),
     ] = None
     rate_limit: Annotated[
-        str | None, typer.Option(help="The track's rate limit, where that is no preset: its json file.")
+        str | None, limits(help="The rate limit that the track was made with, if it was a file.")
     ] = None
     limit_curve: Annotated[
-        LimitCurve, typer.Option(help="The fitted rate limit, or the lower edge of its band.")
+        LimitCurve, limits(help="The fitted rate limit, or the lower (safe) edge of its band.")
     ] = LimitCurve.FITTED
     socket: Annotated[
-        Path | None, typer.Option(help="Join the mpv with this --input-ipc-server; else one is started.")
+        Path | None,
+        player_option(
+            help="Join an mpv that was started with this --input-ipc-server. Otherwise one is started."
+        ),
     ] = None
     player_arguments: Annotated[
-        str | None, typer.Option(help="More options for mpv, as one word: '--fullscreen --start=1:30'.")
+        str | None,
+        player_option(metavar="OPTIONS", help="More options for mpv, quoted: '--fullscreen --start=1:30'."),
     ] = None
     wait: Annotated[
         bool,
-        typer.Option("--wait", help="Begin the film when the backlight is at its first factor."),
+        player_option("--wait", help="Begin the film only when the backlight has reached the first factor."),
     ] = False
     other_video_ok: Annotated[
-        bool, typer.Option("--other-video-ok", help="Accept the same film, encoded again.")
+        bool, player_option("--other-video-ok", help="Accept the same film in another encoding.")
     ] = False
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what would be set, and open no backlight.")
+        bool, light_option("--dry-run", help="Print what would be set, and touch no backlight.")
     ] = False
-    log: Annotated[Path | None, typer.Option(help="File for all settings and their delays, .csv.")] = None
+    log: Annotated[Path | None, output(help="Table (.csv) of every setting and its delay.")] = None
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is done.")] = False
 
 

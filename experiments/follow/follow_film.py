@@ -45,7 +45,7 @@ def follow_as_asked(options: FollowOptions) -> None:
         If backlight or player fail.
     """
     if not hasattr(socket, "AF_UNIX"):
-        raise InputError("follow talks to mpv over a Unix socket, which this system does not have")
+        raise InputError("follow works on Linux and macOS only: it talks to mpv over a Unix socket")
     tell = _nothing if options.quiet else typer.echo
     backlight, curve, display = _hardware(options)
     arguments = _arguments(options)

@@ -148,7 +148,8 @@ def require_power_meter(rig: Rig, *, sync_patch: bool) -> None:
     if rig.power_meter == "none":
         raise InputError(
             f"the rig {rig.name!r} names no power meter, and --measure-power needs one: add `power_meter`, "
-            "as `evenlight measure list` has them"
+            "as `evenlight measure list` has them, to the file of --rig (`evenlight new rig desk.rig.toml` "
+            "writes one)"
         )
     if sync_patch and not _has_sync(rig.power_meter):
         raise InputError(

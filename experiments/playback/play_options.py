@@ -20,6 +20,7 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve
+from evenlight.option_panels import output, viewing
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
@@ -42,40 +43,58 @@ class ScreenOptions:
     """What is shown, on what; what several jobs share."""
 
     video: Annotated[
-        str, typer.Argument(help="Video file, folder of images, or built-in sequence; a scene with --walk.")
+        str,
+        typer.Argument(
+            help="The video: a file, a folder of images, or a built-in sequence. With --walk a scene: house "
+            "or school."
+        ),
     ]
     track: Annotated[
-        Path | None, typer.Argument(help="Its track.csv, or the folder that holds it; none with --walk.")
+        Path | None,
+        typer.Argument(
+            help="Its track: the folder that `evenlight optimize` wrote, or track.csv. Not with --walk."
+        ),
     ] = None
     rig: Annotated[
-        str | None, typer.Option(help="Rig: a toml file or a preset; else a window as large as the video.")
+        str | None,
+        viewing(
+            help="The rig, a file that describes screen and display (desk.rig.toml). Otherwise a window as "
+            "large as the video."
+        ),
     ] = None
     display: Annotated[
-        str | None, typer.Option(help="Display: a preset or a toml file; else the rig's, or the track's.")
+        str | None,
+        viewing(help="The display: a preset or a toml file. Otherwise that of the rig, or of the track."),
     ] = None
     other_display_ok: Annotated[
-        bool, typer.Option("--other-display-ok", help="Accept a track that was made for another display.")
+        bool, viewing("--other-display-ok", help="Accept a track that was made for another display.")
     ] = False
     other_geometry_ok: Annotated[
-        bool, typer.Option("--other-geometry-ok", help="Accept a track made for a video of another angle.")
+        bool,
+        viewing("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
     ] = False
     size: Annotated[
-        str | None, typer.Option(help="Size of a built-in sequence or a scene in pixels, as 640x360.")
+        str | None,
+        viewing(metavar="WxH", help="Size of a built-in sequence or scene in pixels, such as 640x360."),
     ] = None
-    screenshots: Annotated[Path | None, typer.Option(help="Folder for a picture of the screen.")] = None
+    screenshots: Annotated[Path | None, output(metavar="DIR", help="Folder for a picture of the screen.")] = (
+        None
+    )
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="As fast as it goes, on a clock that counts the refreshes.")
+        bool, viewing("--simulate", help="Rehearse, as fast as it goes: the clock counts the refreshes.")
     ] = False
     power_model: Annotated[
-        str | None, typer.Option(help="Power model of a --budget, or to compare the measured power with.")
+        str | None, _power(help="Power model to compare with; with --walk --budget the model that counts.")
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for measured power, or for what dimmed a walk: samples, table, report."),
+        output(help="Folder for measured power, or for how a walk was dimmed: tables and report."),
     ] = None
     old_calibration_ok: Annotated[
         bool,
-        typer.Option("--old-calibration-ok", help="Accept a display that was measured too long ago."),
+        viewing(
+            "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
+        ),
     ] = False
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is shown.")] = False
 
@@ -86,12 +105,17 @@ class VideoOptions:
 
     version: Annotated[
         PlayedVersion | None,
-        _video(help="By the track (if not given), constant at equal power, both in turn, undimmed."),
+        _video(
+            help="What is played first: dimmed by the track, constantly at equal power, both in turn, or "
+            "undimmed.",
+            show_default="ours",
+        ),
     ] = None
-    loop: Annotated[bool, _video("--loop", help="Repeat until escape.")] = False
-    label: Annotated[bool, _video("--label", help="Say on the picture how it is dimmed.")] = False
+    loop: Annotated[bool, _video("--loop", help="Repeat until Esc is pressed.")] = False
+    label: Annotated[bool, _video("--label", help="Write on the picture how it is dimmed.")] = False
     log: Annotated[
-        Path | None, _video(help="File for flip times, frames, factors, drops (walks too): .csv or .jsonl.")
+        Path | None,
+        output(help="Table of every frame's time and factor, and drops (walks too): .csv or .jsonl."),
     ] = None
 
 
@@ -107,14 +131,20 @@ class PowerOptions:
         ),
     ] = False
     passes: Annotated[
-        int | None, _power(help="How often each version is played for its power; else 3.", min=1)
+        int | None, _power(help="How often each version is played.", min=1, show_default="3")
     ] = None
     sample_rate_hz: Annotated[
-        float | None, _power(help="Samples of the power meter per second; else up to 1000.", min=0.1, max=1e6)
+        float | None,
+        _power(
+            metavar="HZ",
+            help="Samples of the power meter per second.",
+            min=0.1,
+            max=1e6,
+            show_default="up to 1000",
+        ),
     ] = None
     sync_patch: Annotated[
-        bool,
-        _power("--sync-patch", help="A corner that changes with every frame, for a photodiode at the meter."),
+        bool, _power("--sync-patch", help="Show a corner that changes with every frame, for a photodiode.")
     ] = False
 
 
@@ -124,20 +154,23 @@ class WalkOptions:
 
     walk: Annotated[
         bool,
-        _walk("--walk", help="Walk in the scene house or school: W, A, S, D, arrows, mouse; shift hurries."),
+        _walk(
+            "--walk", help="Walk in a scene, house or school. Keys: W, A, S, D, arrows, mouse; shift: faster."
+        ),
     ] = False
     factor: Annotated[
-        float | None, _walk(help="Brightness factor of a walk, to begin with; else 1, or by --budget.")
+        float | None,
+        _walk(metavar="FACTOR", help="Brightness factor to begin with.", show_default="1, or by --budget"),
     ] = None
     record: Annotated[
-        Path | None, _walk(help="File for the way walked, .json: a path that `render` takes.")
+        Path | None, _walk(help="File (.json) for the way walked: a path for `evenlight render`.")
     ] = None
-    seconds: Annotated[float | None, _walk(help="End a walk after so many seconds.")] = None
+    seconds: Annotated[float | None, _walk(help="End the walk after this time.")] = None
     field_of_view: Annotated[
         float | None,
         _walk(
-            help="Degrees that the window's width spans, as in a headset; without a rig or display 90, else "
-            "what it spans at true size."
+            help="Visual angle that the width of the window spans, as in a headset. Otherwise what it spans "
+            "at true size, or 90 without a rig or display."
         ),
     ] = None
 
@@ -148,32 +181,43 @@ class LiveOptions:
 
     target_loss: Annotated[
         float | None,
-        _live(help="Contrast loss that a walk is dimmed to, online; with --budget to begin with."),
+        _live(
+            help="Share of visible contrast that each frame may lose, 0 to 1; with --budget only to begin "
+            "with."
+        ),
     ] = None
     budget: Annotated[
-        float | None, _live(help="Budget that the target of a dimmed walk follows, in its unit.")
+        float | None, _live(help="Budget to meet on average, in --budget-unit; the target follows it.")
     ] = None
     budget_unit: Annotated[
         BudgetUnit | None,
-        _live(help="Mean brightness factor, share of full power, or watt.", show_default="factor"),
+        _live(
+            help="What --budget counts: the mean brightness factor, the share of the power at full "
+            "brightness, or watts.",
+            show_default="factor",
+        ),
     ] = None
     horizon: Annotated[
-        float | None, _live(help="Seconds over which the mean is to meet the budget.", show_default="60")
+        float | None, _live(help="Time over which the mean is to meet the budget.", show_default="60")
     ] = None
     rate_limit: Annotated[
-        str | None, _live(help="Rate limit of a dimmed walk: a preset or a file; else the paper's.")
+        str | None,
+        _live(
+            help="How fast luminance may change: a preset, or rate_limit.json of `evenlight fit`. Otherwise "
+            "the paper's."
+        ),
     ] = None
     device: Annotated[
-        Device | None, _live(help="What measures the loss of a dimmed walk; else what is fastest.")
+        Device | None, _live(help="What computes the loss. Otherwise what is fastest here.")
     ] = None
     limit_curve: Annotated[
-        LimitCurve | None, _live(help="Of a dimmed walk: the fitted rate limit, or its safe edge.")
+        LimitCurve | None, _live(help="The fitted rate limit, or the lower (safe) edge of its band.")
     ] = None
     accept_wide_band: Annotated[
-        bool, _live("--accept-wide-band", help="Use a rate limit that is known too badly all the same.")
+        bool, _live("--accept-wide-band", help="Use a rate limit even if it is known too imprecisely.")
     ] = False
     tuning: Annotated[
-        Path | None, _live(help="Gains of a dimmed walk: tuning.json of `evenlight control --tune`.")
+        Path | None, _live(help="Gains of the controller: tuning.json of `evenlight control --tune`.")
     ] = None
 
     @property

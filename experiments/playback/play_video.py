@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,11 @@ import typer
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_light_of
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    require_display_of,
+    require_light_of,
+)
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_durations, load_track, track_file
 from evenlight.experiments.calibration_age import require_young
 from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
@@ -27,10 +31,11 @@ from evenlight.experiments.playback.player import (
     write_log,
 )
 from evenlight.experiments.playback.screen_geometry import ScreenGeometry
-from evenlight.experiments.playback.track_refusals import floor_note, require_display
+from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.dimmed.matched_track import display_of
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
 from evenlight.stimuli.video.track_fit import require_fit
@@ -135,9 +140,10 @@ def video_request(screen: ScreenOptions) -> VideoRequest:
     loaded = load_track(screen.track)
     video, pixels = video_of(screen.video, loaded.track, screen.size)
     require_fit(video, loaded.track)
-    rig, display = rig_of(screen.rig, screen.display, loaded.track.header.display_name, pixels)
+    rig, display = rig_of(screen.rig, screen.display, lambda: display_of(loaded.track), pixels)
     if not screen.other_display_ok:
-        require_display(loaded.track, display)
+        otherwise = ", or play this one all the same with --other-display-ok"
+        require_display_of(loaded.track.header, display, rig.display, otherwise)
         require_light_of(loaded.track, display, track_file(screen.track))
     if screen.rig is not None and not screen.simulate:
         require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
@@ -178,9 +184,9 @@ def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[Video
 
 
 def rig_of(
-    name: str | None, display: str | None, otherwise: str, size: tuple[int, int]
+    name: str | None, display: str | None, otherwise: Callable[[], Display], size: tuple[int, int]
 ) -> tuple[Rig, Display]:
-    """Return a rig and its display; without a rig, a window of the picture's size on the first screen.
+    """Return a rig, naming its display as from here, and that; without, a window on the first screen.
 
     Parameters
     ----------
@@ -188,20 +194,18 @@ def rig_of(
         Of the rig: a toml file or a preset.
     display : str or None
         A preset or a toml file; None for the rig's.
-    otherwise : str
-        The display where neither is given: the track's.
+    otherwise : callable
+        Returns the display where neither is given: that of the track, or of the rate limit.
     size : (int, int)
         Width and height of the picture [pixels].
     """
     if name is not None:
         rig, its_display = load_rig(name)
-        return rig, load_display(display or its_display)
-    try:
-        panel = load_display(display or otherwise)
-    except InputError as error:
-        raise InputError(f"{error}; say with --display or --rig what it is shown on") from None
+        rig = replace(rig, display=display or its_display)
+        return rig, load_display(rig.display)
+    panel = otherwise() if display is None else load_display(display)
     width, height = (max(SMALLEST_WINDOW, pixels) for pixels in size)
-    window = Rig("window", panel.name, 0.6, 60.0, full_screen=False, window_size=(width, height))
+    window = Rig("window", display or panel.name, 0.6, 60.0, full_screen=False, window_size=(width, height))
     return window, panel
 
 

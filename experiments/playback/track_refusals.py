@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 
 WORTH_SAYING = 0.001  # of contrast loss: what the curves are uncertain by
-
-
-def require_display(track: BrightnessTrack, display: Display) -> None:
-    """Refuse a track that was made for another display."""
-    header = track.header
-    if header.display_fingerprint != display.fingerprint:
-        raise InputError(
-            f"the track was made for the display {header.display_name!r}, and here is {display.name!r}: make "
-            "one with --display set to it, or play it all the same with --other-display-ok"
-        )
 
 
 def floor_note(track: BrightnessTrack, rig: Rig) -> str:

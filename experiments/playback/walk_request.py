@@ -37,14 +37,19 @@ from evenlight.method.choices import Device, LimitCurve
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
 from evenlight.method.optimizer.request import Request, require_possible
-from evenlight.method.preset_files import load_power_model, load_rate_limit_for
+from evenlight.method.preset_files import (
+    display_for,
+    load_power_model,
+    load_rate_limit,
+    usable_limit,
+)
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.scenes.content.catalogue import SCENES
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
-DISPLAY, SIZE = "varjo-xr3", (640, 360)  # where nothing else is asked for
+SIZE = 640, 360  # where nothing else is asked for
 RATE_LIMIT = POWER_MODEL = "surace2025"
 
 
@@ -99,9 +104,14 @@ class LiveRequest:
         """Whether there is a controller."""
         return self.target_loss is not None or self.budget is not None
 
+    def display(self) -> Display:
+        """Return the display of the rate limit, on which a walk is shown where nothing else is asked for."""
+        return display_for(load_rate_limit(self.rate_limit))
+
     def limit_on(self, display: Display) -> RateLimit:
         """Return the rate limit, if it may be used on some display."""
-        return load_rate_limit_for(display, self.rate_limit, self.other_display_ok, self.accept_wide_band)
+        limit = load_rate_limit(self.rate_limit)
+        return usable_limit(limit, display, self.other_display_ok, self.accept_wide_band)
 
     def controller(self, display: Display) -> Controller:
         """Return the controller, on some display."""
@@ -227,7 +237,7 @@ def walk_as_asked(asked: WalkRequest) -> str:
 
     Whatever ends the walk, its way and its log are written as far as it went.
     """
-    rig, display = rig_of(asked.rig, asked.display, DISPLAY, size_in(asked.size) or SIZE)
+    rig, display = rig_of(asked.rig, asked.display, asked.live.display, size_in(asked.size) or SIZE)
     dimming = _Dimming.asked_for(asked.live, display)
     if dimming is not None and asked.factor is not None:
         dimming.require_factor(asked.factor)

@@ -27,10 +27,10 @@ from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
 from evenlight.experiments.ramp.simulate_ramp import SESSION, participant_id, simulated_manifest
 from evenlight.experiments.sessions.task import SessionSetting
-from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli
+from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli, track_display
 from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Viewing
 from evenlight.experiments.viewing.viewing_task import ViewingTask
-from evenlight.method.preset_files import load_display
+from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class ViewingSimulation:
 
 
 def load_simulation(
-    task: str, folder: Path | None, people: tuple[int, int], display: str, design: str | None
+    task: str, folder: Path | None, people: tuple[int, int], display: str | None, design: str | None
 ) -> ViewingSimulation:
     """Return what a command names.
 
@@ -95,8 +95,8 @@ def load_simulation(
         With a folder for each sequence, if it shows sequences.
     people : (int, int)
         How many participants, from which seed.
-    display : str
-        Preset or file.
+    display : str or None
+        Preset or file; None for the one that the first sequence's track was made for, else `varjo-xr3`.
     design : str or None
         Preset or file; None for the task's default.
 
@@ -105,8 +105,9 @@ def load_simulation(
     InputError
         If one of them cannot be loaded, or they do not go together.
     """
-    shown: Display = load_display(display)
     asked: Any = load_task_design(task, design)
+    shown = track_display(folder, asked.sequences) if display is None and folder is not None else None
+    shown = shown or load_display(display or DEFAULT_DISPLAY)
     stimuli = load_stimuli(folder, asked.sequences, shown, with_video=False) if folder is not None else ()
     return ViewingSimulation(*people, task, shown, asked, stimuli)
 

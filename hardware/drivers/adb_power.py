@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
 from evenlight.hardware.drivers.battery_power import RATES, drawn_power, gauge_units
 from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
+from evenlight.hardware.operating_system import require_unix
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 ANSWERS_WITHIN = 20.0  # [s] the first call of adb starts its server
@@ -71,6 +72,7 @@ class AdbPowerMeter(SamplingMeter):
         self._timeout = ANSWERS_WITHIN if timeout is None else timeout
         self._name = f"adb:{self._serial}".rstrip(":")
         self._shell: subprocess.Popen[bytes] | None = None
+        require_unix(self._name)
         self._serial = self._find_device()
         self._name = f"adb:{self._serial}"
         first, _, model = self._ask(ONCE).partition("\n")

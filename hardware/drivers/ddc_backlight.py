@@ -33,12 +33,12 @@ REPLY_DELAY = 0.04  # [s] that the library gives the monitor for a reply, DDC/CI
 GONE = (errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET)  # the bus is no longer there
 UNANSWERED = (
     errno.ENXIO,
-    errno.EREMOTEIO,
+    getattr(errno, "EREMOTEIO", errno.EIO),  # Linux alone has it
     errno.EAGAIN,
     errno.EIO,
     errno.ETIMEDOUT,
 )  # nothing at the address
-INSTALL = "the library monitorcontrol is not installed: pip install 'evenlight[instruments]'"
+INSTALL = "the library monitorcontrol is not installed: pip install '.[instruments]' in the checkout"
 
 
 class DdcBacklight(SteppedBacklight):

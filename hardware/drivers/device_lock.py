@@ -60,7 +60,7 @@ def _holder(file: os.stat_result) -> str:
     """Return who holds the lock on a file, in words."""
     place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
     with contextlib.suppress(OSError):
-        for line in LOCKS.read_text().splitlines():
+        for line in LOCKS.read_text(encoding="utf-8").splitlines():
             words = line.split()
             if place in words and words[1] == "FLOCK" and words[4].isdecimal():
                 if int(words[4]) == os.getpid():
@@ -72,6 +72,6 @@ def _holder(file: os.stat_result) -> str:
 def _name_of(process: str) -> str:
     """Return the name of a process."""
     try:
-        return Path("/proc", process, "comm").read_text().strip()
+        return Path("/proc", process, "comm").read_text(encoding="utf-8").strip()
     except OSError:  # Linux may hide those of other users
         return "of another user"

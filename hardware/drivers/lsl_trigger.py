@@ -24,7 +24,7 @@ class LslTrigger(ContextDevice):
         try:
             import pylsl
         except (ImportError, RuntimeError, OSError) as error:  # the last two: without the library liblsl
-            words = f"pylsl cannot be used ({error}); install it with: pip install 'evenlight[lsl]'"
+            words = f"pylsl cannot be used ({error}); install it with: pip install '.[lsl]' in the checkout"
             raise InstrumentError(f"{self._name}: {words}", Fault.NOT_FOUND) from None
         rate, text = pylsl.IRREGULAR_RATE, pylsl.cf_string
         info = pylsl.StreamInfo(name, "Markers", 1, rate, text, source_id=f"evenlight-{name}")

@@ -237,7 +237,7 @@ def _library() -> Any:
         from ppk2_api import ppk2_api
     except ImportError:
         raise InputError(
-            "ppk2: needs the extra of instruments: pip install 'evenlight[instruments]' (ppk2-api)"
+            "ppk2: needs the extra of instruments: pip install '.[instruments]' in the checkout (ppk2-api)"
         ) from None
     return ppk2_api
 

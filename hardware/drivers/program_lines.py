@@ -20,6 +20,7 @@ import time
 from typing import Any
 
 from evenlight.data_schema.errors import InputError
+from evenlight.hardware.operating_system import require_unix
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 AT_ONCE = 65536  # bytes
@@ -49,8 +50,7 @@ class ProgramLines:
 
     def __init__(self, command: str) -> None:
         self.name = f"exec:{textwrap.shorten(command, SHOWN, placeholder='…')}"
-        if os.name == "nt":
-            raise InputError(f"{self.name}: programs are run on Linux and macOS only")
+        require_unix(self.name)
         try:
             self._words = shlex.split(command)
         except ValueError as error:

@@ -237,7 +237,7 @@ def _visa_manager(backend: str) -> Any:
         import pyvisa
     except ImportError:
         raise InputError(
-            "visa: needs the extra of instruments: pip install 'evenlight[instruments]' (pyvisa, pyvisa-py)"
+            "visa: needs the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)"
         ) from None
     if backend:
         return pyvisa.ResourceManager(backend)

@@ -56,7 +56,7 @@ class SysfsBacklight(SteppedBacklight):
                 Fault.NOT_FOUND,
             )
         scale = self._folder / "scale"
-        if not curve_known and scale.is_file() and scale.read_text().strip() == "non-linear":
+        if not curve_known and scale.is_file() and scale.read_text(encoding="utf-8").strip() == "non-linear":
             raise InputError(
                 f"{self._folder}: its steps are not linear in light, so they are no brightness factors; name "
                 "their measured curve as `backlight_curve`, or let pixels make the brightness"

@@ -22,6 +22,7 @@ from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSam
 from evenlight.hardware.backlights import WrappedBacklight
 from evenlight.hardware.drivers.board_link import PowerBoard
 from evenlight.hardware.emulators.power_board import PowerBoardEmulator
+from evenlight.hardware.operating_system import require_unix
 from evenlight.hardware.protocols import (
     Backlight,
     ContextDevice,
@@ -243,6 +244,7 @@ class _TerminalServer:
     """A pseudo-terminal: what a USB instrument of 8 data bits looks like."""
 
     def __init__(self) -> None:
+        require_unix("an emulated USB instrument")
         import tty
 
         self._own, self._other = os.openpty()

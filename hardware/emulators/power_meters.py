@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evenlight.hardware.drivers import ppk2_port as stream
+from evenlight.hardware.operating_system import require_unix
 from evenlight.hardware.simulated.panel import Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
@@ -238,12 +239,13 @@ class PipedFiles(AbstractContextManager["PipedFiles"]):
     """
 
     def __init__(self, texts: Mapping[str, str], numbers: Mapping[str, Callable[[], float]]) -> None:
+        require_unix("an emulated sensor")
         self._temporary = tempfile.TemporaryDirectory(prefix="evenlight-emulated-")
         self.folder = Path(self._temporary.name)
         for name in (*texts, *numbers):
             (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            (self.folder / name).write_text(f"{text}\n")
+            (self.folder / name).write_text(f"{text}\n", encoding="utf-8")
         self._files = {self.folder / name: number for name, number in numbers.items()}
         for path in self._files:
             os.mkfifo(path)

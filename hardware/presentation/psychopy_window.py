@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.presentation.key_names import characters_of_layout, printed_name
+from evenlight.hardware.presentation.keyboard_start import safe_keyboard_start
+from evenlight.hardware.presentation.psychopy_install import INSTALL, how_to_install
 from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
     import moderngl
-
-INSTALL = "install it with `make lab`, or with `pip install 'evenlight[lab]'`"
 
 
 class PsychoPyWindow(ContextDevice):
@@ -201,7 +201,7 @@ def _import_psychopy() -> tuple[Any, Any]:
     try:
         from psychopy import logging, visual
     except ModuleNotFoundError as error:
-        raise InputError(f"{error.name} is not installed; {INSTALL}") from None
+        raise InputError(f"{error.name} is not installed; {how_to_install(sys.version_info[:2])}") from None
     except Exception as error:  # pyglet raises what it likes where a display or a library is missing
         display = f" on DISPLAY {os.environ['DISPLAY']}" if "DISPLAY" in os.environ else ""
         raise InputError(f"no window can be opened{display}: {_first_line(error)}") from None
@@ -266,7 +266,8 @@ class PsychoPyKeyboard(ContextDevice):
 
         self._clock = logging.defaultClock
         self._characters = characters_of_layout(next(iter(sys.modules["pyglet.app"].windows), None))
-        self._keyboard = keyboard.Keyboard(clock=self._clock)
+        with safe_keyboard_start():
+            self._keyboard = keyboard.Keyboard(clock=self._clock)
         self._taken_until = -math.inf
 
     def pressed(self) -> list[KeyPress]:

@@ -98,13 +98,14 @@ def summarize(
     RuntimeError
         If the lower bound is above the objective, by more than rounding: a defect of one of the two.
     """
-    curves, header = problem.curves, track.header
+    curves, header, battery = problem.curves, track.header, request.battery
     share = curves.durations / curves.durations.sum()
     baseline, objective = problem.baseline(), problem.spread(track.contrast_loss)
     minimized, value = problem.minimized, problem.value(track.contrast_loss)
     bound, outcome = checked_bound(answer.lower_bound, value), answer.minimized
     if minimized.name is not ObjectiveName.SPREAD:
         outcome = MinimizedOutcome(minimized.name.value, value, problem.objective(baseline), bound)
+    baseline_loss = problem.loss(baseline)
     baseline_power = power(request.power_model, baseline, curves.channel_means)
     full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
     mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
@@ -125,11 +126,11 @@ def summarize(
         budget_unit=request.budget_unit,
         achieved=achieved[request.budget_unit],
         objective=objective,
-        objective_baseline=problem.spread(problem.loss(baseline)),
+        objective_baseline=problem.spread(baseline_loss),
         lower_bound=min(bound, objective) if minimized.name is ObjectiveName.SPREAD else 0.0,
         max_rate_ratio=largest_rate_ratio(track.rate, track.rate_limit),
         mean_contrast_loss=float(share @ track.contrast_loss),
-        mean_contrast_loss_baseline=float(share @ problem.loss(baseline)),
+        mean_contrast_loss_baseline=float(share @ baseline_loss),
         mean_factor=mean_factor,
         baseline_factor=problem.baseline_factor,
         mean_power=mean_power,
@@ -170,6 +171,11 @@ def summarize(
         share_at_limit=time_share_from(AT_LIMIT, track, curves.durations),
         share_near_limit=time_share_from(NEAR_LIMIT, track, curves.durations),
         reversals_per_s=reversals(track.factors) / float(curves.durations.sum()),
+        worst_contrast_loss=float(track.contrast_loss.max()),
+        worst_contrast_loss_baseline=max(float(baseline_loss.max()), 0.0),
+        battery_capacity=battery,
+        battery_life=battery / mean_power if battery and mean_power > 0 else None,
+        battery_life_full=battery / full_power if battery and full_power > 0 else None,
         **_detected(problem, request, track),
     )
 

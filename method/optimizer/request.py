@@ -38,6 +38,7 @@ class Request:
     # sections in which brightness may change faster than the rate limit, or not at all
     allowances: tuple[AllowanceSection, ...] = ()
     minimized: Objective = SPREAD  # what is minimized
+    battery: float | None = None  # capacity of the battery that the panel draws on [Wh]; None: not known
 
 
 def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array]:

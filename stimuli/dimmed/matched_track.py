@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_display_of
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, load_track
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.video.track_fit import require_fit
@@ -70,11 +70,7 @@ def display_of(track: BrightnessTrack, asked: str | None = None) -> Display:
     header = track.header
     if asked is not None:
         display = load_display(asked)
-        if display.fingerprint != header.display_fingerprint:
-            raise InputError(
-                f"the track was made for the display {header.display_name!r}, and --display is "
-                f"{display.name!r}: leave out --display, or make a track for this one"
-            )
+        require_display_of(header, display, asked, ", or name the track's own (--display may be left out)")
         return display
     if header.display is not None and header.display.fingerprint == header.display_fingerprint:
         return header.display

@@ -135,7 +135,7 @@ def test_large_frames_are_averaged_to_few_pixels_of_as_many_degrees():
 @pytest.mark.parametrize(
     ("factors", "rate", "metric", "words"),
     [
-        ([0.4, 0.6] * 10, 25.0, None, "not installed: pip install 'evenlight[judge]'"),
+        ([0.4, 0.6] * 10, 25.0, None, "not installed: pip install '.[judge]' in the checkout"),
         ([0.4, 0.6] * 10, 5.0, len, "5 frames a second are too few"),
         ([0.5] * 10, 25.0, len, "does not move"),
     ],

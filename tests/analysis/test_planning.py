@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import json
 import math
 import time
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
+from planned_ramps import DESIGN, LEVEL_SD, PARTICIPANT_SD, simulated
 from scipy import special
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import FINE_NODES
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
-from evenlight.analysis.figure_style import COLUMN, PAGE, SLIDE, FigureFormat, png_bytes
-from evenlight.analysis.plan_command import STANDARD_DESIGNS, plan_command, whole_numbers
-from evenlight.analysis.plans.plan_files import planning_figure, write_plan
+from evenlight.analysis.plan_command import STANDARD_DESIGNS
 from evenlight.analysis.plans.ramp_plan import (
-    NOT_COMPARABLE,
     PlanRequest,
     RampPlan,
     _rows,
     _Sessions,
-    in_words,
     plan_ramps,
 )
 from evenlight.analysis.plans.ramp_plan_pool import (
@@ -39,69 +33,21 @@ from evenlight.analysis.plans.ramp_plan_pool import (
     work_of,
 )
 from evenlight.data_schema.analysis_results import RampPlanRow
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import (
     BREAK_TIME,
     INSTRUCTION_TIME,
     Direction,
     Placement,
-    Procedure,
     RampDesign,
     RampTrial,
-    Response,
     session_minutes,
 )
 from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
-from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.method.preset_files import load_display
-from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 pytestmark = pytest.mark.slow
-
-PARTICIPANT_SD, LEVEL_SD = 0.25, 0.1  # of ln(threshold)
-RELATIVE_THRESHOLD = 0.03  # [1/s]
-# One screen of five factors: enough for the fourth degree, and few fits.
-DESIGN = RampDesign(screens=("white",), relative_rates=(0.012, 0.02, 0.03, 0.045, 0.07))
-
-
-def simulated(
-    design: RampDesign, display: Display, participants: int, seed: int
-) -> tuple[list[RampTrial], dict[tuple[str, float], float]]:
-    """Logistic observers with thresholds about 3 %/s, shown constant stimuli in passes of all rates."""
-    trials, truth = [], {}
-    peak = float(displayed_luminance(1.0, display)) - display.reflected_luminance
-    for k in range(participants):
-        rng, who, index = np.random.default_rng([seed, k]), f"{k + 1:02d}", 0
-        sensitivity = float(np.exp(PARTICIPANT_SD * rng.standard_normal()))
-        for factor in design.factors:
-            luminance = factor * peak
-            own = sensitivity * float(np.exp(LEVEL_SD * rng.standard_normal()))
-            truth[who, luminance] = RELATIVE_THRESHOLD * luminance * own
-            function = PsychometricFunction(truth[who, luminance], 1.6, 0.05, 0.02)
-            rates = [r for _ in range(design.repetitions) for r in rng.permutation(design.relative_rates)]
-            for relative in (*rates, *([0.0] * round(len(rates) * 0.25))):
-                seen = rng.random() < float(yes_probability(relative * luminance, function))
-                trials.append(
-                    RampTrial(
-                        participant_id=who,
-                        session_id="01",
-                        trial_index=index,
-                        screen="white",
-                        factor=factor,
-                        initial_luminance=luminance,
-                        final_luminance=luminance * (1 - 5 * relative),
-                        rate=relative * luminance,
-                        duration=5.0,
-                        is_catch=relative == 0,
-                        response=Response.YES if seen else Response.NO,
-                        response_time=None,
-                        simulated=True,
-                    )
-                )
-                index += 1
-    return trials, truth
 
 
 def request(**changes: object) -> PlanRequest:
@@ -258,59 +204,6 @@ def test_a_pool_of_equals_leaves_no_doubt_and_one_of_unequals_does() -> None:
     assert spread == pytest.approx(math.sqrt(8 / 7) / 2)
 
 
-def test_people_needed_are_told_with_their_interval(plan: RampPlan) -> None:
-    row = dataclasses.replace(
-        plan.rows[0], participants_needed=33, participants_needed_low=26, participants_needed_high=40
-    )
-    assert row.participants_needed_in_words == "33 (26 to 40)"
-    far = dataclasses.replace(row, participants_needed=None, participants_needed_high=None)
-    assert far.participants_needed_in_words == "above 1000 (26 to above 1000)"
-    beyond = dataclasses.replace(far, participants_needed_low=None)
-    assert beyond.participants_needed_in_words == "above 1000"
-
-
-@pytest.mark.parametrize("text", ["", "five", "5;10", "5,,10", "5.5"])
-def test_numbers_that_are_none_are_refused_in_one_line(text: str) -> None:
-    with pytest.raises(InputError, match="--trials takes whole numbers"):
-        whole_numbers(text, "--trials")
-
-
-def test_an_unknown_design_is_refused_by_its_name(command, tmp_path: Path) -> None:
-    result = command("plan", "ramp", "--design", "papper", "--out", tmp_path / "out")
-    assert result.code == 2
-    assert result.err.count("\n") == 1
-    assert "papper" in result.err
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_task_that_there_is_not_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="task 'reading' cannot be planned; there is 'ramp', 'rating'"):
-        plan_command(simulated, lambda name: DESIGN)("reading", out=tmp_path / "out")
-
-
-def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: RampPlan, tmp_path: Path) -> None:
-    write_plan(tmp_path, plan)
-    with (tmp_path / "plan.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    assert len(rows) == len(plan.rows) == 4
-    content = json.loads((tmp_path / "plan.json").read_text())
-    assert content["simulated"] is True
-    assert content["rows"][0]["half_width"] == float(rows[0]["half_width"])
-    assert content["provenance"]["seed"] == 1
-    assert (tmp_path / "plan.png").read_bytes()[:4] == b"\x89PNG"
-
-
-def test_the_answer_comes_first_in_the_file_with_what_it_rests_on(plan: RampPlan, tmp_path: Path) -> None:
-    write_plan(tmp_path, plan)
-    content = json.loads((tmp_path / "plan.json").read_text())
-    assert next(iter(content)) == "in_words"
-    assert content["in_words"] == list(in_words(plan))
-    assert content["effort"] == "other"  # 24 people, and 40 experiments of each size
-    assert "24 simulated participants and 40 experiments per size" in content["monte_carlo_error"]
-    assert "faster than the joint model" in content["model"]
-    assert PlanRequest({}, load_display("varjo-xr3")).effort == "default"
-
-
 def test_the_monte_carlo_error_is_that_of_another_pool_and_other_draws(plan: RampPlan) -> None:
     """The SD of 24 people is known to 1/sqrt(46) = 15 %; 16 of them, drawn 40 times, add 1/sqrt(30) /
     sqrt(40) = 3 %, and 4 of them 1/sqrt(6) / sqrt(40) = 6 %. Less as far as trials make the band."""
@@ -349,67 +242,3 @@ def test_the_usual_plan_takes_less_than_a_minute_on_two_cores() -> None:
     _rows(_Sessions(usual, "recommended", 40, pool))
     seconds += len(STANDARD_DESIGNS) * len(usual.trials) * (time.process_time() - begun)
     assert seconds / 2 < 45
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["ramp", "--quick", "--thorough"], "--quick and --thorough cannot be had together"),
-        (["rating", "--thorough"], "--thorough goes with ramp, not with rating"),
-    ],
-)
-def test_efforts_that_do_not_go_together_are_refused(
-    command, tmp_path: Path, words: list[str], message: str
-) -> None:
-    result = command("plan", *words, "--out", tmp_path / "out")
-    assert (result.code, result.err.count("\n")) == (2, 1)
-    assert message in result.err
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: RampPlan) -> None:
-    loose = RampPlan(
-        dataclasses.replace(plan.request, precision=2.0),
-        tuple(dataclasses.replace(row, meets=True) for row in plan.rows),
-    )
-    cheapest = min(plan.rows, key=lambda row: row.total_hours)
-    (words,) = in_words(loose)
-    assert words.startswith(f"{cheapest.participants} participants x {cheapest.trials_per_level} trials")
-    assert words.endswith(f"; 200 % takes {cheapest.participants_needed_in_words} participants")
-    none = RampPlan(plan.request, tuple(dataclasses.replace(row, meets=False) for row in plan.rows))
-    assert "no number tried gives ΔL(L) to 10 %" in in_words(none)[0]
-
-
-def test_two_tasks_are_not_set_off_against_each_other(plan: RampPlan) -> None:
-    two = tuple(dataclasses.replace(row, procedure=Procedure.TWO_INTERVAL.value) for row in plan.rows)
-    words = in_words(RampPlan(plan.request, plan.rows + two))
-    assert len(words) == 3
-    assert words[-1] == NOT_COMPARABLE
-
-
-@pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-def test_the_figure_draws_every_row_and_the_precision_that_is_wanted(
-    plan: RampPlan, medium: FigureFormat
-) -> None:
-    figure = planning_figure(plan, dataclasses.replace(medium, dots_per_inch=40.0))
-    panels = figure.axes[: len(plan.request.participants)]
-    drawn = {round(float(y), 9) for axes in panels for line in axes.lines[:1] for y in line.get_ydata()}
-    assert drawn == {round(100 * row.half_width, 9) for row in plan.rows}
-    assert all(axes.lines[-1].get_ydata()[0] == 10 for axes in panels)
-    assert png_bytes(figure)[:4] == b"\x89PNG"
-
-
-def test_the_command_plans_a_preset_with_processes_of_its_own(command, tmp_path: Path) -> None:
-    result = command(
-        "plan", "ramp", "--quick", "--design", "yes_no_targeted", "--trials", "6", "--participants", "2,4",
-        "--precision", "0.5", "--out", tmp_path,
-    )  # fmt: skip
-    assert result.code == 0, result.err
-    assert result.err == ""
-    assert "yes_no_targeted" in result.out
-    assert "simulated participants" in result.out
-    content = json.loads((tmp_path / "plan.json").read_text())
-    assert content["effort"] == "quick"
-    assert result.out.splitlines()[-len(content["in_words"]) :] == content["in_words"]  # the answer, last
-    assert content["monte_carlo_error"] in result.out
-    assert len((tmp_path / "plan.csv").read_text().splitlines()) == 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import av
@@ -102,19 +102,21 @@ def test_a_seek_decodes_a_second_at_most() -> None:
 
 
 @pytest.mark.parametrize(
-    "pixels",
+    "pixels_of",
     [
-        patches(),
-        patches().astype(np.uint16) * 257,
-        patches() / np.float32(255),
-        planes(BT709, ColorRange.MPEG),
-        planes(BT601, ColorRange.MPEG),
-        planes(BT601, ColorRange.JPEG),
+        patches,
+        lambda: patches().astype(np.uint16) * 257,
+        lambda: patches() / np.float32(255),
+        lambda: planes(BT709, ColorRange.MPEG),
+        lambda: planes(BT601, ColorRange.MPEG),
+        lambda: planes(BT601, ColorRange.JPEG),
     ],
     ids=["8 bits", "16 bits", "floats", "BT.709", "BT.601", "full range"],
 )
-def test_colours_are_the_videos_to_3_of_255_and_tagged_so_that_a_browser_shows_them(pixels: Pixels) -> None:
-    proxy = encoded(picture_format((7 * PATCH, PATCH), 3, 3.0), [pixels] * 3, [0.0, 1.0, 2.0])
+def test_colours_are_the_videos_to_3_of_255_and_tagged_so_that_a_browser_shows_them(
+    pixels_of: Callable[[], Pixels],
+) -> None:
+    proxy = encoded(picture_format((7 * PATCH, PATCH), 3, 3.0), [pixels_of()] * 3, [0.0, 1.0, 2.0])
     for frame in decoded(proxy):
         assert frame.color_range == ColorRange.MPEG
         assert frame.colorspace in (BT601, BT709)

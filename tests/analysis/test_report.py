@@ -182,7 +182,7 @@ def test_the_key_figures_of_a_track_are_in_its_section() -> None:
 
 def test_the_meaning_of_a_track_is_computed_from_its_figures() -> None:
     words = meaning_of(summary(objective=0.01, objective_baseline=0.04, mean_power=1.0, full_power=4.0))
-    assert "75 % less than at full brightness" in words  # 1 - 1/4
+    assert "saves 3 of 4 W (75 %)" in words  # 4 - 1, and 1 - 1/4
     assert "75 % less than under constant dimming" in words  # 1 - 0.01/0.04
 
 

@@ -27,7 +27,7 @@ from evenlight.data_schema.recordings.sweep import (
 )
 from evenlight.data_schema.recordings.sweep_fit import SweepFlag
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 # Of 100 cd/m^2 at L' = 13/16: 0.2 + 99.8 · 0.8125^2.2 = 63.4 cd/m^2.
 PANEL = replace(WARM, peak_luminance=100.0)

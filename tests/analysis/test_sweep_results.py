@@ -34,7 +34,7 @@ from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_da
 from evenlight.hardware.simulated.panel import PanelPhysics
 from evenlight.method.preset_files import load_display, load_rate_limit
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 LUMINANCE = LuminanceSweepDesign(factors=(0.25, 0.5, 1.0))
 POWER = PowerSweepDesign()

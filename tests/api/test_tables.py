@@ -45,6 +45,7 @@ def test_thresholds_recover_what_the_answers_were_drawn_from(fit: evenlight.Ramp
 
 def test_the_rate_limit_is_for_the_display_and_says_that_it_is_simulated(fit: evenlight.RampFit) -> None:
     assert fit.rate_limit.display_name == "varjo-xr3"
+    assert fit.rate_limit.display == evenlight.load_display("varjo-xr3")
     assert fit.rate_limit.simulated
     track = evenlight.optimize([np.full((16, 16, 3), 90, np.uint8)] * 4, 0.6, rate_limit=fit.rate_limit)
     assert track.summary.simulated

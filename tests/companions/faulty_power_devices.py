@@ -37,7 +37,7 @@ from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
 from evenlight.hardware.protocols import InstrumentError
 
 SHARE = 0.4  # of the replies that are spoilt
-TIMEOUT, PATIENT = 0.025, 1.0  # [s] while replies are spoilt, and before
+TIMEOUT, PATIENT = 0.025, 30.0  # [s] while replies are spoilt, and before
 LATE = (0.03, 0.08)  # [s]
 ON_A_LINE = ("lost", "cut", "merged", "doubled", "late", "stray before", "stray after", "garbage", "silence")
 FLIPPED = "flipped bit"  # only where a checksum tells it

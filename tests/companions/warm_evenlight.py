@@ -22,6 +22,8 @@ from typing import Any
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["warm_modules"])
 STREAMS = ("out", "err")
+CRASHED = (-signal.SIGSEGV, -signal.SIGABRT)  # what the thread of PsychoPy's keyboard may do as it starts
+STARTS = 3  # of a process that ends so
 
 
 class Run:

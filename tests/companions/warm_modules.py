@@ -3,9 +3,14 @@
 import contextlib
 import importlib.abc
 import importlib.machinery
+import math
 import os
 import sys
 import types
+
+from evenlight import progress
+
+progress.INTERVAL = math.inf  # on a slow machine too a run tells no progress
 
 # PsychoPy takes user site-packages for its own otherwise, as hardware/presentation/psychopy_window.py says.
 os.environ["PSYCHOPYNOPACKAGES"] = "1"

@@ -2,12 +2,19 @@
 
 import importlib
 import os
+import re
+import site
 import subprocess
 import sys
+import tomllib
 import zipfile
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 import evenlight
 
@@ -109,3 +116,72 @@ def test_every_public_name_is_there_and_listed() -> None:
         assert getattr(evenlight, name).__module__.startswith("evenlight")
     with pytest.raises(AttributeError, match="no attribute 'optimise'"):
         importlib.import_module("evenlight").optimise  # noqa: B018 - the attribute is asked for
+
+
+def test_the_package_knows_its_version(command: Any) -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert evenlight.__version__ == declared
+    assert command("--version").out == f"evenlight {declared}\n"
+
+
+def test_a_checkout_that_is_not_installed_knows_its_version_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_installed(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    installed = evenlight.__version__
+    monkeypatch.setattr(metadata, "version", not_installed)
+    assert evenlight.__version__ == installed
+
+
+def test_what_set_up_installs_is_pinned_to_the_version_that_is_here() -> None:
+    """All that set-up asks for, what that needs in turn, and the package that builds.
+
+    Whoever installs `judge`, or a tool of their own, beside it may: they are not pinned.
+    """
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    requirements = [Requirement(line) for line in lines]
+    assert all([s.operator for s in r.specifier] == ["=="] for r in requirements)
+    pins = {canonical(r.name): r for r in requirements if r.marker is None or r.marker.evaluate()}
+    here = {
+        canonical(found.name): found.version for found in metadata.distributions(path=site.getsitepackages())
+    }
+    installed = reached("evenlight", ("dev", "lab"), set()) & here.keys()
+    assert {"numpy", "pytest", "mypy"} <= installed
+    assert installed - pins.keys() == set()
+    assert {name for name in installed if not pins[name].specifier.contains(here[name])} == set()
+    [build] = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert Requirement(build).specifier.contains(next(iter(pins["setuptools"].specifier)).version)
+
+
+def reached(package: str, extras: tuple[str, ...], seen: set[tuple[str, str]]) -> set[str]:
+    """The names of all packages that a package needs with some extras, near and far."""
+    names: set[str] = set()
+    for extra in ("", *extras):
+        if (package, extra) in seen:
+            continue
+        seen.add((package, extra))
+        try:
+            lines = metadata.requires(package) or []
+        except metadata.PackageNotFoundError:
+            return names
+        for needed in map(Requirement, lines):
+            if needed.marker is None or needed.marker.evaluate({"extra": extra}):
+                name = canonical(needed.name)
+                names |= {name, *reached(name, tuple(needed.extras), seen)} - {"evenlight"}
+    return names
+
+
+def canonical(name: str) -> str:
+    """A package's name as indexes compare it (PyPA: names are equal but for case and runs of `-_.`)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_pythons_that_psychopy_has_no_packages_for_are_only_without_it() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert all(f"3.{minor}.0" in SpecifierSet(project["requires-python"]) for minor in (11, 12, 13, 14))
+    [lab] = [Requirement(line) for line in project["optional-dependencies"]["lab"]]
+    wanted = {
+        version: lab.marker.evaluate({"python_version": version})
+        for version in ("3.11", "3.12", "3.13", "3.14")
+    }
+    assert wanted == {"3.11": True, "3.12": True, "3.13": False, "3.14": False}

@@ -112,7 +112,9 @@ def consistent_limit(values: Values) -> Values:
     scale = max(1.0, sum(abs(c) for c in values["coefficients"]) / 40)
     # The first is the mean of the curve: a rate that is below 0 everywhere is refused.
     mean, *others = (c / scale for c in values["coefficients"])
+    display = values["display"]
     return values | {
+        "display_fingerprint": values["display_fingerprint"] if display is None else display.fingerprint,
         "coefficients": (abs(mean), *others),
         "luminance_range": (low, 2 * high),
         "band_luminance": tuple(low + (2 * high - low) * k / (n - 1) for k in range(n)),

@@ -209,7 +209,7 @@ def test_relative_rates_are_of_the_initial_luminance(importing) -> None:
 
 
 def test_imported_ramps_are_fitted_as_those_they_were_made_from(
-    tmp_path, command, short_ramps, coarse_pictures
+    tmp_path, command, short_ramps, blank_pictures
 ) -> None:
     people = ("--participants", 2, "--seed", 3, "--design", short_ramps)
     command("simulate", "ramp", *people, "--out", tmp_path / "made", "--quiet")

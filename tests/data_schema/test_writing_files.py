@@ -1,12 +1,14 @@
 """A file or a folder of results is there completely, or as it was before."""
 
 import os
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.storage.whole_files import results_folder, write_whole
 
 
@@ -39,6 +41,18 @@ def test_a_failure_in_the_middle_leaves_nothing(
     assert everything(tmp_path) == {}
     if isinstance(failure, OSError):
         assert str(caught.value) == f"cannot write {tmp_path}/new/folder/f.txt: No space left on device"
+
+
+def test_a_new_data_set_in_the_working_folder_where_python_names_temporary_folders_in_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `tempfile.mkdtemp` does since Python 3.12, also for a relative `dir`."""
+    before = tempfile.mkdtemp
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda **where: str(Path(before(**where)).resolve()))
+    monkeypatch.chdir(tmp_path)
+    with new_dataset(Path("lab")) as staging:
+        write_whole(staging / "f.txt", "first")
+    assert everything(tmp_path) == {"lab": None, "lab/f.txt": b"first"}
 
 
 def test_a_failure_leaves_the_earlier_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,3 +240,15 @@ def test_folders_made_on_the_way_to_one_that_cannot_be_made_are_removed(tmp_path
     with pytest.raises(InputError, match="name too long"), results_folder(tmp_path / "a" / ("b" * 300)):
         pytest.fail("the work was begun")
     assert everything(tmp_path) == {}
+
+
+def test_a_relative_folder_stays_relative_where_python_names_temporary_ones_in_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Since Python 3.12 `mkdtemp` returns an absolute path: a new data set then took its own for another."""
+    make = tempfile.mkdtemp
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda **options: str(Path(make(**options)).absolute()))
+    monkeypatch.chdir(tmp_path)
+    with new_dataset(Path("lab")) as folder:
+        (folder / "README").write_text("data")
+    assert everything(tmp_path) == {"lab": None, "lab/README": b"data"}

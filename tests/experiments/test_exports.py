@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from evenlight import command as command_line
@@ -20,6 +21,7 @@ from evenlight.data_schema.storage.text_files import write_toml_record
 pytestmark = pytest.mark.slow
 
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
+CLASSIC = shutil.which("bids-validator")  # of the specification's years before the schema; needs node
 # The file names that the specification of Psych-DS, schema 1.5.0, allows.
 FILE_NAME = re.compile(r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
 TABLE = "sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.tsv"
@@ -80,6 +82,78 @@ def test_the_validator_of_bids_finds_no_error_in_the_export(lab: Path, tmp_path:
     assert errors_of(tmp_path / "bids") == []
     left = {p.suffix for p in (tmp_path / "bids").rglob("*") if p.is_file()}
     assert left == {".json", ".tsv", ".jsonl", ""}
+
+
+@pytest.mark.skipif(
+    not CLASSIC, reason="the classic validator of BIDS (npm: bids-validator) is not installed"
+)
+def test_the_classic_validator_of_bids_finds_no_error_either(lab: Path, tmp_path: Path, command: Run) -> None:
+    """It has rules of its own, such as TSV_EMPTY_CELL, and finds that one in the data set itself."""
+    assert command("export", lab, "--to", "bids", "--out", tmp_path / "bids").code == 0
+    found = {}
+    for name, folder in (("lab", lab), ("bids", tmp_path / "bids")):
+        words = [str(CLASSIC), "--json", str(folder)]
+        ended = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+        found[name] = [error["key"] for error in json.loads(ended.stdout)["issues"]["errors"]]
+    assert found == {"lab": ["TSV_EMPTY_CELL"], "bids": []}
+
+
+def tables_of(export: Path, to: str) -> tuple[pd.DataFrame, pd.DataFrame, list[Path]]:
+    """The participants and the trials of an export as others read them, and the files."""
+    ending, separator = ("tsv", "\t") if to == "bids" else ("csv", ",")
+    names = ("participants.tsv", "sub-*/ses-*/beh/*_beh.tsv")
+    if to == "psych-ds":
+        names = ("data/group-participants_data.csv", "data/subject-*_data.csv")
+    people, trials = (sorted(export.glob(name)) for name in names)
+    assert (len(people), len(trials), {path.suffix for path in people + trials}) == (1, 3, {f".{ending}"})
+    both = [pd.concat(pd.read_csv(path, sep=separator) for path in paths) for paths in (people, trials)]
+    return both[0], both[1], [*people, *trials]
+
+
+@pytest.mark.parametrize("to", ["bids", "psych-ds"])
+def test_participants_join_their_trials_and_no_cell_is_empty(
+    lab: Path, tmp_path: Path, command: Run, to: str
+) -> None:
+    """Each of three sessions has a table; an age that the lab did not note is an empty cell of its list."""
+    listed = (lab / "participants.tsv").read_text().splitlines()
+    ages = ("age_band", "30-39", "")
+    (lab / "participants.tsv").write_text(
+        "".join(f"{line}\t{age}\n" for line, age in zip(listed, ages, strict=True))
+    )
+    out = tmp_path / "out"
+    assert command("export", lab, "--to", to, "--out", out).code == 0
+    people, trials, files = tables_of(out, to)
+    assert len(trials) == sum(len(path.read_text().splitlines()) for path in lab.rglob("trials.jsonl"))
+    joined = trials.merge(people, on="participant_id", how="left", indicator=True)
+    assert set(joined["_merge"]) == {"both"}
+    assert joined["age_band"].isna().tolist() == (trials["participant_id"] == "sub-02").tolist()
+    for path in files:
+        cells = [re.split("[\t,]", line) for line in path.read_text().splitlines()]
+        assert all(cell.strip() for row in cells for cell in row), path
+    assert command("validate", out, "--quiet").code == 0
+
+
+def test_an_exported_table_can_be_imported_as_the_same_participant(
+    lab: Path, tmp_path: Path, command: Run
+) -> None:
+    assert command("export", lab, "--to", "bids", "--out", tmp_path / "bids").code == 0
+    words = ("--task", "ramp", "--display", "varjo-xr3", "--out", tmp_path / "again")
+    assert command("import", tmp_path / "bids" / TABLE, *words).code == 0
+    assert [path.name for path in (tmp_path / "again").glob("sub-*")] == ["sub-01"]
+
+
+@pytest.mark.parametrize("column", ["participant_id", "flag"])
+def test_a_changed_cell_of_an_exported_table_is_found(
+    lab: Path, tmp_path: Path, command: Run, column: str
+) -> None:
+    assert command("export", lab, "--to", "bids", "--out", tmp_path / "bids").code == 0
+    table = tmp_path / "bids" / TABLE
+    header, first, *rest = [line.split("\t") for line in table.read_text().splitlines()]
+    first[header.index(column)] = {"participant_id": "sub-02", "flag": "dropped_frames"}[column]
+    table.write_text("".join("\t".join(cells) + "\n" for cells in (header, first, *rest)))
+    ended = command("validate", tmp_path / "bids")
+    assert ended.code
+    assert f"{column}: not as in line 1 of trials.jsonl" in ended.out + ended.err
 
 
 def test_the_validator_would_find_a_table_without_descriptions(lab: Path) -> None:

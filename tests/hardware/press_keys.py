@@ -7,6 +7,7 @@ would, by their places: codes of X for a keyboard with a numeric pad (8 more tha
 import ctypes
 import dataclasses
 import json
+import resource
 import subprocess
 import sys
 import time
@@ -23,11 +24,23 @@ PLACES = {
     "space": 65, "escape": 9, "left": 113, "numeric pad, 7": 79, "F1": 67,
 }  # fmt: skip
 SHIFT = 50
+CAP_SYS_NICE = 23  # linux/capability.h
 READ_LATER = 0.05  # [s] three frames after a press
 PATIENCE = 5.0  # [s] until a press that is not heard counts as lost
 
 
+def be_an_ordinary_user() -> None:
+    """Give up real-time priority, which PsychoPy's keyboard asks for and most users may not have."""
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+    header, sets = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()  # capabilities, version 3
+    libc = ctypes.CDLL(None)
+    libc.capget(header, sets)
+    sets[0] &= ~(1 << CAP_SYS_NICE)
+    libc.capset(header, sets)
+
+
 def main(layouts: list[str]) -> None:
+    be_an_ordinary_user()
     try:
         xtest = ctypes.CDLL("libXtst.so.6")
     except OSError as error:

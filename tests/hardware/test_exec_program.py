@@ -170,18 +170,23 @@ class RandomPlan:
     """Half of all replies go wrong, in any way but that the program ends."""
 
     delay = 0.15  # [s]
+    silent = (LinkFault.NO_REPLY, LinkFault.PARTIAL_LINE, LinkFault.LATE_REPLY)
 
     def __init__(self) -> None:
         self._rng = random.Random(21)
         self._faults = [fault for fault in (*LinkFault, *ExtraReply) if fault is not LinkFault.DISCONNECT]
         self.fault = self._faults[0]
-        self.n_struck = 0
+        self.n_struck, self._struck = 0, False
+
+    def draw(self) -> float:
+        """Draw what becomes of the next exchange, and return how long to wait for its reply [s]."""
+        self.fault = self._rng.choice(self._faults)
+        self._struck = self._rng.random() < 0.5
+        self.n_struck += self._struck
+        return 0.2 if self._struck and self.fault in self.silent else 30.0
 
     def strikes(self, _: int) -> bool:
-        self.fault = self._rng.choice(self._faults)
-        struck = self._rng.random() < 0.5
-        self.n_struck += struck
-        return struck
+        return self._struck
 
 
 @pytest.mark.slow
@@ -191,8 +196,9 @@ def test_no_reading_is_made_up_in_exchanges_that_go_wrong_at_random() -> None:
     driver = find_driver("simulated:exec", InstrumentKind.LUMINANCE).driver
     with EmulatedLink(EmulatedProgram(seen)) as link, driver.open_at(link.url, time.monotonic, 30.0) as meter:
         meter.read_luminance()
-        link._plan, meter._timeout = plan, 0.1
+        link._plan = plan
         for number in range(EXCHANGES):
+            meter._timeout = plan.draw()
             seen.panel.show(0.3 + 0.1 * (number % 7))
             with contextlib.suppress(InstrumentError):
                 assert meter.read_luminance().value == pytest.approx(seen.panel.luminance(), rel=1e-6)

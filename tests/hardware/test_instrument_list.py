@@ -93,9 +93,9 @@ def test_what_is_not_installed_is_told_with_what_needs_it_and_how_to_get_it(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     told = list(missing_lines())
-    assert "ppk2_api, for the power meter ppk2: pip install 'evenlight[instruments]'" in told
+    assert "ppk2_api, for the power meter ppk2: pip install '.[instruments]' in the checkout" in told
     assert "spotread, for the luminance meter spotread: apt install argyll" in told
-    assert "pylsl, for the trigger output lsl: pip install 'evenlight[lsl]'" in told
+    assert "pylsl, for the trigger output lsl: pip install '.[lsl]' in the checkout" in told
     assert "adb, for the power meter adb: apt install adb" in told
     assert "arecord, for the light sampler soundcard: apt install alsa-utils" in told
     assert len(told) == 8

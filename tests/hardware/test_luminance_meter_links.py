@@ -30,8 +30,8 @@ from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, Lumi
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
-TIMEOUT = 0.3  # [s]
-LATE = 0.45  # [s] after the driver gave up
+TIMEOUT = 2.0  # [s] two dozen drivers share the process
+LATE = 2.6  # [s] after the driver gave up
 DIM, BRIGHT = 50.0, 100.0  # [cd/m^2]
 STEADY = PanelPhysics(peak_luminance=BRIGHT, black_level=0.0, gamma=1.0, warm_up_share=0.0)
 

@@ -23,7 +23,7 @@ from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Sim
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
 FULL = 0.2945 + 0.001858 * 200  # [W]
-TIMEOUT = 0.6  # [s]
+TIMEOUT = 30.0  # [s] where nothing is to be waited for
 PATIENT = 60.0  # [s] where nothing is to be waited for
 
 

@@ -17,7 +17,7 @@ from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
-TIMEOUT = 0.8  # [s] the program itself takes some 0.05 s to start
+TIMEOUT = 3.0  # [s] the program itself takes some 0.05 s to start, on a busy machine a second
 PANEL = PanelPhysics(peak_luminance=100.0, black_level=0.0, gamma=1.0, warm_up_share=0.0)
 
 
@@ -113,9 +113,7 @@ def test_a_program_that_stops_while_it_looks_for_instruments_is_ended(simulation
     plan = FaultPlan(LinkFault.PARTIAL_LINE, first=1)
     with (
         EmulatedSpotread(simulation, plan=plan) as emulated,
-        pytest.raises(
-            InstrumentError, match=r"took longer than 0\.8 s.*a port that does not answer"
-        ) as failed,
+        pytest.raises(InstrumentError, match=r"took longer than 3 s.*a port that does not answer") as failed,
     ):
         Spotread(emulated.url, timeout=TIMEOUT)
     assert failed.value.fault is Fault.NO_REPLY

@@ -2,12 +2,6 @@
 
 import numpy as np
 import pytest
-from colour.contrast import (
-    contrast_sensitivity_function_Barten1999,
-    pupil_diameter_Barten1999,
-    retinal_illuminance_Barten1999,
-    sigma_Barten1999,
-)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,20 +15,24 @@ LUMINANCES = np.array([1e-6, 1e-4, 0.01, 0.2, 1, 10, 104.4, 1e4])
 @pytest.mark.parametrize("field_size", [5.0, 40.0, 60.0, 100.0])
 def test_full_form_equals_the_one_of_colour_science(field_size):
     """With the pupil of the luminance in both blur and illuminance, as Barten (2003) combines them."""
-    pupil = pupil_diameter_Barten1999(LUMINANCES, field_size, field_size)
-    expected = contrast_sensitivity_function_Barten1999(
+    from colour import contrast  # takes a second to import: only the process that runs this waits for it
+
+    pupil = contrast.pupil_diameter_Barten1999(LUMINANCES, field_size, field_size)
+    expected = contrast.contrast_sensitivity_function_Barten1999(
         FREQUENCIES,
-        sigma=sigma_Barten1999(0.5 / 60, 0.08 / 60, pupil),
+        sigma=contrast.sigma_Barten1999(0.5 / 60, 0.08 / 60, pupil),
         X_0=field_size,
-        E=retinal_illuminance_Barten1999(LUMINANCES, pupil),
+        E=contrast.retinal_illuminance_Barten1999(LUMINANCES, pupil),
     )
     got = contrast_sensitivity(FREQUENCIES, LUMINANCES, field_size=field_size)
     np.testing.assert_allclose(got, expected, rtol=1e-9)
 
 
 def test_authors_form_equals_colour_science_with_its_defaults_and_a_3_mm_pupil():
-    expected = contrast_sensitivity_function_Barten1999(
-        FREQUENCIES, E=retinal_illuminance_Barten1999(LUMINANCES, 3.0)
+    from colour import contrast
+
+    expected = contrast.contrast_sensitivity_function_Barten1999(
+        FREQUENCIES, E=contrast.retinal_illuminance_Barten1999(LUMINANCES, 3.0)
     )
     got = contrast_sensitivity(FREQUENCIES, LUMINANCES, SensitivityModel.AUTHORS)
     np.testing.assert_allclose(got, expected, rtol=1e-9)

@@ -6,6 +6,7 @@ virtual screen waits for no refresh, so that its refresh rate is measured and no
 Usage: person_at_the_keys.py DATASET
 """
 
+import dataclasses
 import json
 import sys
 import threading
@@ -103,6 +104,7 @@ def main(dataset: Path) -> None:
     rig_module.require_refresh_rate = lambda rig, measured: None
     run_session.Person = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
     rig, display = load_rig("simulated")
+    rig = dataclasses.replace(rig, window_size=(480, 300))  # pages find room, and a processor draws it soon
     request = run_session.SessionRequest(
         "ramp",
         dataset,

@@ -21,7 +21,7 @@ def night(tmp_path: Path) -> Path:
 
 
 def test_the_files_say_what_dims_and_curves_for_another_actuator_are_refused(
-    night: Path, tmp_path: Path, command: Any, coarse_pictures: None
+    night: Path, tmp_path: Path, command: Any, blank_pictures: None
 ) -> None:
     asked = ("optimize", "--no-player", night, "--budget", 0.5, "--fps", 5)
     assert command(*asked, "--out", tmp_path / "ours", "--actuator", "pixels").code == 0
@@ -36,7 +36,7 @@ def test_the_files_say_what_dims_and_curves_for_another_actuator_are_refused(
 
 
 def test_the_controller_too_holds_the_loss_of_what_pixels_show(
-    night: Path, tmp_path: Path, command: Any, coarse_pictures: None
+    night: Path, tmp_path: Path, command: Any, blank_pictures: None
 ) -> None:
     asked = ("control", "--no-player", night, "--target-loss", 0.05, "--fps", 5, "--actuator", "pixels")
     assert command(*asked, "--out", tmp_path / "ours").code == 0

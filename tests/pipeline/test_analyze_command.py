@@ -53,7 +53,7 @@ def dataset(tmp_path_factory, make_stimulus, short_ramps: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def results(dataset, coarse_pictures, tmp_path_factory) -> Path:
+def results(dataset, blank_pictures, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("results") / "out"
     run("analyze", dataset, "--out", out, "--quiet")
     return out

@@ -23,7 +23,7 @@ from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_writer import write_video
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 TABLES = {"track.csv", "track.json", "summary.json", "control.json", "loss_curves.npz"}
 FIGURES = {"track.png", "contrast_map.png"}

@@ -8,7 +8,7 @@ from compute_shaders import own_context
 
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 CLIP = ("sunrise", "--fps", "0.2", "--budget", "0.5")
 

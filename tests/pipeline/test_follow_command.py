@@ -159,6 +159,7 @@ def dimmed(step: int) -> bool:
 
 
 @needs_mpv
+@pytest.mark.real_time  # a real mpv plays to its end
 def test_the_backlight_follows_the_film_and_is_left_as_it_was_found(
     film: Path, panel: Panel, command, tmp_path: Path
 ) -> None:

@@ -54,7 +54,7 @@ def test_the_sums_are_those_nearest_to_the_printed_means() -> None:
         assert [round(PEOPLE * mean) for mean in means] == list(SUMS[sequence])
 
 
-def test_two_commands_make_a_report_of_typed_ratings(long_table, tmp_path, command, coarse_pictures) -> None:
+def test_two_commands_make_a_report_of_typed_ratings(long_table, tmp_path, command, blank_pictures) -> None:
     made = command("import", long_table, "--task", "rating", "--out", tmp_path / "lab")
     assert made.code == 0, made.err
     assert "participant_id: 'Participant'" in made.out

@@ -68,7 +68,7 @@ def ours_second(who: str, rows: Rows) -> Rows:
 
 
 def test_ours_always_second_is_the_first_thing_said_and_no_effect_of_the_version_is_claimed(
-    rated: Path, command: Callable[..., Any], coarse_pictures: None, tmp_path: Path
+    rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     outcome = command("analyze", changed(rated, tmp_path / "data", ours_second), "--out", tmp_path / "out")
     said = "in the ratings ours was shown second in all 48 pairs, so that an effect of the version and one of"
@@ -85,7 +85,7 @@ def test_ours_always_second_is_the_first_thing_said_and_no_effect_of_the_version
 
 
 def test_a_repeated_row_changes_no_number(
-    rated: Path, command: Callable[..., Any], coarse_pictures: None, tmp_path: Path
+    rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     def again(who: str, rows: Rows) -> Rows:
         return [*rows, rows[2] | {"trial_index": 50}] if who == "sub-03" else rows
@@ -101,14 +101,14 @@ def test_a_repeated_row_changes_no_number(
 
 
 def test_nothing_wrong_is_nothing_said(
-    rated: Path, command: Callable[..., Any], coarse_pictures: None, tmp_path: Path
+    rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     assert command("analyze", rated, "--out", tmp_path / "out", "--quiet").code == 0
     assert lead_on_page(tmp_path / "out" / "report.html").startswith("The details of ours")
 
 
 def test_swapped_keys_stand_first_in_the_report_of_a_fit(
-    command: Callable[..., Any], coarse_pictures: None, short_ramps: Path, tmp_path: Path
+    command: Callable[..., Any], blank_pictures: None, short_ramps: Path, tmp_path: Path
 ) -> None:
     simulate("ramp", tmp_path / "ramps", "--participants", 2, "--design", short_ramps)
     other = {"yes": "no", "no": "yes"}

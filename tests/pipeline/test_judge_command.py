@@ -135,7 +135,7 @@ def test_what_does_not_go_together_is_refused(command, tmp_path, judged) -> None
     assert "was made for the display 'varjo-xr3', and here is 'lab'" in line
     lab.write_text(lab.read_text().replace('"lab"', '"varjo-xr3"'))
     line = refused(command, tmp_path, clip, track, "--display", lab)
-    assert "here is another of that name (peak luminance, black level or other values differ)" in line
+    assert "here is 'varjo-xr3' in another calibration" in line
     assert "'quality'; give one of relative, soft," in refused(
         command, tmp_path, clip, track, "--measure", "quality"
     )

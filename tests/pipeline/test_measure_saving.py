@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import re
 import sys
 import time
@@ -15,23 +16,53 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.data_schema.storage.tables import read_rows, write_rows
+from evenlight.hardware import device_passes
 from evenlight.hardware.device_passes import PassRequest, _started, measure_passes
-from evenlight.hardware.measuring import bench_for
+from evenlight.hardware.measuring import Bench, bench_for
 from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.simulated.clocks import WaitingClock
 
 FILMS = ("--full", "bikes.mp4", "--dimmed", "bikes-dimmed.mp4")
 ORDER = ["full", "dimmed", "dimmed", "full"] * 2
-# A player, and a gauge that shows the new load a while late.
+LATE = 0.15  # [s] after which the gauge shows a new load
+# A player, and a gauge that shows the new load when it is told that it is time.
 PLAYER = """
 import sys, time
 from pathlib import Path
 folder = Path({folder!r})
 (folder / "played").open("a").write(sys.argv[1] + "\\n")
-time.sleep(0.15)
+while not (folder / "late").exists():
+    time.sleep(0.005)
 (folder / "next").write_text({{"bright": "1000000", "dim": "800000"}}[sys.argv[1]])
 (folder / "next").replace(folder / "current_now")
-time.sleep(60)
+(folder / "late").unlink()
+time.sleep(600)
 """
+
+
+class LaptopsClock(WaitingClock):
+    """The laptop's time, which passes only where it is waited for; in a pass the gauge follows `LATE`."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder, self.begun = folder, math.inf
+
+    def wait(self, seconds: float) -> None:
+        super().wait(seconds)
+        if self.now() >= self.begun + LATE:
+            self.begun = math.inf
+            (self._folder / "late").touch()
+            end = time.monotonic() + 200
+            while (self._folder / "late").exists():
+                assert time.monotonic() < end
+                time.sleep(0.005)
+
+
+@pytest.fixture
+def clock(laptop: Path, monkeypatch: pytest.MonkeyPatch) -> LaptopsClock:
+    own = LaptopsClock(laptop)
+    monkeypatch.setattr(device_passes, "bench_for", lambda name: Bench(own.now, own.wait, None, timed=True))
+    return own
 
 
 @pytest.fixture
@@ -94,9 +125,17 @@ def test_it_is_tried_on_an_emulated_phone(command: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_count(laptop, tmp_path) -> None:
+def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_count(
+    laptop: Path, clock: LaptopsClock, tmp_path: Path
+) -> None:
     """10 W and 8 W: 20 %, as the first 0.3 s of each pass are left out."""
-    saving = measured(asked(laptop, 0.3), tmp_path / "out")
+    request = asked(laptop, 0.3)
+
+    def begin(line: str) -> None:
+        clock.begun = clock.now()  # a line is told before the first pass, and after each
+
+    passes, apparatus = measure_passes(request, tmp_path / "out", input, begin)
+    saving = device_saving(passes, request, apparatus, tmp_path / "out")
     assert (laptop / "played").read_text().split() == ["bright", "dim", "dim", "bright"]
     assert saving.saving_percent == pytest.approx(20.0)
     assert saving.full_power == pytest.approx(10.0)
@@ -105,7 +144,7 @@ def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_cou
 
 
 @pytest.mark.slow
-def test_a_person_is_asked_to_start_each_version(laptop, tmp_path) -> None:
+def test_a_person_is_asked_to_start_each_version(laptop, clock, tmp_path) -> None:
     questions = []
     request = PassRequest(f"battery:{laptop}", {"full": "a.mp4", "dimmed": "b.mp4"}, 2, 0.5, 0.0, 20.0, "")
     passes, _ = measure_passes(request, tmp_path / "out", lambda words: questions.append(words) or "", print)
@@ -192,7 +231,7 @@ def test_steps_of_a_gauge_widen_an_interval_that_would_have_no_width(tmp_path) -
     assert "steps of 0.1 W" in found.notes[0]
 
 
-def test_a_meter_at_0_w_is_an_error_in_words(laptop, tmp_path, monkeypatch) -> None:
+def test_a_meter_at_0_w_is_an_error_in_words(laptop, clock, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("evenlight.hardware.drivers.battery_power.drawn_power", lambda *words: 0.0)
     request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 0.5, 0.0, 20.0, "")
     with pytest.raises(InstrumentError, match="0 W over a pass"):
@@ -200,7 +239,7 @@ def test_a_meter_at_0_w_is_an_error_in_words(laptop, tmp_path, monkeypatch) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_a_wild_sample_is_left_out_and_named(laptop, tmp_path, monkeypatch) -> None:
+def test_a_wild_sample_is_left_out_and_named(laptop, clock, tmp_path, monkeypatch) -> None:
     """Every eighth reading of a steady 1 W is 49.5 W: the mean of the rest is 1 W, a saving of nothing."""
     readings = itertools.count()
     monkeypatch.setattr(
@@ -236,7 +275,7 @@ def test_ended_early_it_tells_of_what_was_measured_if_that_is_enough(tmp_path, a
 
 
 @pytest.mark.slow
-def test_a_cable_that_is_plugged_in_keeps_the_passes_before(laptop, tmp_path) -> None:
+def test_a_cable_that_is_plugged_in_keeps_the_passes_before(laptop, clock, tmp_path) -> None:
     def charge(line: str) -> None:
         if line.startswith("pass 2 "):
             (laptop / "status").write_text("Charging\n")

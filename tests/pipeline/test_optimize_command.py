@@ -10,7 +10,7 @@ from evenlight.method.preset_files import load_display
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.frame_conversion import coarser
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 
 # --- content decides

@@ -9,7 +9,7 @@ from optimized_videos import limit_file, optimized, refused, texture, video
 
 from evenlight.method.optimizer.splitting import SplittingSolver
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.tracks.brightness_track import read_track
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 
 @pytest.fixture

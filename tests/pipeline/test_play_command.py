@@ -243,7 +243,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
             (video, fast),
             "frame 1 of the video '8' appears at 0.0400 s, and its brightness track says 0.0333 s",
         ),
-        ((video, other), "say with --display or --rig what it is shown on"),
+        ((video, other), "give the display with --display FILE"),
         ((video, other, "--display", "varjo-xr3"), "made for the display 'desk', and here is 'varjo-xr3'"),
         ((cut, track), "cut.mkv is cut off"),
         ((video, tmp_path), "no such brightness track"),

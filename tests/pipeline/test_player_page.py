@@ -97,6 +97,7 @@ def test_its_pixels_are_factor_times_frame_in_linear_light(player: Browser, fram
         assert np.abs(pixels(player, version) - by_definition).max() <= 2
 
 
+@pytest.mark.real_time  # a real Chromium plays
 def test_it_plays_and_pauses(player: Browser) -> None:
     press(player, " ")
     player.wait_for("return +document.getElementById('frame').textContent >= 3")

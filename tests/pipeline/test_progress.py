@@ -1,12 +1,16 @@
 """Progress: lines at their time where no terminal is, on standard error alone, and none with --quiet."""
 
+from io import StringIO
 from pathlib import Path
 
+import numba
 import pytest
+from rich.console import Console
+from rich.progress import Progress as Bars
 
 import evenlight
 from evenlight import progress as progress_module
-from evenlight.progress import ProgressLines, counted, shown_progress
+from evenlight.progress import COMPILING, ProgressLines, counted, shown_progress
 
 ROOT = Path(evenlight.__file__).resolve().parents[1]
 # A session's bar tells of the trials that are safe; it is watched by the operator.
@@ -132,3 +136,73 @@ def test_long_work_deep_within_is_told_by_the_command_alone(monkeypatch, capsys)
         with progress_module.aside("light", 64) as at:
             at(1)
         assert ("light" in capsys.readouterr().err) == told_by_default
+
+
+def bar_of(clock: Clock) -> tuple[progress_module._Bar, Bars]:
+    """A bar that nobody sees, and what shows it."""
+    bars = Bars(get_time=clock, console=Console(file=StringIO()), auto_refresh=False)
+    return progress_module._Bar(bars), bars
+
+
+def test_the_time_left_is_estimated_from_the_frames_after_compiling_alone(clock) -> None:
+    """By hand: 95 frames at 10 a second take 9.5 s; the 20 s of the first frame say nothing of them."""
+    bar, bars = bar_of(clock)
+    bar.step("analysing", 100)
+    clock.now += 0.5
+    bar.at(1)
+    assert bars.tasks[0].fields["left"] == "0:00:50"  # 99 times 0.5 s
+    bar.compiling(True)
+    clock.now += 20.0
+    bar.at(2)  # read ahead meanwhile
+    assert (bars.tasks[0].description, bars.tasks[0].fields["left"]) == (COMPILING, "-:--:--")
+    bar.compiling(False)
+    assert (bars.tasks[0].description, bars.tasks[0].completed) == ("analysing", 2)
+    for done in (3, 4, 5):
+        clock.now += 0.1
+        bar.at(done)
+    assert bars.tasks[0].fields["left"] == "0:00:10"  # whole seconds, rounded up
+    bar.compiling(True)  # of another loop
+    assert bars.tasks[0].fields["left"] == "-:--:--"
+    assert bars.tasks[0].total == 100
+
+
+def test_parts_that_come_all_at_once_are_not_taken_to_be_quick(clock) -> None:
+    """Two processes: after 16 s two parts of 40 are there within 0.01 s. The other 38 take 304 s."""
+    bar, bars = bar_of(clock)
+    bar.step("simulating experiments")
+    assert bars.tasks[0].fields["left"] == ""  # nobody knows of how many parts
+    for seconds, done in ((15.99, 1), (0.01, 2)):
+        clock.now += seconds
+        bar.at(done, 40)
+    assert bars.tasks[0].fields["left"] == "0:05:04"
+    with bar.aside("light", 64) as at:
+        clock.now += 1.0
+        at(32)
+        assert bars.tasks[1].fields["left"] == "0:00:01"
+    assert len(bars.tasks) == 1
+
+
+def test_a_line_says_that_loops_are_compiled(told, clock) -> None:
+    lines, said = told
+    lines.step("analysing", 40)
+    lines.compiling(True)
+    clock.now += 10.0
+    lines.tell_if_due()
+    lines.compiling(False)
+    lines.at(4)
+    clock.now += 10.0
+    lines.tell_if_due()
+    assert said == [f"evenlight: 10 s: {COMPILING}, 0 of 40", "evenlight: 20 s: analysing, 4 of 40"]
+
+
+def test_compiling_is_told_once_for_a_loop_and_those_that_it_uses(monkeypatch) -> None:
+    inner = numba.njit(lambda x: x + 1)
+    outer = numba.njit(lambda x: inner(x) + inner(x))
+    told: list[bool] = []
+    with shown_progress(quiet=True) as progress:
+        monkeypatch.setattr(progress, "compiling", told.append)
+        assert outer(1) == 4
+        assert told == [True, False]
+        assert outer(2) == 6  # compiled by now
+    numba.njit(lambda x: x)(1)  # told nobody
+    assert told == [True, False]

@@ -191,5 +191,5 @@ def test_a_track_of_an_earlier_calibration_is_refused_and_called_so(
     then = load_display("varjo-xr3")
     now = dataclasses.replace(then, peak_luminance=0.97 * then.peak_luminance)
     assert len(load_stimuli(tmp_path, ("gym",), then, with_video=False)) == 1
-    with pytest.raises(InputError, match=r"the rig has .* in another calibration; make it with --display"):
+    with pytest.raises(InputError, match=r"here is .* in another calibration: make a track .* --display"):
         load_stimuli(tmp_path, ("gym",), now, with_video=False)

@@ -75,7 +75,7 @@ CASES = {
 
 @pytest.mark.parametrize("damage", CASES, ids=lambda damage: damage.__name__)
 def test_fit_reads_the_others_and_says_who_is_missing_on_the_terminal_in_the_summary_and_in_the_report(
-    damage: Callable[[Path], None], dataset: Path, command: Run, tmp_path: Path, coarse_pictures: None
+    damage: Callable[[Path], None], dataset: Path, command: Run, tmp_path: Path, blank_pictures: None
 ) -> None:
     damage(dataset)
     people, said = CASES[damage]
@@ -105,7 +105,7 @@ def test_validate_finds_what_is_to_be_put_right(
 
 
 def test_analyze_has_the_roll_in_its_summary_and_its_report(
-    dataset: Path, command: Run, tmp_path: Path, coarse_pictures: None
+    dataset: Path, command: Run, tmp_path: Path, blank_pictures: None
 ) -> None:
     empty(dataset)
     outcome = command("analyze", dataset, "--out", tmp_path / "out")
@@ -127,7 +127,7 @@ def test_analyze_has_the_roll_in_its_summary_and_its_report(
 
 
 def test_someone_with_catch_trials_alone_is_named_and_stops_nobody(
-    dataset: Path, command: Run, tmp_path: Path, coarse_pictures: None
+    dataset: Path, command: Run, tmp_path: Path, blank_pictures: None
 ) -> None:
     path = dataset / S / "trials.jsonl"
     lines = [line for line in path.read_text().splitlines(keepends=True) if '"is_catch": true' in line]

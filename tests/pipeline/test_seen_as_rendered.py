@@ -14,7 +14,7 @@ from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.stimuli.sequences import built_in_sequence, open_video
 from evenlight.stimuli.video.video_writer import write_video
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 PANEL = evenlight.load_display("varjo-xr3")
 # 96 pixels over 90 degrees: the picture plane is 48 pixels away, and a degree is 48 · π / 180 pixels there.
 DENSITY = 48 * np.pi / 180

@@ -80,7 +80,7 @@ def test_bad_input_ends_in_one_line(command: Any, track: Path, tmp_path: Path) -
     )
     assert "does not hold its display 'oled'" in refused("--to", "edl", "--out", out)
     said = refused("--to", "edl", "--out", out, "--display", "varjo-xr3")
-    assert "made for the display 'oled', and --display is 'varjo-xr3'" in said
+    assert "made for the display 'oled', and here is 'varjo-xr3'" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "film-track"]
 
 
@@ -171,11 +171,12 @@ def films(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("films")
+@pytest.mark.real_time  # a real mpv plays, and is paused
 def test_mpv_dims_the_window_through_seeks_pauses_and_speed_and_refuses_another_video(
-    command: Any, track: Path, tmp_path: Path, virtual_screen: Callable[..., str]
+    command: Any, track: Path, tmp_path: Path, bare_screen: Callable[..., str]
 ) -> None:
     assert command("track", "export", track, "--to", "mpv", "--out", tmp_path / "film.lua").code == 0
-    mpv = Mpv(tmp_path, virtual_screen(), "--script=film.lua", "film.mp4")
+    mpv = Mpv(tmp_path, bare_screen(), "--script=film.lua", "film.mp4")
     try:
         mpv.until(lambda: mpv.dims_by(0))
         mpv("seek", 4.5, "absolute+exact")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 FILES = ("track.csv", "track.json", "loss_curves.npz", "summary.json")
 TRACK = {*FILES, "contrast_map.png", "player.html", "track.png"}

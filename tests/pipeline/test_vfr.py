@@ -11,7 +11,7 @@ import pytest
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 STEPS = (1, 2, 1, 1, 2, 1, 1, 3, 6, 10, 8, 9, 7, 10, 6, 8)  # how long each frame stays [s]
 TIMES = np.cumsum((0.0, *STEPS[:-1]))

@@ -16,7 +16,7 @@ from evenlight.experiments.playback.walk_request import LiveRequest
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import require_known
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 
 def with_band(lower: float, upper: float) -> RateLimit:

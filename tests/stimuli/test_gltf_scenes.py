@@ -144,6 +144,20 @@ def test_damaged_files_are_refused_in_one_line_with_their_name(tmp_path, damage,
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("uri", ["../kept.bin", "%2e%2e/kept.bin", "{outside}/kept.bin"])
+def test_a_file_reads_nothing_outside_of_its_folder(tmp_path, uri):
+    (tmp_path / "kept.bin").write_bytes(b"no business of the file's")
+    (tmp_path / "scene").mkdir()
+    glb = room()
+    glb.header["images"] = [{"uri": uri.format(outside=tmp_path)}]
+    glb.header["textures"] = [{"source": 0}]
+    path = tmp_path / "scene" / "room.glb"
+    path.write_bytes(glb.content())
+    for reading in (sha256_of_gltf, lambda path: read_gltf(path).image(0)):
+        with pytest.raises(InputError, match=r"its image '.*kept\.bin' is not beside it; copy it there"):
+            reading(path)
+
+
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=8), st.integers(0, 4)

@@ -222,6 +222,7 @@ def _record(
             name=named.name,
             display_name=named.display.name,
             display_fingerprint=named.display.fingerprint,
+            display=named.display,
             form=basis.form,
             coefficients=_floats(estimate.coefficients),
             luminance_range=basis.luminance_range,

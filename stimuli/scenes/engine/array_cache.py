@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,8 +28,9 @@ SCENES = Path(__file__).parents[1]
 
 
 def cache_folder() -> Path:
-    """Return where the arrays are stored."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evenlight"
+    """Return where the arrays are stored: in XDG_CACHE_HOME if set, else where the system has caches."""
+    own = {"win32": "AppData/Local", "darwin": "Library/Caches"}.get(sys.platform, ".cache")
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / own) / "evenlight"
 
 
 def cached_array(name: str) -> NDArray[Any] | None:

@@ -175,7 +175,10 @@ def _bytes_at(path: Path, uri: str, kind: str) -> bytes:
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.split("base64,", 1)[1], validate=True)
-        return (path.parent / unquote(uri)).read_bytes()
+        named = Path(unquote(uri))
+        if named.anchor or ".." in named.parts:
+            raise ValueError("outside of its folder")  # a file of a stranger reads nothing else of this user
+        return (path.parent / named).read_bytes()
     except (IndexError, binascii.Error):
         raise InputError(f"{path}: the data of a {kind} are not in base64; export it again") from None
     except (OSError, ValueError):

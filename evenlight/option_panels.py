@@ -1,0 +1,105 @@
+"""The panels in which `--help` shows options, and the words that a shell completes for them.
+
+A command declares an option with its panel, as `asked("--budget", help=...)`; `--quiet` and `--help` are in
+none. Nothing here is slow to import: a shell waits for the words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from inspect import Signature, signature
+from pathlib import Path
+from typing import Any, get_args
+
+import typer
+
+asked = partial(typer.Option, rich_help_panel="What is asked")
+viewing = partial(typer.Option, rich_help_panel="Display and viewing")
+limits = partial(typer.Option, rich_help_panel="Rate limit")
+computation = partial(typer.Option, rich_help_panel="Computation")
+instruments = partial(typer.Option, rich_help_panel="Instrument")
+output = partial(typer.Option, rich_help_panel="Output")
+
+Complete = Callable[[str], list[str]]
+PACKAGE = Path(__file__).parent
+
+
+def words_and_files(*words: str, ending: str = "") -> Complete:
+    """Return what completes some words, or a file of the current folder, of one ending if that is given.
+
+    Where no word fits, nothing is returned, and the shell completes the name of a file by itself.
+    """
+
+    def complete(incomplete: str) -> list[str]:
+        fitting = [word for word in words if word.startswith(incomplete)]
+        if not fitting:
+            return []
+        files = [f"{path.name}/" if path.is_dir() else path.name for path in Path().glob("[!.]*")]
+        return fitting + sorted(
+            name for name in files if name.startswith(incomplete) and name.endswith((ending, "/"))
+        )
+
+    return complete
+
+
+def presets_and_files(folder: str, ending: str) -> Complete:
+    """Return what completes the presets that lie in a folder of the package, or files."""
+
+    def complete(incomplete: str) -> list[str]:
+        found = sorted({path.name.partition(".")[0] for path in (PACKAGE / folder).glob(f"*{ending}")})
+        return words_and_files(*found, ending=Path(ending).suffix)(incomplete)
+
+    return complete
+
+
+complete_display = presets_and_files("method/presets", ".display.toml")
+complete_power_model = presets_and_files("method/presets", ".power.toml")
+complete_rate_limit = presets_and_files("method/presets", ".rate_limit.json")
+complete_rig = presets_and_files("hardware/rigs", ".rig.toml")
+complete_design = presets_and_files("experiments/designs", ".design.toml")
+complete_video = words_and_files(
+    "library", "gym", "living_room", "basement", "house", "checkerboard", "sunrise"
+)
+
+# What an option or argument takes, and what completes it, by its name; a command may say otherwise.
+METAVARS = {
+    "budget": "B",
+    "design": "NAME|FILE",
+    "display": "NAME|FILE",
+    "field_of_view": "DEGREES",
+    "fps": "HZ",
+    "horizon": "SECONDS",
+    "instrument": "DRIVER:ADDRESS",
+    "interval_s": "SECONDS",
+    "out": "DIR",
+    "participant": "ID",
+    "power_model": "NAME|FILE",
+    "rate_hz": "HZ",
+    "rate_limit": "NAME|FILE",
+    "rig": "NAME|FILE",
+    "seconds": "SECONDS",
+    "session": "ID",
+    "stimuli": "DIR",
+    "target_loss": "LOSS",
+}
+COMPLETIONS = {
+    "clip": complete_video,
+    "design": complete_design,
+    "display": complete_display,
+    "power_model": complete_power_model,
+    "rate_limit": complete_rate_limit,
+    "rig": complete_rig,
+    "sequence": complete_video,
+    "video": complete_video,
+}
+
+
+def declared_by_name(command: Callable[..., Any]) -> Signature:
+    """Return the signature of a command; what its options take is filled in by their names."""
+    declared = signature(command, eval_str=True)
+    for name, parameter in declared.parameters.items():
+        for one in get_args(parameter.annotation)[1:]:
+            one.metavar = one.metavar or METAVARS.get(name)
+            one.autocompletion = one.autocompletion or COMPLETIONS.get(name)
+    return declared

@@ -1,0 +1,95 @@
+"""The command `evenlight new`: files of a lab to fill in, with a comment on every key."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evenlight.data_schema.errors import InputError
+
+new = typer.Typer(invoke_without_command=True)
+
+DISTANCES = {"laptop-lcd": 0.5, "phone-oled": 0.35}  # [m] at which these have their pixels per degree
+
+
+@new.callback()
+def begin(context: typer.Context) -> None:
+    """Write files that describe your display and rig, to fill in. All commands take --quiet."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@new.command()
+def rig(
+    file: Annotated[Path, typer.Argument(help="The rig to write, such as desk.rig.toml.")],
+    display: Annotated[
+        str, typer.Option(help="Begin with the numbers of this preset, or use a display's own toml file.")
+    ] = "desktop-lcd",
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files that exist; never a measured display.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing lines.")] = False,
+) -> None:
+    """Write a rig (screen, keys, instruments) and its display: toml files with a comment on every key."""
+    from evenlight.data_schema.mapping import mapping_from_record
+    from evenlight.data_schema.storage.whole_files import write_whole
+    from evenlight.method.preset_files import load_display, preset_names
+
+    if file.suffix != ".toml" or not file.absolute().parent.is_dir():
+        raise InputError(f"{file}: a rig is a toml file in a folder that is there, such as desk.rig.toml")
+    stem = file.name.removesuffix(".toml").removesuffix(".rig")
+    shown, is_preset = load_display(display), display in preset_names("display")
+    beside = file.with_name(f"{stem}.display.toml") if is_preset else Path(display)
+    for path in (file, beside) if is_preset else (file,):
+        if path.exists() and not force:
+            raise InputError(f"{path}: is there already; give another name, or --force to replace it")
+    values: dict[str, object] = {"name": stem, "display": os.path.relpath(beside, file.parent)}
+    if is_preset:
+        _require_unmeasured(beside)
+        values |= {"viewing_distance_m": DISTANCES[display]} if display in DISTANCES else {}
+        light = {key: value for key, value in mapping_from_record(shown).items() if isinstance(value, float)}
+        named = {"name": stem, "source": f"the preset {display}, not measured"}
+        write_whole(beside, _filled("new_display.toml", {**light, **named}).encode())
+    write_whole(file, _filled("desk.rig.toml", values).encode())
+    named_file = shlex.quote(str(file))
+    numbers = (
+        f"the numbers of the preset {display}, to be replaced by yours" if is_preset else repr(shown.name)
+    )
+    if quiet:
+        return
+    typer.echo(
+        f"{file} describes the rig, {beside} its display ({numbers})\n"
+        f"to rehearse: evenlight run ramp --participant 01 --session 01 --rig {named_file} --design quick "
+        "--simulate data --out rehearsal\n"
+        f"before people take part: measure the display, and write when into {beside} (measured)"
+    )
+
+
+def _require_unmeasured(display: Path) -> None:
+    """Refuse to replace a display that was measured, though --force be given."""
+    if not display.exists():
+        return
+    lines = display.read_text(encoding="utf-8", errors="replace").splitlines()
+    if any(line.startswith("measured") for line in lines):
+        raise InputError(
+            f"{display}: is a measured display, which --force does not replace; keep it with --display "
+            f"{shlex.quote(str(display))}, or give the rig another name"
+        )
+
+
+def _filled(template: str, values: Mapping[str, object]) -> str:
+    """Return a file of the folder of rigs with some values in place of its own."""
+    from evenlight.hardware.rig_files import RIGS
+
+    text = (RIGS / template).read_text(encoding="utf-8")
+    for key, value in values.items():
+        begin, after = text.split(f"\n{key} = ", 1)
+        new = json.dumps(value, ensure_ascii=False)
+        text = f"{begin}\n{key} = {new}{after[len(after.split(maxsplit=1)[0]) :]}"
+    return text
