@@ -8,7 +8,7 @@ from dataclasses import replace
 from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.tracks.gain_words import gain_sentences
+from evenlight.analysis.tracks.gain_words import gain_sentences, uses_same_power
 from evenlight.analysis.tracks.objective_words import less_or_more, little_of, minimized_in_words
 from evenlight.analysis.wording import detection_in_words, first_few
 from evenlight.data_schema.provenance import Provenance
@@ -77,10 +77,12 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
 def meaning_of(summary: OptimizationSummary) -> str:
     """Return what the figures of a summary mean, in words."""
     ours, constant = summary.objective, summary.objective_baseline
-    words = (
-        f"{' '.join(gain_sentences(summary))} The track needs {short(summary.mean_power)} W on average, "
-        f"constant dimming to {100 * summary.baseline_factor:.0f} % takes {short(summary.baseline_power)} W. "
-    )
+    words = f"{' '.join(gain_sentences(summary))} "
+    if not uses_same_power(summary):
+        words += (
+            f"The track needs {short(summary.mean_power)} W on average, constant dimming to "
+            f"{100 * summary.baseline_factor:.0f} % takes {short(summary.baseline_power)} W. "
+        )
     if summary.frames_without_contrast == summary.frames:
         words += "Nothing is visible in any frame, so there is no contrast to lose. "
     elif minimized := minimized_in_words(summary):

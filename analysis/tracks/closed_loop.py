@@ -21,12 +21,13 @@ from evenlight.analysis.report_sections import (
     contrast_map_section,
     files_section,
     introduction_section,
-    meaning_of,
     provenance_section,
     track_section,
 )
+from evenlight.analysis.tracks.gain_words import gain_in_words
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_results import run_optimization
+from evenlight.analysis.wording import sentence
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -88,7 +89,7 @@ def _report(
     fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
     return Report(
         "From ramps to a brightness track",
-        cautious(calibration.concerns, meaning_of(summary)),
+        cautious(calibration.concerns, " ".join(f"{sentence(line)}." for line in gain_in_words(summary))),
         (
             introduction_section(),
             calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),

@@ -29,7 +29,7 @@ def _saving(summary: OptimizationSummary) -> str:
     panel = summary.power_model
     where = "" if panel == summary.display else f" on the display of the power model {panel}"
     if panel == PUBLISHED != summary.display:
-        where = f" on the published panel ({panel}), not on {summary.display}: give --power-model"
+        where = f" on the published panel ({panel}; for {summary.display} give --power-model)"
     if not saved > 1e-6 * full:
         return f"{summary.video} saves no power{where}: {full:.3g} W, as at full brightness"
     words = f"{summary.video} saves {saved:.3g} of {full:.3g} W ({100 * saved / full:.0f} %){where}"

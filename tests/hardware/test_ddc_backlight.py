@@ -241,7 +241,7 @@ def test_a_bus_that_is_not_there_or_may_not_be_opened_is_told_with_what_to_do(mo
 
 def test_without_its_library_the_extra_to_install_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "monitorcontrol.vcp.vcp_linux", None)
-    with pytest.raises(InstrumentError, match=r"pip install 'evenlight\[instruments\]'") as missing:
+    with pytest.raises(InstrumentError, match=r"pip install '\.\[instruments\]'") as missing:
         DdcBacklight(5)
     assert missing.value.fault is Fault.NOT_FOUND
 

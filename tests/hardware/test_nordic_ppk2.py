@@ -215,5 +215,5 @@ def test_more_lost_than_the_counter_tells_is_found_at_the_end() -> None:
 
 def test_without_the_library_it_says_how_to_get_it(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "ppk2_api", None)
-    with pytest.raises(InputError, match=r"pip install 'evenlight\[instruments\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[instruments\]'"):
         Ppk2PowerMeter("/dev/not-there?voltage=5")

@@ -165,7 +165,7 @@ def test_a_cable_that_is_pulled_is_an_error_of_the_next_trigger() -> None:
 def test_without_its_library_lsl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pylsl", None)
     with (
-        pytest.raises(InstrumentError, match=r"pip install 'evenlight\[lsl\]'"),
+        pytest.raises(InstrumentError, match=r"pip install '\.\[lsl\]'"),
         opened_triggers(["lsl:any"]),
     ):
         pass
@@ -190,7 +190,7 @@ with opened_triggers([f"lsl:{sys.argv[1]}"]) as outputs:
 
 def test_an_inlet_receives_the_labels_as_markers_with_their_times(tmp_path: Path) -> None:
     """Over the loopback of this computer, in a process of its own: the library's threads outlive a stream."""
-    pytest.importorskip("pylsl", reason="pylsl is not installed: pip install 'evenlight[lsl]'")
+    pytest.importorskip("pylsl", reason="pylsl is not installed: pip install '.[lsl]'")
     settings = tmp_path / "lsl_api.cfg"
     settings.write_text("[multicast]\nResolveScope = machine\n[ports]\nIPv6 = disable\n")
     done = subprocess.run(
