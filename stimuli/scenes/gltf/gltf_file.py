@@ -182,4 +182,6 @@ def _bytes_at(path: Path, uri: str, kind: str) -> bytes:
     except (IndexError, binascii.Error):
         raise InputError(f"{path}: the data of a {kind} are not in base64; export it again") from None
     except (OSError, ValueError):
-        raise InputError(f"{path}: its {kind} {unquote(uri)!r:.80} is not beside it; copy it there") from None
+        raise InputError(
+            f"{path}: its {kind} {unquote(uri)[:80]!r} is not beside it; copy it there"
+        ) from None
