@@ -1,5 +1,5 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test test-fast check format docs benchmarks FORCE
+.PHONY: setup lab demo test test-fast test-headset check format docs benchmarks FORCE
 
 BIN := .venv/bin
 # Where .venv was set up and works no more (its Python was replaced, the folder moved), all marks are out of date.
@@ -30,6 +30,10 @@ test: .venv/.test-ready
 # Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.
 test-fast: .venv/.dev-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Sessions in an OpenXR runtime with a simulated headset, which `make test` has too: as root, with debootstrap.
+test-headset: .venv/.test-ready
+	PYTHONDONTWRITEBYTECODE= tests/headset/runtime-tree.sh $(BIN)/python -m pytest -n 0 tests/headset
 
 check: .venv/.dev-ready
 	$(BIN)/ruff format --check .

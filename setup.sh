@@ -15,6 +15,7 @@ mode=${1:-}
 LAB_PACKAGES="xvfb libgl1 libgl1-mesa-dri libglu1-mesa libegl1 libasound2 libjack-jackd2-0 libusb-1.0-0 libfribidi0"
 LAB_PACKAGES="$LAB_PACKAGES libxtst6"  # with which the tests press keys
 TEST_PACKAGES="g++ chromium chromium-driver mpv ffmpeg"
+TEST_PACKAGES="$TEST_PACKAGES debootstrap"  # with which tests/headset builds the tree of its runtime
 BUILD_LOG=.venv/pip.log
 
 say() { echo "evenlight: $1"; }

@@ -58,6 +58,8 @@ of an imported session null for what its file does not tell |
 | `sub-XX/ses-YY/frames.jsonl` | a line per interval, of `run` only: \
 [frame](#frame-log), [clip](#clip-log) or \
 [view log](#view-log) |
+| `sub-XX/ses-YY/headset.jsonl` | a line per interval, of sessions in a headset only: \
+[headset log](#headset-log) |
 | `sub-XX/ses-YY/events.jsonl` | what happened, as lines ([session event](#session-event)); of `run` only |
 | `sub-XX/ses-YY/beh/*_beh.tsv`, `*_beh.json` | the trials as a table; `n/a` for null. In exports `sub-01` \
 in place of `01`, and `n/a` in empty cells, too |
@@ -166,9 +168,10 @@ def _type_of(kind: Any, meta: Mapping[str, Any], parts: dict[str, Schema]) -> Sc
         return {"$ref": f"#/$defs/{kind.__name__}"}
     if isinstance(kind, type) and issubclass(kind, enum.Enum):
         return {"type": "string", "enum": [member.value for member in kind]}
+    if kind is str:
+        return {"type": "string", **({"pattern": meta["pattern"]} if meta.get("pattern") else {})}
     limits = {_LIMITS[key]: meta[key] for key in _LIMITS if meta.get(key) is not None}
-    pattern = {"pattern": meta["pattern"]} if meta.get("pattern") else {}
-    return {"type": _PLAIN[kind], **limits, **pattern}
+    return {"type": _PLAIN[kind], **limits}
 
 
 def _list_of(arguments: tuple[Any, ...], meta: Mapping[str, Any], parts: dict[str, Schema]) -> Schema:
@@ -294,7 +297,8 @@ def _type_words(value: Schema, known: dict[str, str]) -> str:
 
 def _limit_words(value: Schema) -> str:
     """Return the limits of a value, in words."""
-    value = {**value.get("items", {}), **value}
+    for choice in (value.get("items", {}), *value.get("anyOf", ())):
+        value = {**choice, **value}
     words = {"exclusiveMinimum": "above", "minimum": "at least", "maximum": "at most"}
     limits = [f"{word} {value[key]:g}" for key, word in words.items() if key in value]
     if "pattern" in value:

@@ -175,7 +175,7 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
     """Return a plain value as the type that a field declares."""
     origin = typing.get_origin(kind)
     if origin in (types.UnionType, typing.Union):
-        if value is None:
+        if value is None and types.NoneType in typing.get_args(kind):
             return None
         return _typed(_likeliest(typing.get_args(kind), value), value, where)
     if origin is tuple:
@@ -205,10 +205,11 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
 def _likeliest(kinds: tuple[Any, ...], value: Any) -> Any:
     """Return which of several types a value is of: of records, the one whose keys are most like its own."""
     possible = [kind for kind in kinds if kind is not type(None)]
-    if len(possible) == 1 or not isinstance(value, Mapping):
-        return possible[0]
-    known = {kind: keys_of(kind)[0].keys() for kind in possible}
-    return max(possible, key=lambda kind: len(known[kind] & value.keys()) / len(known[kind] | value.keys()))
+    records: list[Any] = [kind for kind in possible if dataclasses.is_dataclass(kind)]
+    if len(possible) == 1 or not records or not isinstance(value, Mapping):
+        return type(value) if type(value) in possible else possible[0]
+    known = {kind: keys_of(kind)[0].keys() for kind in records}
+    return max(records, key=lambda kind: len(known[kind] & value.keys()) / len(known[kind] | value.keys()))
 
 
 def _float(value: int, where: str) -> float:

@@ -49,6 +49,7 @@ def quantity(
     key: str | None = None,
     shape: tuple[str, ...] = (),
     later: bool = False,
+    pattern: str | None = None,
 ) -> Any:
     """Return a dataclass field for a physical quantity.
 
@@ -71,9 +72,13 @@ def quantity(
         Of an array: the name of each axis, or its length, e.g. ("N", "3").
     later : bool, optional
         As in `described`.
+    pattern : str, optional
+        Of a number that may be a word instead: what the word must match.
     """
     limits = {"above": above, "minimum": minimum, "maximum": maximum, "min_items": min_items}
     metadata = {"unit": unit, "doc": doc, "key": key, "shape": shape, "later": later, **limits}
+    if pattern is not None:
+        metadata["pattern"] = pattern
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -147,7 +152,7 @@ def check_limits(record: Any) -> None:
 
 def check_value(field: dataclasses.Field[Any], value: Any) -> None:
     """Raise `ValueError` as `check_limits` does, for the value of one field."""
-    if "unit" in field.metadata:
+    if "unit" in field.metadata and not isinstance(value, str):
         _check_quantity(field, value)
         return
     pattern = field.metadata.get("pattern")

@@ -22,6 +22,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
+from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.instrument_logs import (
     BacklightSetting,
     ClockPing,
@@ -150,6 +151,7 @@ KINDS = (
     RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment, or `evenlight import`"),
     *_designs(BUILT_IN_TASKS),
     *_trials(BUILT_IN_TASKS),
+    RecordKind(HeadsetLog, _LINES, "headset.jsonl", "an experiment in a headset"),
     RecordKind(SessionEvent, _LINES, "events.jsonl", "an experiment"),
     RecordKind(Threshold, _CSV, "thresholds.csv", "`evenlight fit`"),
     RecordKind(RateLimit, _JSON, "rate_limit.json *.rate_limit.json", "`evenlight fit`"),

@@ -46,7 +46,8 @@ from evenlight.hardware.protocols import (
     ResponseDevice,
     Window,
 )
-from evenlight.hardware.rig import is_simulated, open_keyboard, open_light_sampler, open_window
+from evenlight.hardware.rig import is_simulated, open_light_sampler
+from evenlight.hardware.rig_windows import open_keyboard, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
@@ -164,6 +165,8 @@ def _started(sampler: LightSampler, request: LightRequest, seconds: float) -> Li
 
 def _record_patch(request: LightRequest, rig: Rig) -> RecordedLight:
     """Return the light of a patch that changes, with its flips."""
+    if rig.in_headset:
+        raise InputError(f"the rig {rig.name!r} is in a headset, and the patch is a corner of a screen")
     with _opened_patch(request, rig) as (patch, simulation):
         name = "simulated" if request.simulated else request.instrument
         with open_light_sampler(name, patch.now, simulation) as sampler:
@@ -203,7 +206,7 @@ def _opened_patch(request: LightRequest, rig: Rig) -> Iterator[tuple[_Patch, Sim
         if not request.simulated:
             window = open_window(rig)
             stack.callback(window.close)
-            keyboard = open_keyboard()
+            keyboard = open_keyboard(window)
             stack.callback(keyboard.close)
         now = window.now if window else clock.now
         simulation = None

@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 
 from evenlight.experiments.playback.play_options import (
+    HeadsetOptions,
     LiveOptions,
     PowerOptions,
     ScreenOptions,
@@ -32,36 +33,47 @@ def play_command(analyse_power: AnalysePower) -> Callable[..., None]:
     """
 
     def play(
-        screen: ScreenOptions, video: VideoOptions, power: PowerOptions, walk: WalkOptions, live: LiveOptions
+        screen: ScreenOptions,
+        video: VideoOptions,
+        headset: HeadsetOptions,
+        power: PowerOptions,
+        walk: WalkOptions,
+        live: LiveOptions,
     ) -> None:
-        """Show a video dimmed by its track, in a window; or walk through a scene, dimmed live.
+        """Show a video dimmed by its track, in a window or a headset; or walk through a scene, dimmed live.
 
-        Keys: 1 dimmed by the track, 2 constantly at equal power, 3 undimmed, Esc ends. It needs PsychoPy.
+        Keys: 1 dimmed by the track, 2 constantly at equal power, 3 undimmed, Esc ends. A window needs
+        PsychoPy; in a headset the trigger goes on to the next of these, and the menu button ends.
         """
         if walk.walk:
+            refuse("--walk takes no {}, which is for videos", headset)
             _walk(screen, video, power, walk, live)
             return
         for record in (walk, live):
             refuse("{} is for walks through a scene: give it with --walk, or leave it out", record)
         if not power.measure_power:
-            _play_video(screen, video, power)
+            _play_video(screen, video, headset, power)
             return
+        refuse("{} is for a headset, whose power cannot be measured: leave out --measure-power", headset)
         folder = _measure(screen, video, power)
         for line in analyse_power(folder, screen.power_model):
             if not screen.quiet:
                 typer.echo(line)
 
-    return with_options(play, ScreenOptions, VideoOptions, PowerOptions, WalkOptions, LiveOptions)
+    groups = ScreenOptions, VideoOptions, HeadsetOptions, PowerOptions, WalkOptions, LiveOptions
+    return with_options(play, *groups)
 
 
-def _play_video(screen: ScreenOptions, video: VideoOptions, power: PowerOptions) -> None:
+def _play_video(
+    screen: ScreenOptions, video: VideoOptions, headset: HeadsetOptions, power: PowerOptions
+) -> None:
     """Play a video with its track."""
     words = "{} is for measured power: give it with --measure-power, or leave it out"
     refuse(words, power)
     refuse(words, screen, "out", "power_model")
     from evenlight.experiments.playback.play_video import play_video
 
-    play_video(screen, video)
+    play_video(screen, video, headset)
 
 
 def _measure(screen: ScreenOptions, video: VideoOptions, power: PowerOptions) -> Path:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.experiments.stage import Clip, ShownClip, ShownInterval
+from evenlight.hardware.protocols import Window
 from evenlight.stimuli.ramp import frame_count
 
 DECIMALS = 9  # of a time [s]: what a clock's reading says, without the rounding of a difference of two
@@ -50,20 +50,17 @@ class Refreshes:
         """Note when a refresh appeared [s]."""
         self._flips.append(flip)
 
-    def due(self, now: Callable[[], float]) -> Iterator[float]:
+    def due(self, window: Window) -> Iterator[float]:
         """Yield when the next refresh is due, since the first [s]; note it before the one after is asked for.
 
         Parameters
         ----------
-        now : callable
-            The clock of the flips [s].
+        window : Window
+            Whose flips they are; it says when what is drawn next will appear.
         """
         yield 0.0
-        period = 1 / self._refresh_rate
         while True:
-            last = self._flips[-1]
-            missed = math.floor((now() - last) / period)
-            yield round(last + (missed + 1) * period - self.onset, DECIMALS)
+            yield round(window.due(1 / self._refresh_rate) - self.onset, DECIMALS)
 
     def times(self) -> tuple[float, ...]:
         """Return when each appeared, since the first [s]."""

@@ -179,7 +179,9 @@ def run(
         rig=loaded,
         display=display,
         design=load_task_design(task, design) if design else None,
-        pages=load_pages(language or loaded.language, pages, EXPERIMENTS[task].pages, font),
+        pages=load_pages(
+            language or loaded.language, pages, EXPERIMENTS[task].pages, font, in_headset=loaded.in_headset
+        ),
         staging=staging,
         seed=seed,
         resume=resume,

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 import secrets
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,9 +40,22 @@ from evenlight.experiments.sessions.task import (
     PressKey,
     SessionSetting,
     SimulatedParticipant,
+    Task,
 )
-from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, load_stimuli
-from evenlight.hardware.rig import require_display
+from evenlight.experiments.stage import Stage
+from evenlight.experiments.stimulus_folder import (
+    LoadedStimulus,
+    as_searched,
+    load_stimuli,
+    require_flat_screens,
+)
+from evenlight.hardware.presentation.headset_link import HeadsetLink
+from evenlight.hardware.rig_windows import (
+    LARGEST_DEVIATION,
+    open_headset,
+    require_display,
+    with_headset,
+)
 
 LARGEST_SEED = 2**31
 REHEARSAL_SEED = 1
@@ -143,7 +159,31 @@ def run_session(
         display, design, stimuli, seed or kind of participant; if something cannot be shown on the display;
         if its ramps cannot be fitted together with those of the data set.
     """
+    with _headset_of(request) as headset:
+        if headset is not None:  # everything that is planned follows what its runtime says
+            rig, display = with_headset(request.rig, request.display, headset.facts())
+            request = dataclasses.replace(request, rig=rig, display=display)
+        return _run(request, headset, report, tell)
+
+
+def _headset_of(request: SessionRequest) -> AbstractContextManager[HeadsetLink | None]:
+    """Return the headset of a session, open; None where there is none, or nothing is shown."""
+    if not request.rig.in_headset or request.staging.simulation == "data":
+        return nullcontext()
+    waits = not request.staging.simulated or request.staging.real_time
+    return open_headset(request.rig, waits=waits)
+
+
+def _run(
+    request: SessionRequest,
+    headset: HeadsetLink | None,
+    report: Callable[[int], None],
+    tell: Callable[[str], None],
+) -> SessionOutcome:
+    """Run a session as `run_session` does, its headset open if it has one."""
     began = _began(request) if request.resume else None
+    if began and headset is not None:
+        request = _with_headset_of(began, request)
     design = (began and began.design) or request.design or load_task_design(request.task, None)
     stimuli = _stimuli(request, design)
     manifest = began or _new_manifest(request, design, stimuli)
@@ -151,13 +191,18 @@ def run_session(
     recalibrated = require_joinable(request.dataset, manifest)
     if recalibrated:
         tell(recalibrated)
+    if request.rig.in_headset and headset is None:
+        tell("no headset is asked: its refresh rate and pixels per degree are those of the rig's files")
     if stimuli and request.staging.simulation != "data":
         require_display(request.rig)  # before the scenes of a search are lit, which may take minutes
     setting = SessionSetting(manifest, request.rig, stimuli, smallest_factor(request.staging, request.rig))
     make_task = EXPERIMENTS[request.task].task
     task = make_task(setting)
     simulated = simulated_answers(setting) if request.staging.simulated else None
-    with open_stage(request.staging, request.rig, request.display, task.neutral_luminance) as (stage, press):
+    staged = open_stage(
+        request.staging, request.rig, request.display, task.neutral_luminance, request.pages, headset
+    )
+    with staged as (stage, press):
         stage.prepare(*request.pages.longest(request.rig.keys), request.pages.font)
         task.prepare(stage)
         for words in session_notes(stimuli, request.rig, stage.room()):
@@ -172,11 +217,24 @@ def run_session(
                 store.note(EventKind.RECALIBRATED, recalibrated)
             participant = _participant(setting, simulated, press)
             cast = SessionParts(task, stage, participant, request.pages, request.rig.keys)
-            status = conduct_session(store, cast, report)
+            status = conduct_session(store, cast, _told_to_operator(request, task, stage, report))
             done = sum(trial.usable for trial in store.trials)
             flagged = sum(task.is_flagged(trial) for trial in store.trials if not trial.practice)
             reason = store.events[-1].detail if status is SessionStatus.ABORTED else ""
             return SessionOutcome(status, done, task.n_trials, flagged, store.folder, reason)
+
+
+def _told_to_operator(
+    request: SessionRequest, task: Task, stage: Stage, report: Callable[[int], None]
+) -> Callable[[int], None]:
+    """Return a report that also tells the operator of a headset how far the session is."""
+
+    def told(usable: int) -> None:
+        now = min(usable + 1, task.n_trials)
+        stage.tell(f"participant {request.participant_id}, {request.task}, trial {now} of {task.n_trials}")
+        report(usable)
+
+    return told
 
 
 def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, ...]:
@@ -194,6 +252,8 @@ def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, .
     shows_videos = EXPERIMENTS[request.task].shows_videos
     shown = shows_videos and request.staging.simulation != "data"
     stimuli = load_stimuli(request.stimuli, names, request.display, with_video=shown)
+    if request.rig.in_headset:
+        require_flat_screens(stimuli)
     return stimuli if shows_videos else as_searched(stimuli)
 
 
@@ -236,6 +296,17 @@ def _new_manifest(
         started=request.staging.utc(),
         stimuli=tuple(each.stimulus for each in stimuli),
     )
+
+
+def _with_headset_of(began: SessionManifest, request: SessionRequest) -> SessionRequest:
+    """Return a request with the figures a session began with, where the runtime says nearly the same now."""
+    rig, display = request.rig, request.display
+    near = functools.partial(math.isclose, rel_tol=LARGEST_DEVIATION)
+    if began.rig and near(rig.refresh_rate, began.rig.refresh_rate):
+        rig = dataclasses.replace(rig, refresh_rate=began.rig.refresh_rate)
+    if began.display and near(display.pixels_per_degree, began.display.pixels_per_degree):
+        display = dataclasses.replace(display, pixels_per_degree=began.display.pixels_per_degree)
+    return dataclasses.replace(request, rig=rig, display=display)
 
 
 def _essence(rig: Rig) -> Rig:

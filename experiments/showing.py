@@ -14,7 +14,8 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator, Corner, PhotodiodePatch, Rig
 from evenlight.hardware.protocols import Backlight, Window
 from evenlight.method.contrast.luminance import dimmed_luminance, displayed_luminance
-from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.field_renderer import Field
+from evenlight.stimuli.renderers import AnyFieldRenderer
 
 if TYPE_CHECKING:
     import moderngl
@@ -54,7 +55,9 @@ class Screen:
     take_pause: Callable[[], None]
     mark: Callable[[str], None] = lambda stimulus: None
 
-    def show(self, fields: FieldRenderer, field: Field, refresh: int, kind: str = "", text: str = "") -> None:
+    def show(
+        self, fields: AnyFieldRenderer, field: Field, refresh: int, kind: str = "", text: str = ""
+    ) -> None:
         """Show a field for one refresh; a screenshot is taken of those that have a kind."""
         fields.draw(self.window.framebuffer(), field, refresh)
         if kind:
@@ -64,7 +67,7 @@ class Screen:
         self.take_pause()
 
 
-def settle(on: Screen, fields: FieldRenderer, factor: float, ground: float) -> None:
+def settle(on: Screen, fields: AnyFieldRenderer, factor: float, ground: float) -> None:
     """Show a uniform field until the backlight has the factor of a picture; pixels have it at once.
 
     Parameters

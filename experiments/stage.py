@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.protocols import KeyPress
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.scenes.engine.camera import Camera
@@ -19,7 +20,24 @@ KEY_DECIMALS = 6  # of a response time [s]: what a key's time says, without the 
 
 
 class PausePressed(Exception):  # noqa: N818 - it is no error: the pause key was pressed
-    """The pause key was pressed while something was shown."""
+    """The pause key was pressed while something was shown, or what was shown could not be seen.
+
+    Parameters
+    ----------
+    why : str, optional
+        In words, for the log.
+    """
+
+    def __init__(self, why: str = "paused") -> None:
+        super().__init__(why)
+
+
+class SkipPressed(PausePressed):
+    """The operator broke off what was shown; it is shown again without a pause."""
+
+
+class SessionStopped(Exception):  # noqa: N818 - it is no error: it was asked for, or the display fails
+    """The session was stopped, for a reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,6 +323,12 @@ class Stage(Protocol):
 
     def triggers_sent(self) -> list[SentTrigger]:
         """Return the triggers sent since the last call, in order."""
+
+    def tell(self, progress: str) -> None:
+        """Say to an operator who sees what a participant does not how far the session is."""
+
+    def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
+        """Return the frames of each interval that was shown since the last call; none outside a headset."""
 
     def close(self) -> None:
         """Close window and devices."""

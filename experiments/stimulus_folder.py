@@ -26,12 +26,14 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.experiments.playback.headset_picture import NARROWEST, WIDEST
 from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of, size_of
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
 DARKEST_NEUTRAL = 1.0  # [cd/m^2] below it nobody reads a page
@@ -116,6 +118,20 @@ def track_display(folder: Path, names: Sequence[str]) -> Display | None:
     """Return the display that the first sequence's track was made for; None where there is no such track."""
     track = folder / names[0] / TRACK
     return read_track(track).header.display if track.is_file() else None
+
+
+def require_flat_screens(stimuli: Sequence[LoadedStimulus]) -> None:
+    """Refuse a video that no flat screen in a headset is wide enough for, as it is seen there."""
+    for each in stimuli:
+        if each.geometry is None:
+            continue
+        geometry = each.geometry
+        width = field_of_view_on(geometry.display, round(geometry.size[0] * (geometry.scale or 1.0)))
+        if not NARROWEST <= width <= WIDEST:
+            raise InputError(
+                f"{each.folder}: its video would be {width:.4g} degrees wide, and a flat screen in a headset "
+                f"is {NARROWEST:g} to {WIDEST:g}: make its track again with a --field-of-view of as many"
+            )
 
 
 def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]:

@@ -45,7 +45,7 @@ PROGRAMS = {
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Measure with luminance meters, power meters and photodiodes. All commands take --quiet."""
+    """Measure with luminance meters, power meters, photodiodes and headsets. All commands take --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -115,6 +115,22 @@ def zero(
     from evenlight.hardware.measuring import measure_zero
 
     typer.echo(measure_zero(instrument, None if yes else input, _show(quiet)))
+
+
+@measure.command()
+def headset(
+    rig: Annotated[str, typer.Option(help="Rig in a headset: a toml file, or a preset.")] = "headset",
+    frames: Annotated[
+        int, typer.Option(metavar="N", help="How many frames to time.", min=2, max=100_000)
+    ] = 100,
+    quiet: Annotated[bool, QUIET] = False,
+) -> None:
+    """Ask the OpenXR runtime about its headset, time its frames, and print the lines for a rig's file."""
+    from evenlight.hardware.headset_facts import measure_headset
+    from evenlight.hardware.rig_files import load_rig
+
+    for line in measure_headset(load_rig(rig)[0], frames)[-1 if quiet else 0 :]:
+        typer.echo(line)
 
 
 @measure.command()

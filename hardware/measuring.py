@@ -18,11 +18,7 @@ from evenlight.hardware.driver import SIMULATED, Driver, NamedDriver, named_driv
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 from evenlight.hardware.power_average import PowerAverage, averaged, sampled
 from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, Reading, ZeroedMeter
-from evenlight.hardware.rig import (
-    is_simulated,
-    open_luminance_meter,
-    open_power_meter,
-)
+from evenlight.hardware.rig import is_simulated, open_luminance_meter, open_power_meter
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # every command imports this module, and shows its help witho
     from numpy.typing import NDArray
 
     from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
+    from evenlight.hardware.presentation.headset_link import HeadsetFrame
 
 
 class Fault(enum.Enum):
@@ -91,7 +92,17 @@ class Window(Protocol):
         """Return the back buffer, ready to be drawn to."""
 
     def flip(self) -> float:
-        """Show the back buffer, and return when it appeared [s]."""
+        """Show the back buffer, and return when it appeared, or in a headset will appear [s]."""
+
+    def due(self, period: float) -> float:
+        """Return when what is drawn now will appear [s].
+
+        On a screen of some refresh period [s] that is a whole number of them after the last flip; in a
+        headset it is when the runtime says.
+        """
+
+    def eyes(self) -> HeadsetFrame | None:
+        """Return the views of the frame that is being drawn, of a headset; None of a screen."""
 
     def read_codes(self, size: tuple[int, int] | None = None) -> NDArray[np.int64]:
         """Return the codes drawn to the back buffer before the next flip, (height, width, 3), row 0 on top.

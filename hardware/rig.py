@@ -2,107 +2,27 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.rig import SLOWEST_DISPLAY, Rig
+from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.driver import SIMULATED, NamedDriver, named_driver, own_simulation
 from evenlight.hardware.driver_table import BOARD, IMPORTED, LIGHT_SAMPLERS, NO_BACKLIGHT, TRIGGERS
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import (
     Backlight,
-    HeldKeys,
     LightSampler,
     LuminanceMeter,
-    Pointer,
     PowerMeter,
-    ResponseDevice,
     TriggerOutput,
-    Window,
 )
-from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
     from evenlight.hardware.simulated.panel import Simulation
-
-FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
-LARGEST_DEVIATION = 0.02  # of the refresh rate: a ramp of 5 s would last 0.1 s more or less
-
-
-def open_window(rig: Rig, refresh_clock: RefreshClock | None = None, *, rehearsal: bool = False) -> Window:
-    """Return the rig's window.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig.
-    refresh_clock : RefreshClock, optional
-        A clock that goes with the flips, for a rehearsal at full speed; else the computer's.
-    rehearsal : bool, optional
-        Whether any refresh rate will do, as where no one watches.
-
-    Raises
-    ------
-    InputError
-        If there is no such window, or, except in a rehearsal, its refresh rate is not the rig's.
-    """
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
-
-    window = PsychoPyWindow(rig, refresh_clock)
-    if refresh_clock is None and not rehearsal:
-        try:
-            require_refresh_rate(rig, window.measure_refresh_rate())
-        except InputError:
-            window.close()
-            raise
-    return window
-
-
-def require_display(rig: Rig) -> None:
-    """Raise `InputError` if PsychoPy, a display or the rig's screen are missing: no window can open."""
-    from evenlight.hardware.presentation import psychopy_window
-
-    psychopy_window.require_display(rig)
-
-
-def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
-    """Return the rig's window, and the rig with the refresh rate that the window is found to have.
-
-    A window that does not wait for a display, as on a virtual screen, keeps the rig's.
-    """
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
-
-    window = PsychoPyWindow(rig)
-    rate = window.measure_refresh_rate()
-    if not SLOWEST_DISPLAY <= rate <= FASTEST_DISPLAY:
-        return window, rig
-    return window, dataclasses.replace(rig, refresh_rate=rate)
-
-
-def open_keyboard() -> ResponseDevice:
-    """Return the computer's keyboard; the window must be open."""
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyKeyboard
-
-    return PsychoPyKeyboard()
-
-
-def open_pointer(window: Window) -> Pointer | None:
-    """Return the computer's mouse as it moves over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyPointer, PsychoPyWindow
-
-    return PsychoPyPointer(window) if isinstance(window, PsychoPyWindow) else None
-
-
-def open_held_keys(window: Window) -> HeldKeys | None:
-    """Return which keys are down over a window of `open_window`; None for any other window."""
-    from evenlight.hardware.presentation.psychopy_window import PsychoPyHeldKeys, PsychoPyWindow
-
-    return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
 
 def open_luminance_meter(
@@ -315,19 +235,6 @@ def backlights_smallest_factor(rig: Rig) -> float:
         return backlight.smallest_factor()
     finally:
         backlight.close()
-
-
-def require_refresh_rate(rig: Rig, measured: float) -> None:
-    """Refuse a rig whose refresh rate is not the window's: its ramps would be slower or faster than meant.
-
-    >>> from evenlight.hardware.rig_files import load_rig
-    >>> require_refresh_rate(load_rig("simulated")[0], 59.94)
-    """
-    if abs(measured / rig.refresh_rate - 1) > LARGEST_DEVIATION:
-        raise InputError(
-            f"the rig {rig.name!r} has a refresh rate of {rig.refresh_rate:g} Hz, and the window shows "
-            f"{measured:.1f} Hz: set `refresh_rate_hz` to the display's, or the display to the rig's"
-        )
 
 
 def _open_device(

@@ -55,7 +55,7 @@ def rig_names() -> list[str]:
     """Return the names of the rigs that come with Evenlight.
 
     >>> rig_names()
-    ['desk', 'simulated']
+    ['desk', 'headset', 'simulated', 'simulated-headset']
     """
     return sorted(path.name.split(".")[0] for path in RIGS.glob("*.rig.toml"))
 

@@ -108,13 +108,21 @@ class Image:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class EyeImages:
+    """An image for each eye of a headset."""
+
+    left: Image
+    right: Image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DimmedImage:
     """An image as it is shown.
 
     Attributes
     ----------
-    image : Image
-        The image.
+    image : Image or EyeImages
+        The image; of a pair a screen shows the left one.
     factor : float
         Brightness factor b that its pixels are dimmed by, in (0, 1].
     ground : float
@@ -125,42 +133,25 @@ class DimmedImage:
         How much of each pixel the text covers, row 0 on top; as large as the window.
     """
 
-    image: Image
+    image: Image | EyeImages
     factor: float
     ground: float
     ink: float = 0.0
     coverage: NDArray[np.uint8] | None = None
 
+    def of_eyes(self) -> tuple[Image, Image]:
+        """Return the image of the left eye and of the right one."""
+        if isinstance(self.image, EyeImages):
+            return self.image.left, self.image.right
+        return self.image, self.image
 
-class ImageRenderer:
-    """Draws images with the codes of one display.
 
-    Parameters
-    ----------
-    context : moderngl.Context
-        The window's.
-    display : Display
-        What is drawn on.
-    bits : int
-        Bits of its codes.
-    dither : Dither
-        How luminances between two codes are drawn.
-    """
+class ImageUploads:
+    """Puts images into the graphics memory of a context."""
 
-    def __init__(self, context: moderngl.Context, display: Display, bits: int, dither: Dither) -> None:
-        self._context, self._display, self._bits = context, display, bits
-        self._program = context.program(vertex_shader=VERTEX_SHADER, fragment_shader=FRAGMENT_SHADER)
-        self._triangle = context.vertex_array(self._program, [])
-        self._mixtures = context.texture((TABLE_WIDTH, DEEP_LEVELS // TABLE_WIDTH), 2, dtype="u4")
-        self._mixed: tuple[int, float] | None = None  # what the mixtures are for
-        self._blank = context.texture((1, 1), 1, bytes(1), alignment=1, dtype="u1")
-        self._text = self._blank
-        self._text_source: NDArray[np.uint8] | None = None
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
         self._uploaded: moderngl.Texture | None = None
-        matrix = thresholds_of(Dither.ORDERED if dither is Dither.NOISY_BIT else dither, (8, 8))
-        self._thresholds = context.texture((8, 8), 1, matrix.tobytes(), dtype="u4")
-        self._set(noisy=dither is Dither.NOISY_BIT, highest_code=float((1 << bits) - 1))
-        self._set(image=0, mixtures=1, thresholds=2, coverage=3)
 
     def image(self, pixel_values: NDArray[Any]) -> Image:
         """Return the image of pixel values L', (height, width, 3), of any kind of `Frame`; see `upload`."""
@@ -187,6 +178,37 @@ class ImageRenderer:
         texture.write(np.ascontiguousarray(levels), alignment=1)
         return Image(texture, count)
 
+
+class ImageRenderer(ImageUploads):
+    """Draws images with the codes of one display.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        The window's.
+    display : Display
+        What is drawn on.
+    bits : int
+        Bits of its codes.
+    dither : Dither
+        How luminances between two codes are drawn.
+    """
+
+    def __init__(self, context: moderngl.Context, display: Display, bits: int, dither: Dither) -> None:
+        super().__init__(context)
+        self._display, self._bits = display, bits
+        self._program = context.program(vertex_shader=VERTEX_SHADER, fragment_shader=FRAGMENT_SHADER)
+        self._triangle = context.vertex_array(self._program, [])
+        self._mixtures = context.texture((TABLE_WIDTH, DEEP_LEVELS // TABLE_WIDTH), 2, dtype="u4")
+        self._mixed: tuple[int, float] | None = None  # what the mixtures are for
+        self._blank = context.texture((1, 1), 1, bytes(1), alignment=1, dtype="u1")
+        self._text = self._blank
+        self._text_source: NDArray[np.uint8] | None = None
+        matrix = thresholds_of(Dither.ORDERED if dither is Dither.NOISY_BIT else dither, (8, 8))
+        self._thresholds = context.texture((8, 8), 1, matrix.tobytes(), dtype="u4")
+        self._set(noisy=dither is Dither.NOISY_BIT, highest_code=float((1 << bits) - 1))
+        self._set(image=0, mixtures=1, thresholds=2, coverage=3)
+
     def draw(
         self, framebuffer: moderngl.Framebuffer, picture: DimmedImage, frame: int = 0, seed: int = 0
     ) -> None:
@@ -203,18 +225,19 @@ class ImageRenderer:
         """
         import moderngl
 
-        corner = self._corner(framebuffer, picture.image)
-        self._take_mixtures(picture.image.levels, picture.factor)
+        image = picture.of_eyes()[0]
+        corner = self._corner(framebuffer, image)
+        self._take_mixtures(image.levels, picture.factor)
         self._take_text(picture.coverage)
         ink = picture.ground if picture.coverage is None else picture.ink
         self._set(ground=self._mixture(picture.ground), ink=self._mixture(ink))
-        self._set(height=framebuffer.height, corner=corner, from_below=picture.image.from_below)
+        self._set(height=framebuffer.height, corner=corner, from_below=image.from_below)
         self._set(frame=frame, seed=seed)
         framebuffer.use()
         self._context.disable(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         for state in (GL_DITHER, GL_FRAMEBUFFER_SRGB):
             self._context.disable_direct(state)
-        textures = (picture.image.texture, self._mixtures, self._thresholds, self._text)
+        textures = (image.texture, self._mixtures, self._thresholds, self._text)
         for unit, texture in enumerate(textures):
             texture.use(unit)
         self._triangle.render(vertices=3)

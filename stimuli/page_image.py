@@ -183,7 +183,11 @@ def page_image(
 
 
 def centred_image(
-    text: str, size: tuple[int, int], scale: float = QUESTION_SIZE, font: Path | None = None
+    text: str,
+    size: tuple[int, int],
+    scale: float = QUESTION_SIZE,
+    font: Path | None = None,
+    page_height: int | None = None,
 ) -> NDArray[np.uint8]:
     """Return a short text in the middle of a page: a question, or the number of an interval.
 
@@ -197,6 +201,8 @@ def centred_image(
         Size of the first paragraph, in multiples of the text's.
     font : Path, optional
         A font of the lab's own.
+    page_height : int, optional
+        Of the page whose letters it has, where it is on a part of one [pixels].
 
     Returns
     -------
@@ -207,7 +213,7 @@ def centred_image(
     blocks = (dataclasses.replace(first, title=True, mark=""), *others)
     look = Look(scale, bold_title=False, font=font)
     width, height = size[0] * (1 - 2 * MARGIN), size[1] * (1 - 2 * MARGIN)
-    for em in _sizes(size[1]):
+    for em in _sizes(page_height or size[1]):
         lines, depth = _set(blocks, em, width, look)
         if depth <= height and _widest(lines) <= width:
             lines = _balanced(blocks, em, look, lines)

@@ -15,6 +15,7 @@ from evenlight.data_schema.mapping import keys_of, record_from_mapping, shown, t
 from evenlight.data_schema.record_kinds import KIND_OF, READINGS_OF_SWEEP, RecordKind, kind_of
 from evenlight.data_schema.recordings.dataset_layout import (
     FRAMES,
+    HEADSET,
     MANIFEST,
     READINGS,
     SWEEP_MANIFEST,
@@ -22,6 +23,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     behaviour_file,
 )
 from evenlight.data_schema.recordings.dataset_writing import MISSING
+from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.session import TASKS, WHOLE, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.sweep import SweepManifest
@@ -46,7 +48,9 @@ def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
     yield trials
     if (folder / FRAMES).is_file():
         known = TASKS.get(manifest.task) if manifest else None
-        yield _check_frames(folder, trials, kind_of(known.frames) if known else None)
+        yield _check_frames(folder / FRAMES, trials, kind_of(known.frames) if known else None)
+    if (folder / HEADSET).is_file() or (trials.records and _in_headset(manifest)):
+        yield _check_frames(folder / HEADSET, trials, KIND_OF[HeadsetLog])
     if isinstance(manifest, SessionManifest):
         yield from _check_export(dataset, manifest, trials)
 
@@ -82,11 +86,17 @@ def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile
     return checked
 
 
-def _check_frames(folder: Path, trials: CheckedFile, kind: RecordKind | None) -> CheckedFile:
+def _in_headset(manifest: SessionManifest | None) -> bool:
+    """Return whether someone wore a headset in a session; a rehearsal may not have opened one."""
+    rig = manifest.rig if manifest is not None and not manifest.simulated else None
+    return rig is not None and rig.in_headset
+
+
+def _check_frames(path: Path, trials: CheckedFile, kind: RecordKind | None) -> CheckedFile:
     """Return the frame logs of a session: every trial that counts its frames has one for each interval."""
     if kind is None:
-        return CheckedFile(folder / FRAMES, "")
-    checked = check_file(folder / FRAMES, kind)
+        return CheckedFile(path, "")
+    checked = check_file(path, kind)
     logged = {(log.trial_index, log.attempt, log.interval) for _, log in checked.records}
     for line, trial in trials.records:
         if trial.n_frames is None:

@@ -13,6 +13,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     DESCRIPTION,
     EVENTS,
     FRAMES,
+    HEADSET,
     LOCK,
     MANIFEST,
     PARTICIPANTS,
@@ -30,7 +31,11 @@ from evenlight.data_schema.storage.whole_files import is_partial, results_folder
 
 IGNORED = ".bidsignore"
 README = "README"
-OWN_FILES = (*(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)), SIMULATED_TRUTH, SWEEPS)
+OWN_FILES = (
+    *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
+    SIMULATED_TRUTH,
+    SWEEPS,
+)
 # All that Evenlight or BIDS reads in a data set; what else lies there stays there.
 EXPORTED = (
     DESCRIPTION,
@@ -39,7 +44,7 @@ EXPORTED = (
     PARTICIPANTS,
     str(Path(PARTICIPANTS).with_suffix(".json")),
     SIMULATED_TRUTH,
-    *(f"sub-*/ses-*/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS)),
+    *(f"sub-*/ses-*/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS)),
     *(f"sub-*/ses-*/{BEHAVIOUR_FOLDER}/*_beh.{end}" for end in ("tsv", "json")),
     *(f"{SWEEPS}/*/{name}" for name in (SWEEP_MANIFEST, READINGS, EVENTS)),
 )

@@ -20,6 +20,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     DESCRIPTION,
     EVENTS,
     FRAMES,
+    HEADSET,
     LOCK,
     MANIFEST,
     PARTICIPANTS,
@@ -217,7 +218,7 @@ def write_description(
     kind = "SIMULATED: no person took part" if simulated else "people"
     write_whole(dataset / "README", README.format(kind=kind, origin=origin))
     own_files = (
-        *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, EVENTS, LOCK)),
+        *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
         SIMULATED_TRUTH,
         SWEEPS,
     )

@@ -27,6 +27,8 @@ TRIGGER = (
     r"^(simulated|serial:[^?]+(\?baud=[1-9][0-9]*)?|lsl:.+|"
     r"(rts|dtr):[^?]+(\?pulse_ms=[1-9][0-9]*(\.[0-9]+)?)?)$"
 )
+# A headset: by the OpenXR runtime of the computer, or one that is made up.
+HEADSET = "^(simulated:)?openxr$"
 LARGEST_WINDOW = 32768  # [pixels] the largest picture that graphics processors draw
 SLOWEST_DISPLAY = 20.0  # [Hz] below it no ramp looks continuous, and no display is made
 
@@ -44,6 +46,13 @@ class Actuator(enum.Enum):
 
     PIXELS = "pixels"
     BACKLIGHT = "backlight"
+
+
+class Eye(enum.Enum):
+    """An eye of a headset."""
+
+    LEFT = "left"
+    RIGHT = "right"
 
 
 class Corner(enum.Enum):
@@ -142,11 +151,20 @@ class Rig:
     refresh_rate: float = quantity(
         "Hz", "refresh rate of the display", minimum=SLOWEST_DISPLAY, maximum=1000.0
     )
-    screen: int = quantity("1", "which screen of the computer, from 0", minimum=0, default=0)
-    full_screen: bool = described("true if the window fills the screen", default=True)
+    screen: int | str = quantity(
+        "1",
+        "which screen of the computer, from 0; openxr for a headset, simulated:openxr for a made-up one",
+        minimum=0,
+        pattern=HEADSET,
+        default=0,
+    )
+    full_screen: bool = described(
+        "true if the window fills the screen, or each eye has the size that the headset recommends",
+        default=True,
+    )
     window_size: tuple[int, int] = quantity(
         "pixels",
-        "width and height of a window that does not fill the screen",
+        "width and height of a window that does not fill the screen; in a headset, of each eye",
         minimum=64,
         maximum=LARGEST_WINDOW,
         default=(1280, 720),
@@ -204,6 +222,9 @@ class Rig:
     photodiode_patch: PhotodiodePatch | None = described(
         "corner that a photodiode looks at; null for none", default=None
     )
+    eye: Eye = described(
+        "of a headset: the eye whose luminance and pixels per degree count", default=Eye.LEFT, later=True
+    )
 
     def __post_init__(self) -> None:
         for trigger in self.triggers:
@@ -226,3 +247,19 @@ class Rig:
             )
         if self.backlight_curve and self.backlight == "none":
             raise ValueError("backlight_curve is of a backlight, so backlight must name one, got 'none'")
+        if self.in_headset:
+            self._check_headset()
+
+    @property
+    def in_headset(self) -> bool:
+        """Whether it is shown in a headset."""
+        return isinstance(self.screen, str)
+
+    def _check_headset(self) -> None:
+        """Refuse what a headset does not have."""
+        if self.backlight != "none":
+            raise ValueError(f"a headset's backlight is its own, and is not set: got {self.backlight!r}")
+        if self.photodiode_patch is not None:
+            raise ValueError("a headset has no corner for a photodiode: leave out photodiode_patch")
+        if self.bits != 8:
+            raise ValueError(f"a headset's runtime takes 8 bits of each colour, got bits = {self.bits}")

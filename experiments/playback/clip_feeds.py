@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,14 @@ from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import frames_of_refreshes
 from evenlight.experiments.stage import Clip
 from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
-from evenlight.stimuli.image_renderer import Image, ImageRenderer
+from evenlight.stimuli.eyes.eye_views import eye_views
+from evenlight.stimuli.image_renderer import EyeImages, Image, ImageUploads
 from evenlight.stimuli.image_scaler import ImageScaler
 from evenlight.stimuli.scenes.content.catalogue import scene_of
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE, Antialiasing
 from evenlight.stimuli.scenes.engine.camera_path import check_path
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.video.frame_buffer import FrameBuffer, LevelFrame
 from evenlight.stimuli.video.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
@@ -27,12 +29,21 @@ if TYPE_CHECKING:
     import moderngl
 
     from evenlight.experiments.showing import Screen
+    from evenlight.hardware.protocols import Window
 
 AHEAD = 2.0  # [s] of video that is decoded before it begins
 
 
 class ImageFeed(Protocol):
-    """Gives the images of a clip, in order."""
+    """Gives the images of a clip, in order.
+
+    Attributes
+    ----------
+    for_each_refresh : bool
+        Whether what a refresh shows is the moment at which it is due, or a frame that lasts.
+    """
+
+    for_each_refresh: ClassVar[bool]
 
     def ready(self, patience: float) -> bool:
         """Wait until the clip can begin, for some time at most [s], and return whether it can."""
@@ -40,8 +51,15 @@ class ImageFeed(Protocol):
     def size(self) -> tuple[int, int]:
         """Return width and height of the images [pixels]."""
 
-    def image(self, index: int) -> Image:
+    def image(self, index: int, time: float = 0.0) -> Image | EyeImages:
         """Return the image of a frame; it holds until the next one is asked for.
+
+        Parameters
+        ----------
+        index : int
+            Number of the frame.
+        time : float, optional
+            When its refresh is due, since the first [s]: what is drawn anew for each shows that moment.
 
         Raises
         ------
@@ -62,7 +80,7 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         The clip.
     n_frames : int
         How many of its frames are needed.
-    renderer : ImageRenderer
+    renderer : ImageUploads
         Puts them into the graphics memory.
     scaler : ImageScaler, optional
         Scales them there, as the clip says.
@@ -73,8 +91,10 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         If the video has more or fewer frames than the clip.
     """
 
+    for_each_refresh: ClassVar[bool] = False
+
     def __init__(
-        self, clip: Clip, n_frames: int, renderer: ImageRenderer, scaler: ImageScaler | None = None
+        self, clip: Clip, n_frames: int, renderer: ImageUploads, scaler: ImageScaler | None = None
     ) -> None:
         assert clip.video is not None
         self._scaler, self._scale = scaler, clip.scale or 1.0
@@ -103,7 +123,7 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         room = (width, height) if self._scaler is None else self._scaler.room
         return shown_size((width, height), self._scale, room)
 
-    def image(self, index: int) -> Image:
+    def image(self, index: int, time: float = 0.0) -> Image:
         """Return the image of a frame; it holds until the next one is asked for."""
         if self._image is None or self._frame is None or index != self._frame.index:
             self._frame = self._taken(index)
@@ -172,9 +192,9 @@ class ClipFeeds:
         What they are shown on.
     """
 
-    def __init__(self, context: moderngl.Context, renderer: ImageRenderer, showing: Screen) -> None:
+    def __init__(self, context: moderngl.Context, renderer: ImageUploads, showing: Screen) -> None:
         self._context, self._renderer, self._on = context, renderer, showing
-        self._scene: SceneFeed | None = None  # kept, for it takes long to make
+        self._scene: SceneFeed | EyeSceneFeed | None = None  # kept, for it takes long to make
         self._scaler: ImageScaler | None = None
         self._prepared: VideoFeed | None = None
 
@@ -186,6 +206,7 @@ class ClipFeeds:
         InputError
             If the video has not as many frames as the clip, or there is no such scene.
         """
+        clip = self._as_fed(clip)
         if isinstance(clip.video, SceneSequence):
             self.close()
             self._scene_feed(clip.video, clip.scale)
@@ -199,6 +220,7 @@ class ClipFeeds:
     def taken(self, clip: Clip) -> AbstractContextManager[ImageFeed]:
         """Return the images of a clip, from now on the caller's to close."""
         self.prepare(clip)
+        clip = self._as_fed(clip)
         if isinstance(clip.video, SceneSequence):
             return nullcontext(self._scene_feed(clip.video, clip.scale))
         prepared, self._prepared = self._prepared, None
@@ -215,9 +237,17 @@ class ClipFeeds:
         """Return how many frames of a clip's video are needed."""
         return int(frames_of_refreshes(clip, self._on.rig.refresh_rate)[-1]) + 1
 
-    def _scene_feed(self, sequence: SceneSequence, scale: float | None) -> SceneFeed:
+    def _as_fed(self, clip: Clip) -> Clip:
+        """Return a clip as it is fed: in a headset unscaled, for there it lies on something, or is drawn."""
+        return replace(clip, scale=None) if self._on.rig.in_headset else clip
+
+    def _scene_feed(self, sequence: SceneSequence, scale: float | None) -> SceneFeed | EyeSceneFeed:
         """Return what draws a walk."""
-        if self._scene is None or self._scene.drawn != (sequence, scale):
+        if self._scene is not None and self._scene.drawn == (sequence, scale):
+            return self._scene
+        if self._on.rig.in_headset:
+            self._scene = EyeSceneFeed(sequence, self._on.window)
+        else:
             room = None if scale is None else self._on.window.size()
             self._scene = SceneFeed(sequence, self._context, scale, room)
         return self._scene
@@ -245,6 +275,8 @@ class SceneFeed:
         If there is no such scene, or the path leaves it.
     """
 
+    for_each_refresh: ClassVar[bool] = False
+
     def __init__(
         self,
         sequence: SceneSequence,
@@ -271,7 +303,7 @@ class SceneFeed:
         """Return width and height of the images [pixels]."""
         return self._size
 
-    def image(self, index: int) -> Image:
+    def image(self, index: int, time: float = 0.0) -> Image:
         """Return the image of a frame; it holds until the next one is asked for."""
         if index != self._index:
             sequence, _ = self.drawn
@@ -286,3 +318,57 @@ class SceneFeed:
         """Return the levels of the image last asked for, (height, width, 3), and how many there are."""
         levels, count = levels_of(np.asarray(self._renderer.pixel_values()))
         return levels, count
+
+
+class EyeSceneFeed:
+    """Draws a walk for both eyes of a headset: position and azimuth of the path, and the head on top.
+
+    Each refresh shows the moment of its own time, between the frames of the sequence too; so the walk is as
+    smooth as the headset. The altitude of the path is left to the head.
+
+    Parameters
+    ----------
+    sequence : SceneSequence
+        The walk.
+    window : Window
+        In a headset, at the origin of which the path's eye is.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, or the path leaves it.
+    """
+
+    for_each_refresh: ClassVar[bool] = True
+
+    def __init__(self, sequence: SceneSequence, window: Window) -> None:
+        self.drawn: tuple[SceneSequence, float | None] = (sequence, None)
+        self._path, self._window = sequence.path(), window
+        scene = scene_of(self._path)
+        check_path(self._path, scene)
+        frame = window.framebuffer()
+        self._size = frame.width // 2, frame.height
+        self._stereo = StereoRenderer(window.context(), scene, self._size, sequence.quality)
+        left, right = (Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes)
+        self._images = EyeImages(left, right)
+
+    def ready(self, patience: float) -> bool:
+        """Return True: each refresh is drawn when it is due."""
+        return True
+
+    def size(self) -> tuple[int, int]:
+        """Return width and height of the image of an eye [pixels]."""
+        return self._size
+
+    def image(self, index: int, time: float = 0.0) -> EyeImages:
+        """Return what the eyes see at a time [s]; it holds until the next is asked for."""
+        frame = self._window.eyes()
+        assert frame is not None
+        camera = self._path.camera(time)
+        self._stereo.render(eye_views(frame, camera.position, camera.azimuth))
+        self._stereo.encode()
+        return self._images
+
+    def levels(self) -> tuple[NDArray[Any], int]:
+        """Return the levels that the left eye sees, (height, width, 3), and how many there are."""
+        return levels_of(np.asarray(self._stereo.eyes[0].pixel_values()))

@@ -3,6 +3,9 @@
 Decision (docs/decisions/dimmed-playback.md): a refresh shows the frame of the time at which its flip is due,
 counted from the clip's first flip. After a dropped refresh, or where the video has more frames a second than
 the display, frames are left out; the clip is neither longer nor shorter, and the log says what was seen.
+Decision (docs/decisions/headset-frame-times.md): in a headset that time is the predicted display time. A
+scene is drawn for each refresh, and its factor goes evenly from frame to frame of the track. No step is
+faster than the track, dropped refreshes and late frames or not (`TrackPace`).
 """
 
 from __future__ import annotations
@@ -15,15 +18,20 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.clip_feeds import ClipFeeds, ImageFeed, part_of
 from evenlight.experiments.playback.screen_geometry import shown_size
+from evenlight.experiments.playback.track_pace import TrackPace
 from evenlight.experiments.recordings import ClipRecording, Probe, frames_of_refreshes, probe_places
 from evenlight.experiments.showing import Screen, settle
 from evenlight.experiments.stage import Clip, ShownClip
 from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.stimuli.dithering import level_luminance, mean_of_codes, mean_of_levels
-from evenlight.stimuli.field_renderer import Field, FieldRenderer
-from evenlight.stimuli.image_renderer import DimmedImage, ImageRenderer
+from evenlight.stimuli.eyes.surfaces import FlatScreen, Surface
+from evenlight.stimuli.field_renderer import Field
+from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
 from evenlight.stimuli.page_image import centred_image, ink_on
 from evenlight.stimuli.ramp import frame_count
+from evenlight.stimuli.renderers import AnyFieldRenderer, AnyImageRenderer, image_renderer
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
 if TYPE_CHECKING:
     import moderngl
@@ -55,12 +63,15 @@ class ClipPlayer:
         What is shown on.
     fields : FieldRenderer
         Draws what comes before a clip.
+    surface : FlatScreen or Sphere, optional
+        In a headset, what videos lie on; otherwise each on a screen as wide as its scale says.
     """
 
-    def __init__(self, showing: Screen, fields: FieldRenderer) -> None:
+    def __init__(self, showing: Screen, fields: AnyFieldRenderer, surface: Surface | None = None) -> None:
         window = showing.window
-        self._on, self._fields = showing, fields
-        self._renderer = ImageRenderer(window.context(), showing.display, window.bits(), showing.rig.dither)
+        self._on, self._fields, self._surface = showing, fields, surface
+        self._renderer = image_renderer(window, showing.display, showing.rig.dither)
+        self._on_surfaces: dict[Surface, AnyImageRenderer] = {}
         self.recording: ClipRecording | None = None  # of the clip shown last, as far as it was
         self.caption: NDArray[np.uint8] | None = None  # coverage of text over the pictures
         self.observer: RefreshObserver | None = None
@@ -96,7 +107,7 @@ class ClipPlayer:
         with self._feeds.taken(clip) as feed:
             self._await(feed, ground)
             waited = self._on.window.now() - begun
-            if clip.scale is None:
+            if clip.scale is None and not self._on.rig.in_headset:
                 require_room(feed.size(), self._on.window.size())
             frames = frames_of_refreshes(clip, self._on.rig.refresh_rate)
             self._show_label(clip.label, ground)
@@ -104,7 +115,7 @@ class ClipPlayer:
             self.recording = ClipRecording(self._on.rig.refresh_rate, waited)
             if self.observer is not None:
                 self.observer.begin()
-            self._show_frames(clip, feed, frames, self.recording)
+            self._show_frames(clip, feed, frames, self._renderer_of(clip, feed))
         return self.recording.result()
 
     def _await(self, feed: ImageFeed, ground: float) -> None:
@@ -129,29 +140,58 @@ class ClipPlayer:
             field = Field(self._on.brightness.by_pixels(ground), ink, number)
             self._on.show(self._fields, field, refresh, "label", label)
 
+    def _renderer_of(self, clip: Clip, feed: ImageFeed) -> AnyImageRenderer:
+        """Return what draws a clip: of a video in a headset, what draws on its surface."""
+        if not self._on.rig.in_headset or isinstance(clip.video, SceneSequence):
+            return self._renderer
+        width = round(feed.size()[0] * (clip.scale or 1.0))
+        surface = self._surface or FlatScreen(field_of_view_on(self._on.display, width))
+        if surface not in self._on_surfaces:
+            drawn_on = image_renderer(self._on.window, self._on.display, self._on.rig.dither, surface)
+            self._on_surfaces[surface] = drawn_on
+        return self._on_surfaces[surface]
+
     def _show_frames(
-        self, clip: Clip, feed: ImageFeed, frames: NDArray[np.int64], recording: ClipRecording
+        self, clip: Clip, feed: ImageFeed, frames: NDArray[np.int64], renderer: AnyImageRenderer
     ) -> None:
         """Show the frames of a clip, each when it is due."""
-        probes = probe_places(len(frames))
-        for time in recording.refreshes.due(self._on.window.now):
+        recording = self.recording
+        assert recording is not None
+        headset = self._on.rig.in_headset
+        probes = [] if headset else probe_places(len(frames))  # nothing is read back there
+        pace = TrackPace(clip)
+        for time in recording.refreshes.due(self._on.window):
             place = round(time * self._on.rig.refresh_rate)
             if place >= len(frames):
                 return
             probe = bool(probes) and place >= probes[0] and self.caption is None
             probes = [later for later in probes if later > place]
-            self._show(clip, feed, int(frames[place]), recording, probe)
+            frame = int(frames[place])
+            moment = time if feed.for_each_refresh else float(clip.times[frame])
+            factor = pace.factor(moment, time) if headset else float(clip.factors[frame])
+            image = feed.image(frame, time)
+            flip = self._show(clip, feed, image, frame, factor, renderer, probe)
+            pace.shown(flip - recording.refreshes.onset)
             self._on.take_pause()
 
-    def _show(self, clip: Clip, feed: ImageFeed, frame: int, recording: ClipRecording, probe: bool) -> None:
-        """Show a frame for one refresh."""
-        window, brightness = self._on.window, self._on.brightness
-        factor = float(clip.factors[frame])
+    def _show(
+        self,
+        clip: Clip,
+        feed: ImageFeed,
+        image: Image | EyeImages,
+        frame: int,
+        factor: float,
+        renderer: AnyImageRenderer,
+        probe: bool,
+    ) -> float:
+        """Show a frame for one refresh, and return when it appeared [s]."""
+        window, brightness, recording = self._on.window, self._on.brightness, self.recording
+        assert recording is not None
         pixels = brightness.of_picture(factor)
         white = float(dimmed_luminance(self._on.display.peak_luminance, pixels, self._on.display))
-        picture = DimmedImage(feed.image(frame), pixels, self._black, max(white, self._black), self.caption)
+        picture = DimmedImage(image, pixels, self._black, max(white, self._black), self.caption)
         refresh = len(recording.refreshes)
-        self._renderer.draw(window.framebuffer(), picture, refresh, clip.noise_seed)
+        renderer.draw(window.framebuffer(), picture, refresh, clip.noise_seed)
         drawn = self._drawn(feed) if probe else None
         self._on.mark("video")
         self._on.screenshots.take(window, "clip")
@@ -166,6 +206,7 @@ class ClipPlayer:
         recording.note(flip, frame, factor, reported, probed)
         if self.observer is not None:
             self.observer.after_flip(flip, frame, factor, factor if reported is None else reported)
+        return flip
 
     def _drawn(self, feed: ImageFeed) -> float:
         """Return the mean luminance drawn in the middle of the video, before its flip [cd/m^2]."""

@@ -62,7 +62,7 @@ class _PendingMeasurement:
 
 
 @dataclass(frozen=True, slots=True)
-class _ShownPicture:
+class ShownPicture:
     """A picture: its factor, Ī at factor 1 [cd/m^2], when it appeared [s], and its slope of the power [W]."""
 
     factor: float
@@ -103,7 +103,7 @@ class LiveDimmer:
         self._way = _FactorPath(0.0, 0.0, factor, factor)
         self._state: ControllerState | None = None
         self._answered = self._shown_at = self._due = 0.0
-        self._shown: _ShownPicture | None = None
+        self._shown: ShownPicture | None = None
         self._luminance = 0.0
         self._asked: _PendingMeasurement | None = None
         self._known: tuple[_PendingMeasurement, float] | None = None
@@ -137,7 +137,7 @@ class LiveDimmer:
 
     def note(self, flip_time: float) -> None:
         """Note when the picture appeared, since the first [s]."""
-        now = _ShownPicture(self.factor, self._luminance, flip_time, self._slope)
+        now = ShownPicture(self.factor, self._luminance, flip_time, self._slope)
         row = LiveRefresh(
             len(self.rows), flip_time, now.factor, mean_luminance=now.luminance,
             target_loss=self._controller.settings.target_loss,
@@ -155,7 +155,7 @@ class LiveDimmer:
         self._shown = now
         self.rows.append(row)
 
-    def _governed(self, row: LiveRefresh, governor: LiveGovernor, now: _ShownPicture) -> LiveRefresh:
+    def _governed(self, row: LiveRefresh, governor: LiveGovernor, now: ShownPicture) -> LiveRefresh:
         """Return a row with what a governor says of it; the picture before it has used its power by then."""
         if self._shown is not None:
             passed = now.flip_time - self._shown.flip_time
@@ -187,12 +187,18 @@ class LiveDimmer:
         before = self._shown
         if before is None:
             return goal
-        # The picture cannot appear before the moment of the call, nor before the last one's refresh is over.
-        passed = min(max(now - self._duration - before.flip_time, self._duration), LONGEST)
+        passed = self._passed(before, now)
         state = ControllerState(before.factor, 0.0, 0.0, before.luminance, passed)
         return self._controller.towards(state, FrameMeasurement(0.0, self._luminance, passed), goal)
 
-    def _rate(self, before: _ShownPicture, now: _ShownPicture) -> tuple[float, float]:
+    def _passed(self, before: ShownPicture, now: float) -> float:
+        """Return the time that a step is sure to have, from the picture before to one that is due now [s].
+
+        The picture cannot appear before the moment of the call, nor before the last one's refresh is over.
+        """
+        return min(max(now - self._duration - before.flip_time, self._duration), LONGEST)
+
+    def _rate(self, before: ShownPicture, now: ShownPicture) -> tuple[float, float]:
         """Return the rate of the modulation between two pictures, as offline, and its limit [cd/m^2/s]."""
         passed = now.flip_time - before.flip_time
         if passed > self._duration - JITTER:

@@ -5,18 +5,13 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.experiments.playback.picture_luminance import PictureLuminance
 from evenlight.method.choices import Device
-from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
-from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.scenes.engine import graphics
-from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
-from evenlight.stimuli.scenes.engine.renderer import SceneRenderer, set_uniforms
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
 if TYPE_CHECKING:
     import moderngl
@@ -25,23 +20,6 @@ if TYPE_CHECKING:
 
 CODES = 1024  # levels of the renderer's codes
 ONE_STRIP_IN = 4  # strips of rows that the processor counts, others each time (bench online: the error)
-BLOCK = 16  # columns and rows of pixels that are added up at one place
-SUM_FRAGMENT = f"""
-#version 330
-uniform usampler2D codes;
-uniform float gamma;
-out vec4 total;
-void main() {{
-    ivec2 first = ivec2(gl_FragCoord.xy) * {BLOCK};
-    ivec2 end = min(first + {BLOCK}, textureSize(codes, 0));
-    total = vec4(0.0);
-    for (int y = first.y; y < end.y; y++)
-        for (int x = first.x; x < end.x; x++) {{
-            vec3 encoded = vec3(texelFetch(codes, ivec2(x, y), 0).rgb) / {GRID_LEVELS - 1}.0;
-            total.rgb += pow(encoded, vec3(gamma));
-        }}
-}}
-"""
 
 
 class LossReading(Protocol):
@@ -62,7 +40,7 @@ class LossMeter(Protocol):
     def mean_luminance(self) -> float:
         """Return its Ī at factor 1 [cd/m^2], before it is shown."""
 
-    def channel_means(self) -> NDArray[np.float64]:
+    def channel_means(self) -> Array:
         """Return the means of the linear R, G, B channels of the picture whose Ī was asked for last, (3,)."""
 
     def begin(self, factor: float) -> bool:
@@ -83,6 +61,7 @@ def open_meter(
     lowest_factor: float,
     device: Device,
     patient: bool,
+    light: PictureLuminance | None = None,
 ) -> LossMeter:
     """Return a meter of the pictures of a renderer.
 
@@ -100,13 +79,15 @@ def open_meter(
         What measures. By itself it takes a graphics processor with compute shaders that is no program.
     patient : bool
         Whether results are waited for: where time is simulated, the same must come out every time.
+    light : PictureLuminance, optional
+        Of these pictures, if not what waits for each.
 
     Raises
     ------
     InputError
         If the graphics processor is asked for, and has no compute shaders.
     """
-    light = PictureLuminance(context, pictures, display)
+    light = light or PictureLuminance(context, pictures, display)
     if _on_gpu(context, device):
         from evenlight.method.gpu.frame_loss import GpuLoss
 
@@ -141,7 +122,7 @@ class _LightMeter:
         """Return Ī of the picture drawn last."""
         return self._light.mean()
 
-    def channel_means(self) -> NDArray[np.float64]:
+    def channel_means(self) -> Array:
         """Return the means of its channels."""
         return self._light.channel_means()
 
@@ -261,42 +242,3 @@ class GpuMeter(_LightMeter):
 
     def close(self) -> None:
         """Textures and buffers go with the window."""
-
-
-class PictureLuminance:
-    """Adds up a renderer's codes where they are; what is read back is four numbers for 256 pixels.
-
-    To read it is to wait until the picture is drawn, which the display must do as well.
-
-    Parameters
-    ----------
-    context, pictures, display
-        As of `open_meter`.
-    """
-
-    def __init__(self, context: moderngl.Context, pictures: SceneRenderer, display: Display) -> None:
-        self._context, self._pictures, self._display = context, pictures, display
-        width, height = pictures.size
-        blocks = -(-width // BLOCK), -(-height // BLOCK)
-        with graphics.own(context):
-            self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
-            program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=SUM_FRAGMENT)
-            self._adder = context.vertex_array(program, [])
-            set_uniforms(self._adder, codes=0, gamma=display.gamma)
-        self._means: Array = np.zeros(3)
-
-    def mean(self) -> float:
-        """Return Ī at factor 1 of the picture drawn last [cd/m^2]."""
-        width, height = self._pictures.size
-        with graphics.own(self._context):
-            self._sums.use()
-            self._pictures.codes.use(0)
-            self._adder.render(vertices=3)
-            sums = np.frombuffer(self._sums.read(components=4, dtype="f4"), np.float32).reshape(-1, 4)
-        self._means = sums[:, :3].sum(axis=0, dtype=np.float64) / (width * height)
-        share = float(self._means @ LUMINANCE_WEIGHTS)
-        return self._display.black_level + (self._display.peak_luminance - self._display.black_level) * share
-
-    def channel_means(self) -> Array:
-        """Return the means of the linear R, G, B channels of the picture that `mean` saw last, (3,)."""
-        return self._means

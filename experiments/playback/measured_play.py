@@ -41,7 +41,12 @@ from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
-from evenlight.experiments.playback.play_options import PowerOptions, ScreenOptions, interrupted
+from evenlight.experiments.playback.play_options import (
+    HeadsetOptions,
+    PowerOptions,
+    ScreenOptions,
+    interrupted,
+)
 from evenlight.experiments.playback.play_video import video_request
 from evenlight.experiments.playback.player import (
     Dimming,
@@ -95,8 +100,12 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
     InstrumentError
         If the meter fails; what came before is in the folder.
     """
-    asked = video_request(screen)
+    asked = video_request(screen, HeadsetOptions())
     rig = asked.rig
+    if rig.in_headset:
+        raise InputError(
+            "--measure-power measures a panel, and a headset's is out of reach: give another --rig"
+        )
     require_power_meter(rig, sync_patch=options.sync_patch)
     if screen.power_model is not None:
         model = load_power_model(screen.power_model)  # a slip is told before anything is played

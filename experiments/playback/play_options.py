@@ -26,6 +26,7 @@ INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
 _power = functools.partial(typer.Option, rich_help_panel="Measured power, with --measure-power")
 _walk = functools.partial(typer.Option, rich_help_panel="A walk through a scene, with --walk")
+_headset = functools.partial(typer.Option, rich_help_panel="In a headset")
 _live = functools.partial(typer.Option, rich_help_panel="A walk dimmed live, with --target-loss or --budget")
 
 
@@ -36,6 +37,14 @@ class PlayedVersion(enum.Enum):
     BASELINE = "baseline"  # constantly, at equal power
     BOTH = "both"  # one after the other
     FULL = "full"  # undimmed
+
+
+class Projection(enum.Enum):
+    """What a video lies on in a headset."""
+
+    FLAT = "flat"  # a screen in the dark
+    HALF = "180"  # the half of a sphere that is ahead, equirectangular
+    WHOLE = "360"  # a sphere all around, equirectangular
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +125,32 @@ class VideoOptions:
     log: Annotated[
         Path | None,
         output(help="Table of every frame's time and factor, and drops (walks too): .csv or .jsonl."),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadsetOptions:
+    """How a video is seen in a headset; without one, none of these may be given."""
+
+    projection: Annotated[
+        Projection | None,
+        _headset(
+            help="What a video lies on: a flat screen in the dark, or a sphere for equirectangular ones.",
+            show_default="flat",
+        ),
+    ] = None
+    side_by_side: Annotated[
+        bool,
+        _headset(
+            "--side-by-side", help="The video's left half is for the left eye, its right half for the right."
+        ),
+    ] = False
+    screen_field_of_view: Annotated[
+        float | None,
+        _headset(
+            metavar="DEG",
+            help="Visual angle that the flat screen is wide. Otherwise that of the track's analysis.",
+        ),
     ] = None
 
 

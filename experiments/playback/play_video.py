@@ -19,7 +19,14 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_durations, load_track, track_file
 from evenlight.experiments.calibration_age import require_young
-from evenlight.experiments.playback.play_options import PlayedVersion, ScreenOptions, VideoOptions
+from evenlight.experiments.playback.headset_picture import require_as_analysed, seen_in_headset, words_of
+from evenlight.experiments.playback.play_options import (
+    HeadsetOptions,
+    PlayedVersion,
+    ScreenOptions,
+    VideoOptions,
+    refuse,
+)
 from evenlight.experiments.playback.player import (
     Dimming,
     Pass,
@@ -36,6 +43,7 @@ from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.dimmed.matched_track import display_of
+from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
 from evenlight.stimuli.video.track_fit import require_fit
@@ -45,7 +53,7 @@ SMALLEST_WINDOW = 64  # [pixels]
 FREE_RUNNING = 1.1  # times as many refreshes as the display makes
 
 
-def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
+def play_video(screen: ScreenOptions, options: VideoOptions, headset: HeadsetOptions) -> None:
     """Play a video with its track, and say how it went; whatever ends it, the log is written.
 
     Raises
@@ -57,7 +65,7 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
         raise InputError("--loop goes on until someone presses escape, and with --simulate no one does")
     if options.log is not None:
         require_log_file(options.log)
-    asked = video_request(screen)
+    asked = video_request(screen, headset)
     version = options.version or PlayedVersion.OURS
     if not screen.quiet and version in (PlayedVersion.BASELINE, PlayedVersion.BOTH):
         typer.echo(
@@ -81,7 +89,7 @@ def play_video(screen: ScreenOptions, options: VideoOptions) -> None:
             whole = player.play()
         finally:
             if options.log is not None and player.passes:
-                write_log(options.log, player.passes, devices.rig.refresh_rate, playback.pixels_per_degree)
+                write_log(options.log, player.passes, devices.rig.refresh_rate, asked.density_on(devices))
     if not screen.quiet:
         for one in player.passes:
             typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate))
@@ -99,6 +107,7 @@ class VideoRequest:
     display: Display  # the rig's display
     screenshots: Path | None  # folder for a picture of the screen
     geometry: ScreenGeometry | None  # how it is seen; None where the window's pixels are of unknown angle
+    surface: Surface | None = None  # what it lies on in a headset
 
     def shown_on(self, devices: PlaybackDevices) -> str:
         """Return what the window shows of the video, in words."""
@@ -107,8 +116,17 @@ class VideoRequest:
                 f"{self.video.name}: a look only, at no known angle; a --rig or --display with the window's "
                 "pixels per degree shows it as its track was made for"
             )
+        if devices.rig.in_headset:
+            density = devices.display.pixels_per_degree
+            return words_of(self.video.name, self.geometry, self.surface, density)
         drawn = isinstance(self.video, SceneSequence)
         return self.geometry.in_words(self.video.name, devices.window.size(), drawn=drawn)
+
+    def density_on(self, devices: PlaybackDevices) -> float | None:
+        """Return the pixels per degree of the video as it is shown: if it is drawn anew, the headset's."""
+        if devices.rig.in_headset and self.surface is None:
+            return devices.display.pixels_per_degree
+        return None if self.geometry is None else self.geometry.pixels_per_degree
 
     def playback(self, versions: Sequence[str]) -> Playback:
         """Return the video with the factors of each version, and the versions in their order."""
@@ -122,11 +140,11 @@ class VideoRequest:
             order=tuple(Dimming(version) for version in versions),
             screenshots=self.screenshots,
             scale=None if self.geometry is None else self.geometry.scale,
-            pixels_per_degree=None if self.geometry is None else self.geometry.pixels_per_degree,
+            surface=self.surface,
         )
 
 
-def video_request(screen: ScreenOptions) -> VideoRequest:
+def video_request(screen: ScreenOptions, headset: HeadsetOptions) -> VideoRequest:
     """Return what some options ask for; refuse what does not go together.
 
     Raises
@@ -147,11 +165,18 @@ def video_request(screen: ScreenOptions) -> VideoRequest:
         require_light_of(loaded.track, display, track_file(screen.track))
     if screen.rig is not None and not screen.simulate:
         require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
+    otherwise = ", or accept that with --other-geometry-ok"
+    if rig.in_headset:
+        seen, surface = seen_in_headset(video, pixels, display, loaded.track.header, headset)
+        if not screen.other_geometry_ok:
+            require_as_analysed(seen, surface, otherwise)
+        return VideoRequest(video, loaded, rig, display, screen.screenshots, seen, surface)
+    refuse("{} is for a headset: give it with a --rig whose screen is one, or leave it out", headset)
     geometry = None
     if screen.rig is not None or screen.display is not None:
         geometry = ScreenGeometry.of(video, pixels, display, loaded.track.header)
         if not screen.other_geometry_ok:
-            geometry.require_as_analysed(", or accept that with --other-geometry-ok")
+            geometry.require_as_analysed(otherwise)
     return VideoRequest(video, loaded, rig, display, screen.screenshots, geometry)
 
 

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,18 +24,29 @@ from evenlight.experiments.playback.clip_player import ClipPlayer, RefreshObserv
 from evenlight.experiments.showing import Brightness, Screen, Screenshots
 from evenlight.experiments.stage import Clip, PausePressed, ShownClip
 from evenlight.hardware.backlights import LoggedBacklight
+from evenlight.hardware.presentation.headset_window import HeadsetWindow, ShownFrame
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.protocols import Backlight, ResponseDevice, Window
-from evenlight.hardware.rig import open_backlight, open_keyboard, open_window, open_window_of_any_rate
+from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, Window
+from evenlight.hardware.rig import open_backlight
+from evenlight.hardware.rig_windows import (
+    open_headset,
+    open_keyboard,
+    open_window,
+    open_window_of_any_rate,
+    with_headset,
+)
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.method.contrast.luminance import dimmed_luminance
-from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.eyes.surfaces import Surface
+from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.page_image import centred_image
 from evenlight.stimuli.ramp import frame_count
+from evenlight.stimuli.renderers import AnyFieldRenderer, field_renderer
 from evenlight.stimuli.video.video_source import VideoSource
 
 NOISE_SEED = 1  # nothing is compared with another playing: any will do
 CAPTION_SIZE = 1.0  # in multiples of a page's text
+CAPTION_SIZE_IN_HEADSET = 2.4  # 4 degrees high, for few pixels
 CAPTION_PLACE = 0.42  # below the middle, in heights of the window
 LOG_COLUMNS = (
     "pass",
@@ -47,6 +59,16 @@ LOG_COLUMNS = (
     "backlight_factor",
     "pixels_per_degree",
 )
+# More of them in a headset: where its head was in the runtime's axes and how it was turned, as predicted.
+HEAD_COLUMNS = (
+    *(f"head_{axis}_m" for axis in ("right", "up", "back")),
+    *(f"head_q{part}" for part in "xyzw"),
+    "tracked",
+    "focused",
+    "visible",
+    "refreshes_missed_by_runtime",
+)
+NEXT, MENU = "trigger", "menu"  # of a controller
 LOG_SUFFIXES = (".csv", ".jsonl")
 FLASH_COUNT = 3
 FLASH_SECONDS = 0.5  # bright, and dark between
@@ -78,7 +100,7 @@ class Playback:
     captions: bool = False  # whether the picture says how it is dimmed
     screenshots: Path | None = None  # folder for a picture of the screen
     scale: float | None = None  # as that of a `Clip`
-    pixels_per_degree: float | None = None  # of the video as it is shown; None if not known
+    surface: Surface | None = None  # what it lies on in a headset
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +139,19 @@ def open_devices(
         Is told every setting of the backlight.
     """
     with ExitStack() as stack:
-        if simulated:
+        if rig.in_headset:
+            headset = stack.enter_context(open_headset(rig, waits=not simulated))
+            rig, display = with_headset(rig, display, headset.facts())
+            clock = RefreshClock(rig.refresh_rate) if simulated else None
+            window: Window = open_window(rig, clock, rehearsal=simulated, headset=headset)
+        elif simulated:
             window = open_window(rig, RefreshClock(rig.refresh_rate), rehearsal=True)
         elif any_rate:
             window, rig = open_window_of_any_rate(rig)
         else:
             window = open_window(rig)
         stack.callback(window.close)
-        keyboard = SimulatedKeyboard(window.now) if simulated else open_keyboard()
+        keyboard = SimulatedKeyboard(window.now) if simulated else open_keyboard(window)
         stack.callback(keyboard.close)
         backlight = open_backlight(rig, window.now)
         if backlight is not None:
@@ -140,6 +167,7 @@ class Pass:
 
     shown: ShownClip  # what the display showed
     versions: tuple[str, ...]  # how each refresh was dimmed: ours, baseline or full; of a walk: walk
+    heads: tuple[ShownFrame, ...] = ()  # in a headset, what its runtime says of each refresh
 
 
 class Player:
@@ -161,11 +189,12 @@ class Player:
         brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
         screenshots = Screenshots(playback.screenshots)
         self.showing = Screen(window, rig, display, brightness, screenshots, self._take_keys)
-        self.fields = FieldRenderer(window.context(), display, window.bits(), rig.dither)
-        self._player = ClipPlayer(self.showing, self.fields)
+        self.fields = field_renderer(window, display, rig.dither)
+        self._player = ClipPlayer(self.showing, self.fields, playback.surface)
         self._dimming = playback.order[0]
         self._factors = np.empty(len(playback.times))
         self._versions: list[str] = []
+        self._heads: list[ShownFrame] = []
         self.passes: list[Pass] = []
 
     def observe(self, observer: RefreshObserver) -> None:
@@ -186,6 +215,7 @@ class Player:
         playback, whole = self._playback, True
         self._dim(dimming)
         self._versions.clear()
+        self._heads.clear()
         clip = Clip(
             playback.video, playback.times, playback.duration, self._factors, NOISE_SEED, scale=playback.scale
         )
@@ -197,8 +227,9 @@ class Player:
         finally:
             if self._player.recording is not None and len(self._player.recording.refreshes):
                 shown = self._player.recording.result()
-                versions = tuple(self._versions[-len(shown.flip_times) :])
-                self.passes.append(Pass(shown, versions))
+                # What interrupts may come before the last refresh's own were taken.
+                versions = (*self._versions, self._dimming.value)[: len(shown.flip_times)]
+                self.passes.append(Pass(shown, versions, tuple(self._heads)))
         return whole
 
     def _dim(self, dimming: Dimming) -> None:
@@ -207,21 +238,44 @@ class Player:
         self._factors[:] = self._playback.factors[dimming]
         self._tell(dimming.value)
         if self._playback.captions:
-            self._player.caption = caption(dimming.value, self._devices.window.size())
+            size = CAPTION_SIZE_IN_HEADSET if self._devices.rig.in_headset else CAPTION_SIZE
+            self._player.caption = caption(dimming.value, self._devices.window.size(), size)
 
     def _take_keys(self) -> None:
         """Switch to another dimming by its key; raise `PausePressed` if the pause key was pressed."""
-        self._versions.append(self._dimming.value)
-        for press in self._devices.keyboard.pressed():
-            if press.name == self._devices.rig.keys.pause:
+        heads = heads_of(self._devices.window)
+        if self._player.recording is not None:  # of a refresh of the video, not of what comes before it
+            self._versions.append(self._dimming.value)
+            self._heads += heads
+        for press in pressed_on(self._devices):
+            if ends(press, self._devices.rig):
                 raise PausePressed
             if press.name in SWITCHES and self._player.observer is None:
                 self._dim(SWITCHES[press.name])
+            if self._devices.rig.in_headset and press.name == NEXT:
+                every = tuple(Dimming)
+                self._dim(every[(every.index(self._dimming) + 1) % len(every)])
 
 
-def caption(text: str, size: tuple[int, int]) -> NDArray[np.uint8]:
+def pressed_on(devices: PlaybackDevices) -> list[KeyPress]:
+    """Return the keys pressed since the last call, and what was pressed on a headset's controllers."""
+    window = devices.window
+    return [*devices.keyboard.pressed(), *(window.presses() if isinstance(window, HeadsetWindow) else ())]
+
+
+def ends(press: KeyPress, rig: Rig) -> bool:
+    """Return whether a key ends what is shown: the pause key, or the menu button of a controller."""
+    return press.name == rig.keys.pause or (rig.in_headset and press.name == MENU)
+
+
+def heads_of(window: Window) -> list[ShownFrame]:
+    """Return what a headset's runtime says of the refreshes since the last call; nothing of a screen."""
+    return window.shown_frames() if isinstance(window, HeadsetWindow) else []
+
+
+def caption(text: str, size: tuple[int, int], letters: float = CAPTION_SIZE) -> NDArray[np.uint8]:
     """Return a word at the foot of a page, (height, width) of coverage."""
-    return np.roll(centred_image(text, size, CAPTION_SIZE), round(CAPTION_PLACE * size[1]), axis=0)
+    return np.roll(centred_image(text, size, letters), round(CAPTION_PLACE * size[1]), axis=0)
 
 
 def require_log_file(path: Path) -> None:
@@ -238,19 +292,20 @@ def write_log(
     """Write the log of some passes on a display of some refresh rate [Hz].
 
     `refreshes_dropped` counts those that passed without a new frame right before a refresh;
-    `pixels_per_degree` is that of the video as it was shown, empty if not known.
+    `pixels_per_degree` is that of the video as it was shown, empty if not known. Of a headset there are
+    `HEAD_COLUMNS` too; its flips are the display times that the runtime predicts.
     """
+    in_headset = any(one.heads for one in passes)
+    columns = (*LOG_COLUMNS, *HEAD_COLUMNS) if in_headset else LOG_COLUMNS
     rows = [
-        [*row, pixels_per_degree]
+        [*row, pixels_per_degree, *(_head_cells(head) if in_headset else ())]
         for number, one in enumerate(passes, start=1)
-        for row in _rows(number, one, refresh_rate)
+        for row, head in zip_longest(_rows(number, one, refresh_rate), one.heads)
     ]
     if path.suffix == ".csv":
-        write_whole(
-            path, csv_text(LOG_COLUMNS, [["" if cell is None else cell for cell in row] for row in rows])
-        )
+        write_whole(path, csv_text(columns, [["" if cell is None else cell for cell in row] for row in rows]))
     else:
-        lines = (json.dumps(dict(zip(LOG_COLUMNS, row, strict=True))) for row in rows)
+        lines = (json.dumps(dict(zip(columns, row, strict=True))) for row in rows)
         write_whole(path, "".join(f"{line}\n" for line in lines))
 
 
@@ -265,6 +320,14 @@ def _rows(number: int, one: Pass, refresh_rate: float) -> Iterator[list[Any]]:
         yield [number, version, refresh, time, missed, frame, factor, reported]
 
 
+def _head_cells(shown: ShownFrame | None) -> list[Any]:
+    """Return what a runtime says of a refresh, for `HEAD_COLUMNS`; nothing of one that was interrupted."""
+    if shown is None:
+        return [None] * len(HEAD_COLUMNS)
+    said = shown.tracked, shown.focused, shown.visible, shown.late
+    return [*shown.head.position, *shown.head.orientation, *said]
+
+
 class FlashWatcher(Protocol):
     """Who takes note of the flashes."""
 
@@ -275,7 +338,7 @@ class FlashWatcher(Protocol):
         """Take what a meter has measured meanwhile, after every refresh."""
 
 
-def flash(on: Screen, fields: FieldRenderer, watcher: FlashWatcher) -> None:
+def flash(on: Screen, fields: AnyFieldRenderer, watcher: FlashWatcher) -> None:
     """Show three flashes of white, dark before and after each.
 
     Parameters

@@ -18,15 +18,17 @@ from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer
-from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices
+from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices, ends, heads_of, pressed_on
 from evenlight.experiments.recordings import ClipRecording
 from evenlight.experiments.showing import Brightness, Screenshots
-from evenlight.hardware.protocols import HeldKeys, Pointer
+from evenlight.hardware.presentation.headset_window import ShownFrame
+from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
 from evenlight.method.online.gain import GainMonitor, gain_warning
 from evenlight.method.online.governor import HORIZON, HorizonErrors, horizon_errors, horizon_warning
 from evenlight.method.rate_limit import largest_rate_ratio
 from evenlight.stimuli.dithering import GRID_LEVELS
-from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
+from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
+from evenlight.stimuli.renderers import image_renderer
 from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE
 from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera, focal_length_of
@@ -100,9 +102,18 @@ def moved(
     if length == 0:
         return Walker(walker.position, azimuth, altitude)
     metres = SPEED * (HURRY if held & {"lshift", "rshift"} else 1.0) * seconds / length
-    sine, cosine = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
-    step = metres * (ahead * sine + aside * cosine), metres * (ahead * cosine - aside * sine)
+    step = along(azimuth, metres * ahead, metres * aside)
     return Walker(walked(walker.position, step, scene), azimuth, altitude)
+
+
+def along(azimuth: float, ahead: float, aside: float) -> tuple[float, float]:
+    """Return how far east and north it is some way ahead and to the right [m] of someone who looks so [deg].
+
+    >>> tuple(round(way, 9) for way in along(90.0, ahead=2.0, aside=1.0))
+    (2.0, -1.0)
+    """
+    sine, cosine = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
+    return ahead * sine + aside * cosine, ahead * cosine - aside * sine
 
 
 def start_in(scene: Scene) -> Walker:
@@ -132,15 +143,14 @@ class Walk:
     screenshots : Path, optional
         Folder for a picture of the screen.
     field_of_view : float, optional
-        Horizontal angle that the window is to span, as in a headset; without, what it spans at true size
-        [deg].
+        Horizontal angle that the window is to span [deg]; without, what it spans at true size.
 
     Attributes
     ----------
     display : Display
         The rig's, at the pixels per degree that are drawn.
-    recording : ClipRecording
-        What each refresh showed.
+    recording, heads : ClipRecording, list of ShownFrame
+        What each refresh showed; in a headset, what its runtime says of each.
     pictures : SceneRenderer
         Draws what is shown.
     dimmer : LiveDimmer or None
@@ -163,13 +173,13 @@ class Walk:
         self.display = display
         self._devices, self._factor, self._scene = devices, factor, scene_named(scene)
         self._brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
-        self.pictures = SceneRenderer(window.context(), self._scene, window.size(), antialiasing=LIVE)
         self.dimmer: LiveDimmer | None = None
-        self._image = Image(self.pictures.codes, GRID_LEVELS, from_below=True)
-        self._renderer = ImageRenderer(window.context(), display, window.bits(), rig.dither)
+        self.pictures, self._image = self._drawn()
+        self._renderer = image_renderer(window, display, rig.dither)
         self._black = display.black_level + display.reflected_luminance
         self._screenshots = Screenshots(screenshots)
         self.recording, self._way = ClipRecording(rig.refresh_rate), list[tuple[float, Walker]]()
+        self.heads: list[ShownFrame] = []
 
     @property
     def walked(self) -> WalkResult:
@@ -182,40 +192,66 @@ class Walk:
     def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> WalkResult:
         """Walk until the pause key is pressed, or for some time [s]."""
         walker, refreshes, way = start_in(self._scene), self.recording.refreshes, self._way
-        pause = self._devices.rig.keys.pause
-        last = onset = None
-        while not any(press.name == pause for press in self._devices.keyboard.pressed()):
+        last, onset, presses = None, None, pressed_on(self._devices)
+        while not any(ends(press, self._devices.rig) for press in presses):
+            walker = self._turned(walker, presses)
             flip = self._show(walker, len(refreshes), onset)
             onset = flip if onset is None else onset
             if self.dimmer is not None:
                 self.dimmer.note(flip - onset)
-            way.append((flip - onset, walker))
+            way.append((flip - onset, self._seen))
             if seconds is not None and flip - onset >= seconds:
                 break
             step = 0.0 if last is None else min(flip - last, LONGEST_STEP)
             mouse = (0.0, 0.0) if pointer is None else pointer.moved()
-            walker, last = moved(walker, held.held(), mouse, step, self._scene), flip
+            walker, last = self._moved(walker, held.held(), mouse, step), flip
+            presses = pressed_on(self._devices)
         return self.walked
 
-    def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
-        """Show what a walker sees, and return when [s]."""
+    def _drawn(self) -> tuple[SceneRenderer, Image | EyeImages]:
+        """Return what draws the pictures that count, and the image that is shown."""
         window = self._devices.window
+        pictures = SceneRenderer(window.context(), self._scene, window.size(), antialiasing=LIVE)
+        return pictures, Image(pictures.codes, GRID_LEVELS, from_below=True)
+
+    def _turned(self, walker: Walker, presses: Sequence[KeyPress]) -> Walker:
+        """Return a walker after some keys were pressed: on a screen only held ones count."""
+        return walker
+
+    def _moved(
+        self, walker: Walker, held: frozenset[str], mouse: tuple[float, float], seconds: float
+    ) -> Walker:
+        """Return a walker after a short time [s], as `moved`."""
+        return moved(walker, held, mouse, seconds, self._scene)
+
+    def _render(self, walker: Walker) -> Walker:
+        """Draw what a walker sees, and return where the eye was and where it looked."""
         focal_length = focal_length_of(self.display)
         self.pictures.render(
             Camera(walker.position, walker.azimuth, walker.altitude, focal_length=focal_length)
         )
         self.pictures.encode()
+        return walker
+
+    def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
+        """Show what a walker sees, and return when [s]."""
+        window = self._devices.window
+        self._seen = self._render(walker)
         factor = self._factor
         if self.dimmer is not None:
-            due = 1 / self._devices.rig.refresh_rate
-            factor = self.dimmer.next_factor(0.0 if onset is None else window.now() - onset + due)
+            factor = self.dimmer.next_factor(0.0 if onset is None else self._due() - onset)
         picture = DimmedImage(self._image, self._brightness.of_picture(factor), self._black)
         self._renderer.draw(window.framebuffer(), picture, refresh, NOISE_SEED)
         self._screenshots.take(window, "walk")
         flip = window.flip()
         self._brightness.after_flip()
         self.recording.note(flip, refresh, factor, self._brightness.reported())
+        self.heads += heads_of(window)
         return flip
+
+    def _due(self) -> float:
+        """Return when a picture appears that is drawn now, if this very refresh is caught [s]."""
+        return self._devices.window.now() + 1 / self._devices.rig.refresh_rate
 
 
 def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> None:

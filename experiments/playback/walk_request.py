@@ -14,9 +14,12 @@ from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveRefresh, TuningReport
+from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
+from evenlight.experiments.playback.headset_walk import HeadsetWalk
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor
 from evenlight.experiments.playback.live_record import LOG, live_control, with_budget, write_live
 from evenlight.experiments.playback.loss_meters import open_meter
+from evenlight.experiments.playback.picture_luminance import LateLuminance
 from evenlight.experiments.playback.play_options import (
     LiveOptions,
     ScreenOptions,
@@ -24,7 +27,13 @@ from evenlight.experiments.playback.play_options import (
     interrupted,
 )
 from evenlight.experiments.playback.play_video import rig_of
-from evenlight.experiments.playback.player import Pass, open_devices, require_log_file, write_log
+from evenlight.experiments.playback.player import (
+    Pass,
+    PlaybackDevices,
+    open_devices,
+    require_log_file,
+    write_log,
+)
 from evenlight.experiments.playback.walk import (
     Walk,
     WalkResult,
@@ -32,7 +41,7 @@ from evenlight.experiments.playback.walk import (
     write_path,
 )
 from evenlight.hardware.presentation.simulated_input import SimulatedHeldKeys
-from evenlight.hardware.rig import open_held_keys, open_pointer
+from evenlight.hardware.rig_windows import open_held_keys, open_pointer
 from evenlight.method.choices import Device, LimitCurve
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.governor import HORIZON, HORIZONS, GovernorSettings
@@ -302,24 +311,43 @@ class _Dimming:
             raise InputError(f"--factor of a dimmed walk must lie in {low:g} to {high:g}, got {factor:.15g}")
 
 
+def _opened_walk(asked: WalkRequest, devices: PlaybackDevices) -> Walk:
+    """Return what shows the scene on some devices."""
+    if devices.rig.in_headset:
+        return HeadsetWalk(devices, asked.scene, asked.factor or 1.0, asked.screenshots)
+    return Walk(devices, asked.scene, asked.factor or 1.0, asked.screenshots, asked.drawn_field_of_view)
+
+
+def _dim(
+    walk: Walk, asked: WalkRequest, devices: PlaybackDevices, dimming: _Dimming, stack: ExitStack
+) -> str:
+    """Let a walk be dimmed until the end of a stack, and return what measures the loss."""
+    context, patient, light = devices.window.context(), asked.simulate, None
+    if devices.rig.in_headset:
+        light = LateLuminance(context, walk.pictures, walk.display, patient=patient)
+    meter = open_meter(
+        context, walk.pictures, walk.display, lowest_factor=dimming.controller.settings.lowest_factor,
+        device=asked.live.device, patient=patient, light=light,
+    )  # fmt: skip
+    stack.callback(meter.close)
+    given = dimming.controller, meter, asked.factor, 1 / devices.rig.refresh_rate, dimming.governor
+    walk.dimmer = (
+        LiveDimmer(*given) if light is None else HeadsetDimmer(*given, light=light, display=walk.display)
+    )
+    return meter.name
+
+
 def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | None) -> tuple[str, _Outcome]:
     """Let the user walk, write the way, and return a summary and the outcome."""
     measured_by, ended_by = "", None
+    if rig.in_headset and asked.field_of_view is not None:
+        raise InputError("--field-of-view is of a window: what a headset spans its runtime says")
     with ExitStack() as stack:
         opened = open_devices(rig, display, simulated=asked.simulate, any_rate=asked.rig is None)
         devices = stack.enter_context(opened)
-        walk = Walk(devices, asked.scene, asked.factor or 1.0, asked.screenshots, asked.drawn_field_of_view)
-        window = devices.window
+        walk, window = _opened_walk(asked, devices), devices.window
         if dimming is not None:
-            lowest, governor = dimming.controller.settings.lowest_factor, dimming.governor
-            meter = open_meter(
-                window.context(), walk.pictures, walk.display,
-                lowest_factor=lowest, device=asked.live.device, patient=asked.simulate,
-            )  # fmt: skip
-            stack.callback(meter.close)
-            measured_by = meter.name
-            refresh = 1 / devices.rig.refresh_rate
-            walk.dimmer = LiveDimmer(dimming.controller, meter, asked.factor, refresh, governor)
+            measured_by = _dim(walk, asked, devices, dimming, stack)
         straight_on = SimulatedHeldKeys(window.now, [("w", 0.0, float("inf"))])
         held = straight_on if asked.simulate else open_held_keys(window)
         if held is None:
@@ -336,9 +364,12 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
     outcome = _Outcome(walk.walked, walk.display, rows, measured_by, ended_by)
     said = walk_summary(asked.scene, outcome.done, outcome.rows, asked.live.budget)
     width = field_of_view_on(walk.display, walk.pictures.size[0])
-    said += f"; {width:.3g}° wide{', at true size' if asked.drawn_field_of_view is None else ''}"
+    if rig.in_headset:
+        said += "; drawn for both eyes, as wide as the headset sees"
+    else:
+        said += f"; {width:.3g}° wide" + (", at true size" if asked.drawn_field_of_view is None else "")
     if asked.log is not None and outcome.done.flip_times:
-        shown = Pass(walk.recording.result(), ("walk",) * len(outcome.done.flip_times))
+        shown = Pass(walk.recording.result(), ("walk",) * len(outcome.done.flip_times), tuple(walk.heads))
         write_log(asked.log, [shown], devices.rig.refresh_rate, walk.display.pixels_per_degree)
         said = f"{said}; the frames are in {asked.log}"
     if asked.record is not None and outcome.done.went:

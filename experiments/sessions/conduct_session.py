@@ -15,12 +15,13 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
+from evenlight.experiments.headset.frame_logs import headset_logs
 from evenlight.experiments.sessions.dropped_frames import WHAT_TO_DO, drop_counts, too_many_flagged
 from evenlight.experiments.sessions.key_test import try_keys
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.task import Participant, Task, TrialPlace
-from evenlight.experiments.stage import PausePressed, Stage
+from evenlight.experiments.stage import PausePressed, SessionStopped, SkipPressed, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +33,6 @@ class SessionParts:
     participant: Participant  # who answers
     pages: Pages  # what is said
     keys: Keys  # what is pressed
-
-
-class _Stopped(Exception):  # noqa: N818 - it is no error: it was asked for, or the display fails
-    """The session was stopped, for a reason."""
 
 
 def conduct_session(
@@ -61,7 +58,7 @@ def conduct_session(
     _note_changes(store, parts)
     try:
         status = session.run()
-    except _Stopped as stopped:
+    except SessionStopped as stopped:
         store.note(EventKind.STOPPED, str(stopped))
         status = SessionStatus.ABORTED
     except BaseException as error:
@@ -194,17 +191,21 @@ class _Session:
             place = self._place()
             self.store.note(EventKind.TRIAL_BEGUN, trial_index=place.trial_index, attempt=place.attempt)
             try:
+                self.parts.stage.seen_in_headset()  # what was shown before is no part of this trial
                 with self._triggers_noted(place.trial_index, place.attempt):
                     done = self.parts.task.conduct(
                         planned, place, self.parts.stage, self.parts.participant, self.parts.pages
                     )
-            except PausePressed:
-                words = "paused; it is shown again"
+            except PausePressed as pressed:
+                words = f"{pressed}; it is shown again"
                 self.store.note(EventKind.TRIAL_INTERRUPTED, words, place.trial_index, place.attempt)
-                self._pause()
+                self._write_in_headset(place)
+                if not isinstance(pressed, SkipPressed):
+                    self._pause()
                 continue
             onset = self.store.since_beginning(done.trial.onset)
             trial = dataclasses.replace(done.trial, onset=onset)
+            self._write_in_headset(place)
             self.store.write_trial(trial, done.frames)
             if self.parts.task.is_flagged(trial):
                 detail = trial.flag.value
@@ -212,6 +213,10 @@ class _Session:
                 self._require_frames()
                 self._warn_of_drops()
             return trial
+
+    def _write_in_headset(self, place: TrialPlace) -> None:
+        """Record what a headset showed in each interval of a trial; nothing outside a headset."""
+        self.store.write_in_headset(headset_logs(place, self.parts.stage, self.store.since_beginning))
 
     def _warn_of_drops(self) -> None:
         """Tell the experimenter of dropped frames: of the first trials flagged, and ever less often."""
@@ -233,7 +238,9 @@ class _Session:
                 self._text("frames_dropped", flagged=sum(flags), answered=len(flags)),
                 [self.parts.keys.proceed],
             )
-            raise _Stopped(f"{sum(flags)} of {len(flags)} trials had too many dropped frames: {WHAT_TO_DO}")
+            raise SessionStopped(
+                f"{sum(flags)} of {len(flags)} trials had too many dropped frames: {WHAT_TO_DO}"
+            )
 
     def _place(self) -> TrialPlace:
         """Return where the next answered trial goes."""
@@ -256,7 +263,7 @@ class _Session:
         self.store.note(EventKind.PAUSED)
         keys = (self.parts.keys.proceed, self.parts.keys.pause)
         if self._shown("pause", keys) == self.parts.keys.pause:
-            raise _Stopped(f"with the key {self.parts.keys.pause}")
+            raise SessionStopped(f"with the key {self.parts.keys.pause}")
         self.store.note(EventKind.CONTINUED)
 
     def _shown(self, name: str, keys: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ from scipy import special
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import TrialFlag
-from evenlight.experiments.stage import PausePressed
+from evenlight.experiments.stage import PausePressed, SessionStopped
 
 MAX_FLAGGED_SHARE = 0.25  # of trials (choice)
 MAX_REPEATED_SHARE = 0.25  # of a session's trials, shown again (choice)
@@ -85,16 +85,15 @@ def require_few_drops(show: Callable[[], ShownStimulus], demand: FrameDemand, re
     Raises
     ------
     InputError
-        With the numbers, if too many trials would be flagged; if the pause key was pressed.
+        With the numbers, if too many trials would be flagged; if it was interrupted.
     """
     told = ""
     for _ in range(2):
         try:
             shown = show()
-        except PausePressed:
-            raise InputError(
-                "the check of dropped frames was interrupted by the pause key; start again"
-            ) from None
+        except (PausePressed, SessionStopped) as stopped:
+            by = stopped if isinstance(stopped, SessionStopped) else "by the pause key"
+            raise InputError(f"the check of dropped frames was interrupted {by}; start again") from None
         dropped, refreshes = shown.frames_dropped, len(shown.flip_times) + shown.frames_dropped
         share = demand.flagged_share(dropped, refreshes)
         if share <= MAX_FLAGGED_SHARE:

@@ -40,7 +40,7 @@ def try_keys(parts: SessionParts, note: Callable[[EventKind, str], None], pause:
         Pauses the session, when the pause key is pressed.
     """
     task, keys, pages = parts.task, parts.keys, parts.pages
-    if not isinstance(task, AnsweredByKeys):
+    if not isinstance(task, AnsweredByKeys) or pages.roles:  # in a headset the answers stand there in words
         return
     instead: dict[str, list[str]] = {}
     for key, answer in task.key_answers().items():

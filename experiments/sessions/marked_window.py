@@ -49,6 +49,7 @@ class MarkedWindow:
         self._said = {f"trigger output {name}": _words(output) for name, output in self._outputs.items()}
         self.size, self.bits, self.now, self.close = window.size, window.bits, window.now, window.close
         self.context, self.framebuffer = window.context, window.framebuffer
+        self.due, self.eyes = window.due, window.eyes
         self._next = self._shown = ""  # what the next flip shows, and what the last one showed
         self._sent: list[SentTrigger] = []
 

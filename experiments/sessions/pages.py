@@ -9,7 +9,7 @@ from __future__ import annotations
 import string
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
@@ -23,6 +23,8 @@ from evenlight.stimuli.typesetting import require_font
 SHIPPED = Path(__file__).parents[1] / "pages"
 SUFFIX = ".txt"
 KEY_NAMES = "keys.toml"
+# In a headset: other pages, what controllers are called there, and what our pages say otherwise.
+HEADSET, ROLES, PHRASES = "headset", "roles.toml", "phrases.toml"
 
 # What stands for keys, by their names in `Keys`, and what stands for something else.
 KEY_PLACEHOLDERS = (
@@ -50,11 +52,14 @@ class Pages:
         What keys are called in this language, by PsychoPy's names; others are called as they are printed.
     font : Path or None
         A lab's own font, for scripts that DejaVu Sans does not have.
+    roles : dict of str to str
+        In a headset: what is pressed on controllers, by the placeholders of keys; empty on a screen.
     """
 
     texts: Mapping[str, str]
     key_names: Mapping[str, str]
     font: Path | None = None
+    roles: Mapping[str, str] = field(default_factory=dict)
 
     def text(self, name: str, keys: Keys, **values: object) -> str:
         """Return a page with its placeholders filled.
@@ -73,7 +78,7 @@ class Pages:
         gaps = (self.key_name(key.removeprefix("num_")) for key in keys.orientations)
         called |= dict(zip(GAP_PLACEHOLDERS, gaps, strict=True))
         empty = dict.fromkeys(VALUE_PLACEHOLDERS, "")
-        return self.texts[name].format_map({**empty, **called, **values}).strip()
+        return self.texts[name].format_map({**empty, **called, **self.roles, **values}).strip()
 
     def longest(self, keys: Keys) -> tuple[list[str], list[str]]:
         """Return all pages and all questions as they may be filled at their longest, to see that they fit."""
@@ -124,6 +129,8 @@ def load_pages(
     own: Path | None = None,
     of_task: Mapping[str, Mapping[str, str]] | None = None,
     font: Path | None = None,
+    *,
+    in_headset: bool = False,
 ) -> Pages:
     """Return the pages of a language, some of them replaced by a lab's own.
 
@@ -138,6 +145,8 @@ def load_pages(
         in this language.
     font : Path, optional
         A lab's own font.
+    in_headset : bool, optional
+        Whether controllers are pressed: some pages are others then.
 
     Raises
     ------
@@ -146,11 +155,13 @@ def load_pages(
     """
     names = [path.stem for path in sorted((SHIPPED / "en").glob(f"*{SUFFIX}"))]
     files = {name: SHIPPED / language / f"{name}{SUFFIX}" for name in names}
+    special = SHIPPED / language / HEADSET
+    if in_headset:
+        files |= {path.stem: path for path in sorted(special.glob(f"*{SUFFIX}"))}
     brought = dict((of_task or {}).get(language) or (of_task or {}).get("en", {}))
-    if own is not None:
-        replaced = _own_files(own, [*names, *brought])
-        files |= replaced
-        brought = {name: text for name, text in brought.items() if name not in replaced}
+    replaced = {} if own is None else _own_files(own, [*names, *brought])
+    files |= replaced
+    brought = {name: text for name, text in brought.items() if name not in replaced}
     missing = [name for name, path in files.items() if not path.is_file()]
     if missing:
         wanted = f"; give the others with --pages: {', '.join(missing[:4])}" if own is not None else ""
@@ -158,12 +169,23 @@ def load_pages(
             f"there are no pages in the language {language!r}, only in {', '.join(languages())}{wanted}"
         )
     texts = {name: read_text(path, "a page of a session") for name, path in files.items()}
+    if in_headset:
+        otherwise = _names_in(special / PHRASES)
+        texts |= {name: _said_otherwise(texts[name], otherwise) for name in files.keys() - replaced.keys()}
     texts |= brought
     for name, text in texts.items():
         _check_placeholders(text, files.get(name, f"the page {name}"))
     if font is not None:
         require_font(font)
-    return Pages(texts, _key_names(language, own), font)
+    roles = _names_in(SHIPPED / "en" / HEADSET / ROLES) | _names_in(special / ROLES) if in_headset else {}
+    return Pages(texts, _key_names(language, own), font, roles)
+
+
+def _said_otherwise(text: str, phrases: Mapping[str, str]) -> str:
+    """Return a page with some of its phrases replaced, one after the other."""
+    for phrase, other in phrases.items():
+        text = text.replace(phrase, other)
+    return text
 
 
 def _own_files(own: Path, names: list[str]) -> dict[str, Path]:
@@ -197,11 +219,16 @@ def _key_names(language: str, own: Path | None) -> dict[str, str]:
     folders = [SHIPPED / "en", SHIPPED / language, *([own] if own is not None else [])]
     names: dict[str, str] = {}
     for folder in folders:
-        path = folder / KEY_NAMES
-        if path.is_file():
-            try:
-                content = tomllib.loads(read_text(path, "names of keys"))
-            except tomllib.TOMLDecodeError as error:
-                raise InputError(f"{path}: not valid TOML: {error}; expected names of keys") from None
-            names |= {key: str(value) for key, value in content.items()}
+        names |= _names_in(folder / KEY_NAMES)
     return names
+
+
+def _names_in(path: Path) -> dict[str, str]:
+    """Return the names that a file has, by what they name; none where there is no such file."""
+    if not path.is_file():
+        return {}
+    try:
+        content = tomllib.loads(read_text(path, "names of keys"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}; expected names of keys") from None
+    return {key: str(value) for key, value in content.items()}

@@ -21,9 +21,9 @@ from evenlight.experiments.showing import Screen, settle
 from evenlight.experiments.stage import KEY_DECIMALS, SearchResult, SearchView
 from evenlight.hardware.protocols import KeyPress, Pointer
 from evenlight.method.contrast.luminance import emitted_luminance
-from evenlight.stimuli.field_renderer import FieldRenderer
-from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
-from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, LEVELS_16, PaintedRing, Ring, gap_pixels
+from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
+from evenlight.stimuli.renderers import AnyFieldRenderer, image_renderer
+from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, LEVELS_16, Ring, gap_pixels
 from evenlight.stimuli.rings.ring_scene import RingScene
 from evenlight.stimuli.scenes.content.catalogue import scene_named
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE
@@ -114,6 +114,45 @@ class SearchTracker:
         )
 
 
+class LookedAt(Protocol):
+    """A scene with a ring in it, that is looked around in."""
+
+    image: Image | EyeImages  # what is seen
+    background_luminance: float  # mean luminance around the ring [cd/m^2]
+
+    def draw(self, searching: SearchTracker, now: float) -> tuple[float, float]:
+        """Draw what is seen at a time [s], and return in which direction: from the first, and up [deg]."""
+
+
+class SceneOnScreen:
+    """A scene with a ring in it on a screen; it is drawn again where the view has turned.
+
+    Parameters
+    ----------
+    scene : RingScene
+        The scene.
+    view : SearchView
+        Ring, and where from.
+    """
+
+    def __init__(self, scene: RingScene, view: SearchView) -> None:
+        self._scene, self._camera = scene, view.camera
+        self._painted = scene.paint(view.ring, view.camera.position)
+        self._last: tuple[float, float] | None = None
+        self.image: Image | EyeImages = Image(scene.texture, LEVELS_16 + 1)
+        self.background_luminance = self._painted.surroundings.luminance
+
+    def draw(self, searching: SearchTracker, now: float) -> tuple[float, float]:
+        """Draw what is seen at a time [s], and return in which direction: from the first, and up [deg]."""
+        direction = searching.direction(now)
+        if direction != self._last:
+            azimuth = self._camera.azimuth + direction[0]
+            camera = dataclasses.replace(self._camera, azimuth=azimuth, altitude=direction[1])
+            self._scene.draw(camera, self._painted)
+            self._last = direction
+        return direction
+
+
 class SearchPlayer:
     """Shows searches on a window.
 
@@ -121,7 +160,7 @@ class SearchPlayer:
     ----------
     showing : Screen
         What is shown on.
-    fields : FieldRenderer
+    fields : FieldRenderer or EyeFieldRenderer
         Draws what comes before a scene.
     presses : callable
         Returns the keys pressed since the last call, or raises `PausePressed`.
@@ -130,11 +169,11 @@ class SearchPlayer:
     """
 
     def __init__(
-        self, showing: Screen, fields: FieldRenderer, presses: Presses, open_pointer: OpenPointer
+        self, showing: Screen, fields: AnyFieldRenderer, presses: Presses, open_pointer: OpenPointer
     ) -> None:
         window = showing.window
         self._on, self._fields, self._presses, self._open_pointer = showing, fields, presses, open_pointer
-        self._renderer = ImageRenderer(window.context(), showing.display, window.bits(), showing.rig.dither)
+        self._renderer = image_renderer(window, showing.display, showing.rig.dither)
         self._black = showing.display.black_level + showing.display.reflected_luminance
         self._scenes: dict[str, RingScene] = {}
 
@@ -162,38 +201,31 @@ class SearchPlayer:
         display = self._on.display
         camera = dataclasses.replace(view.camera, focal_length=focal_length_of(display))
         view = dataclasses.replace(view, camera=camera)
-        scene = self._scene(view.scene)
-        painted = scene.paint(view.ring, camera.position)
+        looked_at = self._looked_at(view)
         searching = SearchTracker(view, self._on.rig, display.pixels_per_degree)
         settle(self._on, self._fields, view.factor, ground)
         with _held(self._open_pointer()) as pointer:
             self._presses()
-            self._show(view, searching, (scene, painted), pointer)
-        return searching.result(painted.surroundings.luminance)
+            self._show(view, searching, looked_at, pointer)
+        return searching.result(looked_at.background_luminance)
 
     def _show(
         self,
         view: SearchView,
         searching: SearchTracker,
-        drawn: tuple[RingScene, PaintedRing],
+        looked_at: LookedAt,
         pointer: Pointer | None,
     ) -> None:
         """Show the scene, refresh by refresh, until the search is over."""
         window, brightness = self._on.window, self._on.brightness
-        scene, painted = drawn
-        image, last = Image(scene.texture, LEVELS_16 + 1), None
-        for due in searching.refreshes.due(window.now):
+        for due in searching.refreshes.due(window):
             if searching.over:
                 return
             onset = searching.refreshes.onset if len(searching.refreshes) else window.now()
             if pointer is not None:
                 searching.looking.moved(*pointer.moved())
-            direction = searching.direction(onset + due)
-            if direction != last:
-                azimuth = view.camera.azimuth + direction[0]
-                scene.draw(dataclasses.replace(view.camera, azimuth=azimuth, altitude=direction[1]), painted)
-                last = direction
-            picture = DimmedImage(image, brightness.of_picture(view.factor), self._black)
+            direction = looked_at.draw(searching, onset + due)
+            picture = DimmedImage(looked_at.image, brightness.of_picture(view.factor), self._black)
             refresh = len(searching.refreshes)
             self._renderer.draw(window.framebuffer(), picture, refresh, view.noise_seed)
             self._on.mark("search")
@@ -202,6 +234,10 @@ class SearchPlayer:
             brightness.after_flip()
             searching.note(flip, direction, brightness.reported())
             searching.take(self._presses())
+
+    def _looked_at(self, view: SearchView) -> LookedAt:
+        """Return a view's scene with its ring painted."""
+        return SceneOnScreen(self._scene(view.scene), view)
 
     def _scene(self, name: str) -> RingScene:
         """Return what draws a scene; each is made ready once, which takes its time."""

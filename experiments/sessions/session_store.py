@@ -20,12 +20,14 @@ from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.recordings.dataset_layout import (
     EVENTS,
     FRAMES,
+    HEADSET,
     LOCK,
     MANIFEST,
     TRIALS,
     session_folder,
 )
 from evenlight.data_schema.recordings.dataset_writing import export_behaviour
+from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.session import (
     TASKS,
     EventKind,
@@ -198,6 +200,13 @@ class SessionStore(TimedLogs):
         self.manifest = manifest
         self.trials: list[Any] = []
 
+    def write_in_headset(self, logs: Iterable[HeadsetLog]) -> None:
+        """Record what a headset showed in a trial, before the trial's own line; also of one interrupted."""
+        for log in logs:
+            if HEADSET not in self._logs:
+                self._logs[HEADSET] = AppendLog(self.folder / HEADSET)
+            self._logs[HEADSET].append(log)
+
     def write_trial(self, trial: Any, frames: Iterable[Any] = ()) -> None:
         """Record an answered trial; when this returns it cannot be lost any more.
 
@@ -270,7 +279,7 @@ def resume_session(dataset: Path, participant_id: str, session_id: str, utc: Utc
             raise InputError(f"{folder}: this session is complete; give another --session")
         if manifest.status is SessionStatus.DECLINED:
             raise InputError(f"{folder}: the participant declined to take part; nothing is resumed")
-        torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, EVENTS)}
+        torn = {name: mend_last_line(folder / name) for name in (TRIALS, FRAMES, HEADSET, EVENTS)}
         trials = read_lines(TASKS[manifest.task].trial, folder / TRIALS)
         events = read_lines(SessionEvent, folder / EVENTS)
         store = SessionStore(dataset, manifest, lock, utc)

@@ -11,6 +11,7 @@ from pathlib import Path
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.experiments.calibration_age import utc_now
+from evenlight.experiments.headset.headset_stage import HeadsetStage
 from evenlight.experiments.recordings import (
     DECIMALS,
     LUMINANCE_DECIMALS,
@@ -18,6 +19,7 @@ from evenlight.experiments.recordings import (
     RampRecording,
     frames_of_refreshes,
 )
+from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.search_stage import OffscreenPainter, RingPainter, SearchTracker
 from evenlight.experiments.sessions.task import PressKey
 from evenlight.experiments.sessions.window_stage import WindowStage
@@ -33,16 +35,12 @@ from evenlight.experiments.stage import (
     ShownInterval,
     Stage,
 )
+from evenlight.hardware.presentation.headset_link import HeadsetLink
+from evenlight.hardware.presentation.headset_window import HeadsetWindow, ShownFrame
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import KeyPress
-from evenlight.hardware.rig import (
-    backlights_smallest_factor,
-    open_backlight,
-    open_keyboard,
-    open_pointer,
-    open_window,
-    opened_triggers,
-)
+from evenlight.hardware.rig import backlights_smallest_factor, open_backlight, opened_triggers
+from evenlight.hardware.rig_windows import open_keyboard, open_pointer, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.ramp import frame_count, ramp_luminance
 
@@ -82,7 +80,12 @@ def smallest_factor(staging: Staging, rig: Rig) -> float:
 
 @contextmanager
 def open_stage(
-    staging: Staging, rig: Rig, display: Display, page_luminance: float
+    staging: Staging,
+    rig: Rig,
+    display: Display,
+    page_luminance: float,
+    pages: Pages,
+    headset: HeadsetLink | None,
 ) -> Iterator[tuple[Stage, PressKey | None]]:
     """Yield the stage of a session, and what presses the keys of a rehearsal; None where a person does.
 
@@ -96,6 +99,10 @@ def open_stage(
         The rig's calibrated display.
     page_luminance : float
         Of the ground of pages [cd/m^2].
+    pages : Pages
+        What answers are called, in a headset.
+    headset : HeadsetLink or None
+        The rig's, open; closed with the stage.
     """
     if staging.simulation == "data":
         frames = RefreshClock(rig.refresh_rate)
@@ -106,14 +113,21 @@ def open_stage(
     counted = staging.simulated and not staging.real_time
     clock = RefreshClock(rig.refresh_rate) if counted else None
     with opened_triggers(rig.triggers) as triggers:
-        window = open_window(rig, clock, rehearsal=staging.simulated)
+        window = open_window(rig, clock, rehearsal=staging.simulated, headset=headset)
         try:
             simulated = SimulatedKeyboard(window.now) if staging.simulated else None
-            keys = simulated or open_keyboard()
-            backlight = open_backlight(rig, window.now)
-            mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))
-            shots, page = staging.screenshots, page_luminance
-            stage = WindowStage(window, keys, rig, display, page, backlight, shots, mouse, triggers)
+            keys = simulated or open_keyboard(window)
+            shown = rig, display, page_luminance
+            stage: WindowStage
+            if isinstance(window, HeadsetWindow):
+                stage = HeadsetStage(
+                    window, keys, *shown, pages,
+                    reads_back=staging.simulated, screenshots=staging.screenshots, triggers=triggers,
+                )  # fmt: skip
+            else:
+                backlight = open_backlight(rig, window.now)
+                mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))
+                stage = WindowStage(window, keys, *shown, backlight, staging.screenshots, mouse, triggers)
         except BaseException:
             window.close()
             raise
@@ -246,6 +260,13 @@ class BlindStage(AbstractContextManager["BlindStage"]):
 
     def triggers_sent(self) -> list[SentTrigger]:
         """Return none: no device is opened."""
+        return []
+
+    def tell(self, progress: str) -> None:
+        """Say nothing: nobody is there."""
+
+    def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
+        """Return none: no headset is opened."""
         return []
 
     def close(self) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator, Rig
@@ -28,12 +30,14 @@ from evenlight.experiments.stage import (
     ShownClip,
     ShownInterval,
 )
+from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, TriggerOutput, Window
 from evenlight.stimuli.dithering import luminance_of_codes
-from evenlight.stimuli.field_renderer import Field, FieldRenderer
+from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.fixation_mark import fixation_mark
 from evenlight.stimuli.page_image import centred_image, ink_on, page_image
 from evenlight.stimuli.ramp import frame_count, ramp_luminance, require_reachable
+from evenlight.stimuli.renderers import field_renderer
 
 LONGEST_SETTLING = 0.25  # [s] that a backlight is waited for before a ramp
 LABEL_GONE_BEFORE = 0.3  # [s]
@@ -86,7 +90,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._window = MarkedWindow(window, rig, triggers)
         self._keyboard, self._backlight = keyboard, backlight
         self._rig, self._display, self._page_luminance = rig, display, page_luminance
-        self._renderer = FieldRenderer(window.context(), display, window.bits(), rig.dither)
+        self._renderer = field_renderer(window, display, rig.dither)
         self._luminance_of_code = luminance_of_codes(np.arange(2 ** window.bits()), display, window.bits())
         self._brightness = Brightness(display, rig.actuator, backlight, window.now)
         self._screenshots, self._open_pointer = Screenshots(screenshots), open_pointer
@@ -94,6 +98,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         self._ground = page_luminance  # of the last uniform field
         self._frame = 0  # of what is not a ramp, for fresh noise
         self._shown: Field | None = None
+        self._number_size = LABEL_SIZE
+        self._text_pixels_per_degree = display.pixels_per_degree
         self._page_image = functools.lru_cache(32)(page_image)
         self._centred_image = functools.lru_cache(8)(centred_image)
         self._mark_image = functools.lru_cache(1)(fixation_mark)
@@ -126,9 +132,8 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         while True:
             ground = self._brightness.by_pixels(self._page_luminance)
             self._show(Field(ground, ink, image), "page", text)
-            for press in self._keyboard.pressed():
-                if press.name in keys or not keys:
-                    return press
+            if (press := self._page_press(keys)) is not None:
+                return press
 
     def ask(self, question: str, keys: Sequence[str], luminance: float) -> KeyPress:
         """Show a question on a field of some luminance until one of the keys is pressed.
@@ -136,34 +141,33 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         The field has the pixel value of the last ramp. The time of the key press returned counts from the
         first flip that showed the question. Raises `PausePressed` if the pause key was pressed.
         """
-        image = self._centred_image(question, self._window.size())
         onset: float | None = None
         self._take_pause()
         while True:
             ground = self._brightness.of_screen(luminance, self._pixel_value)
+            image = self._question_image(question)
             self._window.mark("question")
             flip = self._show(Field(ground, ink_on(ground, self._display), image), "question", question)
             onset = flip if onset is None else onset
-            for press in self._presses():
-                if press.name in keys:
-                    self._window.send("answer")
-                    return KeyPress(press.name, round(max(0.0, press.time - onset), KEY_DECIMALS))
+            if (press := self._answer(keys)) is not None:
+                self._window.send("answer")
+                return KeyPress(press.name, round(max(0.0, press.time - onset), KEY_DECIMALS))
 
     def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
         """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed.
 
         With a pixel value, the field's brightness is made as that of a ramp with it is; without, by pixels.
         """
-        end: float | None = None
+        flip, end = 0.0, math.inf
         half_a_frame = 0.5 / self._rig.refresh_rate
         self._ground = luminance
-        while seconds > 0 and (end is None or self._window.now() < end - half_a_frame):
+        while seconds > 0 and flip < end - half_a_frame:
             if pixel_value is None:
                 ground = self._brightness.by_pixels(luminance)
             else:
                 ground = self._brightness.of_screen(luminance, pixel_value)
             flip = self._show(Field(ground), "field")
-            end = flip + seconds if end is None else end
+            end = min(end, flip + seconds)  # counted from the first flip: the clock may lag behind it
             self._take_pause()
 
     def show_ramp(self, interval: RampInterval) -> ShownInterval:
@@ -175,12 +179,12 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         recording = RampRecording(self._rig.refresh_rate)
         seconds = interval.adaptation + interval.duration + interval.hold
         n_frames = frame_count(seconds, self._rig.refresh_rate)
-        probes = probe_places(n_frames)
+        probes = self._probe_places(interval, n_frames)
         self._pixel_value = interval.pixel_value
         if interval.mark_contrast:
-            self._mark_image(self._window.size(), self._display.pixels_per_degree)  # now, for it takes long
+            self._mark_image(self._window.size(), self._text_pixels_per_degree)  # now, for it takes long
         self._settle(interval)
-        for time in recording.refreshes.due(self._window.now):
+        for time in recording.refreshes.due(self._window):
             place = round(time * self._rig.refresh_rate)
             if place >= n_frames:
                 break
@@ -198,7 +202,7 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Show a video with its brightness. Raises `PausePressed` if the pause key was pressed meanwhile."""
         return self._clip_player.play(clip, self._ground)
 
-    def room(self) -> tuple[int, int]:
+    def room(self) -> tuple[int, int] | None:
         """Return width and height of the window [pixels]."""
         return self._window.size()
 
@@ -240,6 +244,13 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return the triggers sent since the last call, in order."""
         return self._window.triggers_sent()
 
+    def tell(self, progress: str) -> None:
+        """Say nothing: who is in front of a screen sees the same."""
+
+    def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
+        """Return none: it is a screen."""
+        return []
+
     def close(self) -> None:
         """Close window and devices."""
         self._forget_clip()
@@ -249,6 +260,23 @@ class WindowStage(AbstractContextManager["WindowStage"]):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _page_press(self, keys: Sequence[str]) -> KeyPress | None:
+        """Return the first press of one of some keys, of any where none is given, since the last call."""
+        pressed = self._keyboard.pressed()
+        return next((press for press in pressed if press.name in keys or not keys), None)
+
+    def _question_image(self, question: str) -> NDArray[np.uint8]:
+        """Return how much of each pixel a question covers."""
+        return self._centred_image(question, self._window.size())
+
+    def _answer(self, keys: Sequence[str]) -> KeyPress | None:
+        """Return the first press of one of some keys since the last call, or raise `PausePressed`."""
+        return next((press for press in self._presses() if press.name in keys), None)
+
+    def _probe_places(self, interval: RampInterval, n_frames: int) -> list[int]:
+        """Return the places in an interval that are read back."""
+        return probe_places(n_frames)
 
     def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
         """Show the frame of an interval that is due at a time since its first [s]."""
@@ -291,11 +319,11 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return the field of a frame of an interval, with the interval's number if it is to have one."""
         ground = self._brightness.of_screen(luminance, interval.pixel_value)
         if interval.label and labelled:
-            image = self._centred_image(interval.label, self._window.size(), LABEL_SIZE)
+            image = self._centred_image(interval.label, self._window.size(), self._number_size)
             return Field(ground, ink_on(ground, self._display), image)
         if not interval.mark_contrast:
             return Field(ground)
-        image = self._mark_image(self._window.size(), self._display.pixels_per_degree)
+        image = self._mark_image(self._window.size(), self._text_pixels_per_degree)
         return Field(ground, (1 + interval.mark_contrast) * ground, image)
 
     def _settle(self, interval: RampInterval) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,21 +18,28 @@ from evenlight.data_schema.recordings.rig import Rig
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.protocols import Backlight, LuminanceMeter, PowerMeter, ResponseDevice, Window
+from evenlight.hardware.protocols import (
+    Backlight,
+    InstrumentError,
+    LuminanceMeter,
+    PowerMeter,
+    ResponseDevice,
+    Window,
+)
 from evenlight.hardware.rig import (
     is_simulated,
     open_backlight,
-    open_keyboard,
     open_luminance_meter,
     open_power_meter,
     open_swept_backlight,
-    open_window,
 )
+from evenlight.hardware.rig_windows import open_keyboard, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock, WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedBacklight, SimulatedPanel, Simulation
 from evenlight.stimuli.dithering import luminance_of_codes
 
 READ_BACK = (16, 16)  # [pixels] of the middle of the screen
+Result = TypeVar("Result")
 LOOK_EVERY = 0.02  # [s] at the keys, while nothing changes on the screen
 
 
@@ -130,7 +139,8 @@ def open_sweep_devices(
         backlight = _backlight(rig, staging, simulation, now, by_luminance=by_luminance)
         if backlight is not None:
             stack.callback(backlight.close)
-        keyboard = SimulatedKeyboard(now) if staging.simulated else open_keyboard()
+        watched = None if staging.simulated else window
+        keyboard = SimulatedKeyboard(now) if watched is None else open_keyboard(watched)
         stack.callback(keyboard.close)
         luminance_meter = power_meter = None
         if luminance_name != "none":
@@ -249,6 +259,7 @@ class SweepScreen:
         self._window, self._keyboard, self._backlight = window, keyboard, backlight
         self._display, self._panel = display, panel
         self._bits = window.bits() if window else rig.bits
+        self._grey = (0.0, 0.0, 0.0)  # what the window is filled with
 
     @property
     def makes_factors(self) -> bool:
@@ -291,17 +302,47 @@ class SweepScreen:
             left = end - self.now()
             if left <= 0:
                 return
+            if self._in_headset():
+                self._keep()  # which waits for the next frame
+                continue
             if self._window is not None:
                 self._window.flip()  # a window that is not served for minutes is taken for dead
             self._wait(min(left, LOOK_EVERY))
 
+    def while_shown(self, read: Callable[[], Result]) -> Result:
+        """Return what an instrument reads, while a headset is given the level's frames as it wants them."""
+        if self._rehearsed or not self._in_headset():
+            return read()
+        with ThreadPoolExecutor(1) as reader:
+            reading = reader.submit(read)
+            shown = True
+            while not reading.done():
+                shown = self._keep() and shown
+        if not shown:
+            raise InstrumentError(
+                "the headset showed nothing: cover the sensor between its lenses, and close its menu"
+            )
+        return reading.result()
+
+    def _in_headset(self) -> bool:
+        """Return whether the window is in a headset."""
+        return self._window is not None and self._window.eyes() is not None
+
+    def _keep(self) -> bool:
+        """Show the level for another refresh of a headset; return whether the runtime shows it."""
+        assert self._window is not None
+        eyes = self._window.eyes()
+        self._window.framebuffer().clear(*self._grey, 1.0)
+        self._window.flip()
+        return eyes is not None and eyes.visible
+
     def _draw(self, code: int, codes: int) -> None:
         """Fill the window with a code, and check what was drawn."""
+        self._grey = (code / codes,) * 3
         if self._window is None:
             return
-        value = code / codes
         for _ in range(2):  # both buffers, which flips show in turn
-            self._window.framebuffer().clear(value, value, value, 1.0)
+            self._window.framebuffer().clear(*self._grey, 1.0)
             drawn = self._window.read_codes(READ_BACK)
             self._window.flip()
         if not (drawn == code).all():

@@ -345,7 +345,9 @@ class SweepReader:
     ) -> tuple[Reading | None, str, int]:
         """Return what a meter reads, None where the screen is too dark for it; its status; and the tries."""
         try:
-            reading, attempts = self._tried(planned, meter.read_luminance)
+            reading, attempts = self._tried(
+                planned, lambda: self._devices.screen.while_shown(meter.read_luminance)
+            )
         except InstrumentError as error:
             if error.fault is not Fault.UNDER_RANGE:
                 raise

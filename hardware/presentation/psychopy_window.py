@@ -22,7 +22,7 @@ from evenlight.hardware.presentation.key_names import characters_of_layout, prin
 from evenlight.hardware.presentation.keyboard_start import safe_keyboard_start
 from evenlight.hardware.presentation.psychopy_install import INSTALL, how_to_install
 from evenlight.hardware.protocols import ContextDevice, KeyPress
-from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.clocks import RefreshClock, refresh_after
 
 if TYPE_CHECKING:
     import moderngl
@@ -48,6 +48,7 @@ class PsychoPyWindow(ContextDevice):
     def __init__(self, rig: Rig, refresh_clock: RefreshClock | None = None) -> None:
         self._rig, self._refresh_clock = rig, refresh_clock
         self._measured_rate: float | None = None
+        self._last_flip: float | None = None
         visual, logging = _import_psychopy()
         self._clock = logging.defaultClock
         self._window = self._opened(visual)
@@ -69,7 +70,7 @@ class PsychoPyWindow(ContextDevice):
             window = visual.Window(
                 size=rig.window_size,
                 fullscr=rig.full_screen,
-                screen=rig.screen,
+                screen=int(rig.screen),
                 bpc=(rig.bits,) * 3,
                 winType="pyglet",
                 units="pix",
@@ -144,9 +145,16 @@ class PsychoPyWindow(ContextDevice):
         gl.glActiveTexture(gl.GL_TEXTURE0)
         gl.glEnable(gl.GL_BLEND)
         self._window.flip(clearBuffer=False)
-        if self._refresh_clock:
-            return self._refresh_clock.advance()
-        return float(self._clock.getTime())
+        counted = self._refresh_clock
+        self._last_flip = counted.advance() if counted else float(self._clock.getTime())
+        return self._last_flip
+
+    def due(self, period: float) -> float:
+        """Return when what is drawn now will appear: whole refresh periods [s] after the last flip [s]."""
+        return refresh_after(self._last_flip, self.now(), period)
+
+    def eyes(self) -> None:
+        """Return None: a screen has no eyes' views."""
 
     def read_codes(self, size: tuple[int, int] | None = None) -> NDArray[np.int64]:
         """Return the codes drawn to the back buffer before the next flip, (height, width, 3), row 0 on top.
@@ -220,7 +228,7 @@ def _require_screen(rig: Rig) -> None:
     import pyglet
 
     screens = len(pyglet.canvas.get_display().get_screens())
-    if rig.screen >= screens:
+    if int(rig.screen) >= screens:
         raise InputError(
             f"the rig {rig.name!r} asks for screen {rig.screen}, and the last one is {screens - 1}: set "
             "`screen`, counted from 0"

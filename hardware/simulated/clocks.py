@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 class RefreshClock:
     """A clock that each flip moves on by one refresh of the display.
@@ -30,6 +32,19 @@ class RefreshClock:
         """Let some refreshes pass, and return the time then [s]."""
         self._refreshes += refreshes
         return self.now()
+
+
+def refresh_after(last: float | None, now: float, period: float) -> float:
+    """Return when the next refresh of a screen is due, a whole number of periods after the last flip [s].
+
+    Before the first flip it is one period from now.
+
+    >>> refresh_after(10.0, 10.01, 0.02), refresh_after(10.0, 10.05, 0.02), refresh_after(None, 3.0, 0.02)
+    (10.02, 10.06, 3.02)
+    """
+    if last is None:
+        return now + period
+    return last + (math.floor((now - last) / period) + 1) * period
 
 
 class WaitingClock:

@@ -168,11 +168,17 @@ class PaintedRing:
         What is around it.
     light : (float, float, float)
         Of the ring, each channel, as the display emits it at full brightness [cd/m^2].
+    seen_from : (float, float, float)
+        Where it lies in the direction and has the size that `ring` says [m].
+    distance : float
+        How far it is from there [m]; one that is infinitely far looks the same from everywhere.
     """
 
     ring: Ring
     surroundings: Surroundings
     light: tuple[float, float, float]
+    seen_from: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    distance: float = math.inf
 
 
 def surroundings_of(

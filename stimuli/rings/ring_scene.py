@@ -35,7 +35,7 @@ from evenlight.stimuli.rings.landolt import (
 from evenlight.stimuli.scenes.content.catalogue import PATHS
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
-from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.camera import Camera, View, focal_length_of
 from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
 from evenlight.stimuli.scenes.engine.scene import Vector
 
@@ -54,7 +54,9 @@ uniform vec3 up;
 uniform vec3 towards;
 uniform vec2 gap;        // cosine and sine of its direction
 uniform float size;      // of the gap, on the plane that touches the unit sphere at the ring
-uniform float focal;     // [pixels]
+uniform vec2 focal;      // [pixels] across and up
+uniform vec2 ahead;      // [pixels] where the camera points, from the lower left corner
+uniform vec3 eye;        // right, up and towards from where the ring was painted; 1 is the ring's distance
 uniform float outer;     // radius [gaps]
 uniform float black;     // [cd/m^2]
 uniform float white;
@@ -64,9 +66,10 @@ uniform uvec3 levels;    // its pixel values
 out uvec4 pixel_values;
 
 vec2 on_plane(vec2 pixel) {
-    vec3 ray = vec3((pixel - 0.5 * vec2(textureSize(codes, 0))) / focal, 1.0);
-    float depth = dot(ray, towards);
-    return depth > 0.0 ? vec2(dot(ray, right), dot(ray, up)) / (depth * size) : vec2(1e6);
+    vec3 ray = vec3((pixel - ahead) / focal, 1.0);
+    float depth = dot(ray, towards) / (1.0 - eye.z);
+    vec2 place = vec2(dot(ray, right), dot(ray, up)) + depth * eye.xy;
+    return depth > 0.0 ? place / (depth * size) : vec2(1e6);
 }
 
 bool covers(vec2 p) {
@@ -77,8 +80,9 @@ bool covers(vec2 p) {
 }
 
 float coverage(vec2 corner) {
-    // A pixel is no larger than 1 / focal on the ring's plane, so those beyond its edge are left at once.
-    if (length(on_plane(corner + 0.5)) > outer + 2.0 / (focal * size)) return 0.0;
+    // A pixel is hardly larger than 1 / focal on the ring's plane, so those beyond its edge are left at once.
+    float margin = 2.0 * (1.0 - eye.z) / (min(focal.x, focal.y) * size);
+    if (length(on_plane(corner + 0.5)) > outer + margin) return 0.0;
     int inside = 0;
     for (int i = 0; i < SUBSAMPLES * SUBSAMPLES; ++i) {
         vec2 within = (vec2(i % SUBSAMPLES, i / SUBSAMPLES) + 0.5) / float(SUBSAMPLES);
@@ -114,7 +118,7 @@ class Pictures(Protocol):
     size: tuple[int, int]
     codes: moderngl.Texture
 
-    def render(self, camera: Camera) -> None:
+    def render(self, camera: View) -> None:
         """Draw the scene's linear luminance."""
 
     def encode(self) -> None:
@@ -185,7 +189,7 @@ class RingScene:
             return False
         return True
 
-    def draw(self, camera: Camera, painted_ring: PaintedRing | None = None) -> None:
+    def draw(self, camera: View, painted_ring: PaintedRing | None = None) -> None:
         """Draw the scene, and the ring in it if one is given, into `texture`.
 
         `texture` has pixel values over the 16-bit range in its first three components, row 0 on top.
@@ -211,13 +215,18 @@ class RingScene:
         for held in (self._whole, self._program, self._target, self.texture):
             held.release()
 
-    def _place(self, camera: Camera, painted_ring: PaintedRing) -> None:
+    def _place(self, camera: View, painted_ring: PaintedRing) -> None:
         """Tell the shader where the ring is, as the camera sees it."""
-        ring = painted_ring.ring
-        seen = Camera(camera.position, ring.azimuth, ring.altitude).axes() @ camera.axes().T
+        ring, size = painted_ring.ring, np.array(self.size)
+        axes = Camera(painted_ring.seen_from, ring.azimuth, ring.altitude).axes()
+        seen = axes @ camera.axes().T
         turn = math.radians(ring.orientation)
         self._set(right=seen[0], up=seen[1], towards=seen[2], gap=(math.cos(turn), math.sin(turn)))
-        self._set(size=ring.gap_on_plane, focal=camera.focal_pixels(self.size[0]))
+        away = np.array(camera.position) - painted_ring.seen_from
+        self._set(size=ring.gap_on_plane, eye=axes @ away / painted_ring.distance)
+        left, right, down, up = camera.tangents(self.size)
+        focal = size / [right - left, up - down]
+        self._set(focal=focal, ahead=focal * [-left, -down])
         self._set(light=painted_ring.light, levels=levels_of(painted_ring.light, self._display))
 
     def _set(self, **uniforms: object) -> None:

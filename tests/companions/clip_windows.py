@@ -14,7 +14,7 @@ from evenlight.data_schema.recordings.rig import Rig
 from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import Clip, ShownClip
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.clocks import RefreshClock, refresh_after
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
 
@@ -83,6 +83,7 @@ class Window:
 
     def __init__(self, late: dict[int, int] | None = None, dims: bool = True) -> None:
         self.clock, self.flips, self.late, self.dims = RefreshClock(50.0), 0, late or {}, dims
+        self.last: float | None = None
 
     def size(self) -> tuple[int, int]:
         return 401, 300
@@ -101,7 +102,14 @@ class Window:
 
     def flip(self) -> float:
         self.flips += 1
-        return self.clock.advance(self.late.get(self.flips - 1, 1))
+        self.last = self.clock.advance(self.late.get(self.flips - 1, 1))
+        return self.last
+
+    def due(self, period: float) -> float:
+        return refresh_after(self.last, self.now(), period)
+
+    def eyes(self) -> None:
+        return None
 
     def read_codes(self, size: tuple[int, int] | None = None) -> np.ndarray:
         """Return the codes of the image, which the part that is read back is as large as."""

@@ -45,6 +45,7 @@ HAS: dict[str, tuple[str, ...]] = {
     "docs/guides/engineer.md": ("film.mp4",),
     "docs/guides/experimenter.md": ("film.mp4", "lab"),
     "docs/guides/researcher.md": ("answers.csv",),
+    "docs/headset.md": ("film.mp4", "headset.rig.toml"),
     "docs/importing.md": (
         "ratings.csv", "lab.csv", "07_detail.csv", "data.json", "likert.toml", "data", "slider.toml",
     ),

@@ -12,6 +12,8 @@ from evenlight import progress
 
 progress.INTERVAL = math.inf  # on a slow machine too a run tells no progress
 
+# What connects to the screen as it is imported would do so once, for all forks together.
+os.environ.pop("DISPLAY", None)
 # PsychoPy takes user site-packages for its own otherwise, as hardware/presentation/psychopy_window.py says.
 os.environ["PSYCHOPYNOPACKAGES"] = "1"
 WINDOWS = "psychopy.visual"

@@ -145,7 +145,7 @@ def test_a_shell_completes_presets_sequences_and_files(
     assert set(SEQUENCES) < set(option_panels.complete_video(""))
     assert option_panels.complete_display("varjo") == ["varjo-xr3"]
     assert option_panels.complete_rate_limit("su") == ["surace2025", "sunny/"]
-    assert option_panels.complete_rig("simu") == ["simulated"]
+    assert option_panels.complete_rig("simu") == ["simulated", "simulated-headset"]
     assert option_panels.complete_design("qu") == ["quick"]
 
 

@@ -42,6 +42,8 @@ GUARDED = {
     "hardware/drivers/sound_card.py": {"set_blocking": 1},  # needs the program arecord, which Linux has
     "hardware/emulators/link.py": {"tty": 1, "openpty": 1, "set_blocking": 1, "ttyname": 1},  # require_unix
     "hardware/emulators/power_meters.py": {"mkfifo": 2, "O_NONBLOCK": 1},  # require_unix
+    # sys.platform: Windows has another clock
+    "hardware/presentation/openxr_runtime.py": {"CLOCK_MONOTONIC": 1, "clock_gettime_ns": 1},
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py
     "method/choices.py": {"sched_getaffinity": 1},  # hasattr
     "analysis/plan_command.py": {"sched_getaffinity": 1},  # hasattr
@@ -122,6 +124,7 @@ def test_logs_are_written_as_bytes() -> None:
         "hardware/drivers/device_lock.py",  # a device, to lock it
         "hardware/drivers/sysfs_backlight.py",  # Linux's
         "hardware/emulators/power_meters.py",  # a named pipe
+        "hardware/presentation/openxr_runtime.py",  # os.devnull, of which nothing is kept
     }
 
 

@@ -16,7 +16,7 @@ LONGEST = 220  # lines
     "said",
     [
         "Sessions are shown on a monitor",
-        "unless a headset is configured; Evenlight has no support for headsets yet",
+        'or [in a headset](headset.md) (`screen = "openxr"`)',
         "Every luminance of a session comes from this file",
         f"`--form {RateLimitForm.LOG_LOG.value} --degree 1`",
         f"`--limit-curve {LimitCurve.SAFE.value}`",

@@ -20,6 +20,7 @@ from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, MeterReading
 from evenlight.data_schema.recordings.played_power import LEFT_OUT, FrameEnergy, PassPower, VersionPower
 from evenlight.data_schema.recordings.ramp import (
@@ -30,7 +31,7 @@ from evenlight.data_schema.recordings.ramp import (
     RampTrial,
     Response,
 )
-from evenlight.data_schema.recordings.rig import Keys, Rig
+from evenlight.data_schema.recordings.rig import Actuator, Keys, Rig
 from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
 from evenlight.data_schema.recordings.session import TASKS, SessionManifest
 from evenlight.data_schema.recordings.sweep import (
@@ -161,6 +162,15 @@ def one_of_two_tasks(values: Values) -> Values:
     }
 
 
+def as_long_as_its_times(values: Values) -> Values:
+    n, flags = (
+        len(values["display_times"]),
+        {"visible": True, "focused": True, "tracked": True, "late_frames": 2},
+    )
+    lists = {key: flags.get(key, 0.5) for key, value in values.items() if isinstance(value, tuple)}
+    return values | {key: values[key][:n] + (value,) * (n - len(values[key])) for key, value in lists.items()}
+
+
 def a_trial_of_frames(values: Values) -> Values:
     """Lists of one length, times that do not fall."""
     times = tuple(sorted(values["flip_times"]))
@@ -258,7 +268,11 @@ def a_verdict_that_follows(values: Values) -> Values:
 
 
 def usable_rig(values: Values) -> Values:
-    return values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
+    values = values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
+    if isinstance(values["screen"], str):  # a headset has no backlight, and no corner
+        none = {"actuator": Actuator.PIXELS, "backlight": "none", "backlight_curve": ""}
+        values |= none | {"photodiode_patch": None}
+    return values
 
 
 def levels_once(values: Values) -> Values:
@@ -322,6 +336,7 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     RampDesign: ends_above_black,
     RampTrial: one_of_two_tasks,
     FrameLog: a_trial_of_frames,
+    HeadsetLog: as_long_as_its_times,
     Keys: keys_that_differ,
     Rig: usable_rig,
     Statistic: with_a_reason,

@@ -25,8 +25,8 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
-    monkeypatch.setattr(clip_player, "ImageRenderer", Renderer)
+    monkeypatch.setattr(window_stage, "field_renderer", Renderer)
+    monkeypatch.setattr(clip_player, "image_renderer", Renderer)
     yield
     assert readers() == 0
 

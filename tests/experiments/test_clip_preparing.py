@@ -24,8 +24,8 @@ FEW = np.arange(10) / 25  # 0.4 s, all of which are decoded before the first is 
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
-    monkeypatch.setattr(clip_player, "ImageRenderer", Renderer)
+    monkeypatch.setattr(window_stage, "field_renderer", Renderer)
+    monkeypatch.setattr(clip_player, "image_renderer", Renderer)
     yield
     assert readers() == 0
 
@@ -43,7 +43,8 @@ class WindowInTime(Window):
     def flip(self) -> float:
         sleep(0.02 - self.now() % 0.02)
         self.times.append(self.now())
-        return self.times[-1]
+        self.last = self.times[-1]
+        return self.last
 
 
 class SlowVideo(Video):

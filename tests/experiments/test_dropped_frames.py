@@ -21,7 +21,14 @@ from evenlight.experiments.run_session import SessionOutcome
 from evenlight.experiments.sessions.dropped_frames import FrameDemand, require_few_drops, too_many_flagged
 from evenlight.experiments.sessions.session_store import resume_session
 from evenlight.experiments.sessions.task import SessionSetting
-from evenlight.experiments.stage import Clip, PausePressed, RampInterval, ShownClip, ShownInterval
+from evenlight.experiments.stage import (
+    Clip,
+    PausePressed,
+    RampInterval,
+    SessionStopped,
+    ShownClip,
+    ShownInterval,
+)
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.rating_task import RatingTask
 
@@ -66,12 +73,16 @@ def test_few_drops_pass_and_one_hiccup_is_forgiven_where_a_second_showing_has_no
     assert not list(showings)
 
 
-def test_the_pause_key_ends_the_check_in_one_line() -> None:
-    def pause() -> ShownInterval:
-        raise PausePressed
+@pytest.mark.parametrize(
+    ("pressed", "by"),
+    [(PausePressed(), "the pause key"), (SessionStopped("by the operator"), "the operator")],
+)
+def test_a_key_ends_the_check_in_one_line(pressed: Exception, by: str) -> None:
+    def interrupted() -> ShownInterval:
+        raise pressed
 
-    with pytest.raises(InputError, match="interrupted by the pause key; start again"):
-        require_few_drops(pause, DEMAND, refresh_rate=50.0)
+    with pytest.raises(InputError, match=f"interrupted by {by}; start again"):
+        require_few_drops(interrupted, DEMAND, refresh_rate=50.0)
 
 
 class Trying(course.Stage):

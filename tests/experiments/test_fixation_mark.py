@@ -40,7 +40,7 @@ class Window(clip_windows.Window):
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
+    monkeypatch.setattr(window_stage, "field_renderer", Renderer)
 
 
 def test_the_mark_covers_the_area_of_its_parts() -> None:

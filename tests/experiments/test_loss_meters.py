@@ -9,7 +9,8 @@ import pytest
 from compute_shaders import own_context
 
 from evenlight.data_schema.display import Display
-from evenlight.experiments.playback.loss_meters import GpuMeter, PictureLuminance, ProcessorMeter
+from evenlight.experiments.playback.loss_meters import GpuMeter, ProcessorMeter
+from evenlight.experiments.playback.picture_luminance import PictureLuminance
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.gpu.context import Fence, _Calls

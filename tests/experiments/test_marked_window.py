@@ -87,7 +87,7 @@ def test_what_devices_say_of_themselves_is_in_the_apparatus() -> None:
 
 
 def test_a_ramp_that_is_paused_has_ended_with_the_next_flip(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
+    monkeypatch.setattr(window_stage, "field_renderer", Renderer)
     window, output = Window(), Output()
     window.read_codes = lambda size=None: None  # type: ignore[assignment] # nothing is probed here
     monkeypatch.setattr(WindowStage, "_ground_drawn", lambda *_: 80.0)

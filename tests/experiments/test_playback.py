@@ -22,7 +22,7 @@ from evenlight.experiments.playback.player import (
 )
 from evenlight.experiments.stage import ShownClip
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.clocks import RefreshClock, refresh_after
 
 LAB = Display("lab", 100.0, 0.0, 2.0, pixels_per_degree=60.0)
 RIG = Rig("lab", "lab.display.toml", viewing_distance=0.6, refresh_rate=50.0)
@@ -74,6 +74,7 @@ class Window:
     def __init__(self) -> None:
         self.clock = RefreshClock(50.0)
         self.now, self.flip = self.clock.now, self.clock.advance
+        self.due = lambda period: refresh_after(self.now(), self.now(), period)  # the clock stands since
 
     def size(self) -> tuple[int, int]:
         return 30, 20
@@ -93,8 +94,8 @@ class Window:
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(player, "FieldRenderer", Renderer)
-    monkeypatch.setattr(clip_player, "ImageRenderer", Renderer)
+    monkeypatch.setattr(player, "field_renderer", Renderer)
+    monkeypatch.setattr(clip_player, "image_renderer", Renderer)
 
 
 def playing(video: Gray | None = None, **changes: Any) -> tuple[Player, SimulatedKeyboard, list[str]]:

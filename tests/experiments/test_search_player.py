@@ -21,7 +21,7 @@ from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import PausePressed, SearchResult, SearchView
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard, SimulatedPointer
-from evenlight.hardware.simulated.clocks import RefreshClock
+from evenlight.hardware.simulated.clocks import RefreshClock, refresh_after
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
 from evenlight.stimuli.rings.landolt import Ring
@@ -68,6 +68,7 @@ class Window:
 
     def __init__(self, context: Any, late: dict[int, int] | None = None) -> None:
         self.clock, self.late, self.flips = RefreshClock(RIG.refresh_rate), late or {}, 0
+        self.last: float | None = None
         self._context = context
         self._target = context.framebuffer(context.texture(SIZE, 4))
         self.before_flip: Callable[[], None] = lambda: None
@@ -90,7 +91,14 @@ class Window:
     def flip(self) -> float:
         self.before_flip()
         self.flips += 1
-        return self.clock.advance(self.late.get(self.flips - 1, 1))
+        self.last = self.clock.advance(self.late.get(self.flips - 1, 1))
+        return self.last
+
+    def due(self, period: float) -> float:
+        return refresh_after(self.last, self.now(), period)
+
+    def eyes(self) -> None:
+        return None
 
     def read_codes(self, size: tuple[int, int] | None = None) -> np.ndarray:
         data = np.frombuffer(self._target.read(components=3), np.uint8)

@@ -45,7 +45,7 @@ class Window(clip_windows.Window):
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch) -> None:
-    monkeypatch.setattr(window_stage, "FieldRenderer", Renderer)
+    monkeypatch.setattr(window_stage, "field_renderer", Renderer)
 
 
 def test_an_interval_is_7_s_of_frames_that_follow_the_ramp() -> None:

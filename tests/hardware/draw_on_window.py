@@ -16,8 +16,8 @@ from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import RampInterval
 from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.rig import open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.rig_windows import open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.dithering import dithered_codes, thresholds_of
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
@@ -115,9 +115,9 @@ def main(bits: int) -> None:
     with open_window(rig, rehearsal=True) as window:
         times = [window.now(), window.flip(), window.flip(), window.now()]
         result |= {"real_times": times, "real_clock": window.apparatus()["clock"]}
-        from evenlight.hardware.rig import open_keyboard
+        from evenlight.hardware.rig_windows import open_keyboard
 
-        with open_keyboard() as keyboard:
+        with open_keyboard(window) as keyboard:
             result |= {"pressed": len(keyboard.pressed()), "keyboard": keyboard.apparatus()["keyboard"]}
     print(json.dumps(result))
 

@@ -3,8 +3,8 @@
 import dataclasses
 import json
 
-from evenlight.hardware.rig import open_pointer, open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.rig_windows import open_pointer, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 
 

@@ -12,8 +12,8 @@ import subprocess
 import sys
 import time
 
-from evenlight.hardware.rig import open_keyboard, open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.rig_windows import open_keyboard, open_window
 
 MISSING = 77  # exit code: no XTEST here
 PLACES = {
@@ -57,7 +57,7 @@ def main(layouts: list[str]) -> None:
 
     heard: dict[str, dict[str, list[str]]] = {}
     delays = []
-    with open_window(rig, rehearsal=True) as window, open_keyboard() as keyboard:
+    with open_window(rig, rehearsal=True) as window, open_keyboard(window) as keyboard:
 
         def pressed(code: int) -> list[str]:
             keyboard.clear()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from warm_evenlight import said_by
 
-from evenlight.hardware.rig import open_pointer
+from evenlight.hardware.rig_windows import open_pointer
 
 pytestmark = pytest.mark.slow
 

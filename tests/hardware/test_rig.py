@@ -8,10 +8,11 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.rig import Eye, Rig
 from evenlight.hardware.protocols import InstrumentError
-from evenlight.hardware.rig import open_backlight, require_refresh_rate
+from evenlight.hardware.rig import open_backlight
 from evenlight.hardware.rig_files import RIGS, load_rig
+from evenlight.hardware.rig_windows import require_refresh_rate
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 RIG = """
@@ -20,6 +21,7 @@ display = "lab.display.toml"
 viewing_distance_m = 0.6
 refresh_rate_hz = 120.0
 """
+HEADSET = RIG + 'screen = "openxr"\n'
 
 
 def written(folder: Path, text: str) -> str:
@@ -71,6 +73,14 @@ def test_the_example_of_a_desk_shows_every_key_at_its_default_but_for_the_age_li
             r"rts:PORT\?pulse_ms=10 .* got 'rts:/dev/x\?baud=9600'",
         ),
         (RIG + 'triggers = ["parallel:0x378"]\n', "triggers must be simulated, serial:PORT, "),
+        (RIG + 'screen = "vr"\n', r"screen must match \^\(simulated:\)\?openxr\$, got 'vr'"),
+        (RIG + "screen = 1.5\n", "screen: expected a whole number, got 1.5"),
+        (RIG + "screen = true\n", "screen: expected a whole number, got true"),
+        (RIG + "[screen]\n", "screen: expected a whole number, got a table"),
+        (RIG + "screen = -1\n", "screen must be at least 0, got -1"),
+        (HEADSET + "bits = 10\n", "a headset's runtime takes 8 bits of each colour, got bits = 10"),
+        (HEADSET + 'backlight = "simulated"\n', "a headset's backlight is its own, and is not set"),
+        (HEADSET + "[photodiode_patch]\n", "a headset has no corner for a photodiode"),
         ("name = lab", "not valid TOML"),
         ("", "is empty; expected a Rig"),
     ],
@@ -81,6 +91,13 @@ def test_a_bad_rig_is_refused_in_one_line_that_names_file_and_key(tmp_path: Path
         load_rig(path)
     assert str(refused.value).startswith(path)
     assert "\n" not in str(refused.value)
+
+
+def test_a_rig_is_on_a_screen_by_its_number_or_in_a_headset(tmp_path: Path) -> None:
+    rig = load_rig(written(tmp_path, RIG + "screen = 2\n"))[0]
+    assert (rig.screen, rig.in_headset) == (2, False)
+    rig = load_rig(written(tmp_path, HEADSET + 'eye = "right"\n'))[0]
+    assert (rig.screen, rig.in_headset, rig.eye) == ("openxr", True, Eye.RIGHT)
 
 
 def test_a_rig_that_is_not_there_is_refused_with_a_guess() -> None:

@@ -130,7 +130,7 @@ def test_bits_and_screens_that_are_not_there_are_refused(drawn_8: Drawn, drawn_1
 
 OPEN = """
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.rig import open_window
+from evenlight.hardware.rig_windows import open_window
 from evenlight.hardware.rig_files import load_rig
 {before}
 try:

@@ -17,8 +17,8 @@ from evenlight.experiments.sessions import search_stage
 from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import Clip, RampInterval, SearchView
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.rig import open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.rig_windows import open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.scenes.engine.camera import Camera

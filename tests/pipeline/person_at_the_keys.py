@@ -19,7 +19,7 @@ from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.experiments import run_session
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.staging import Staging
-from evenlight.hardware import rig as rig_module
+from evenlight.hardware import rig_windows as rig_module
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 

@@ -20,8 +20,8 @@ from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import Clip
 from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
-from evenlight.hardware.rig import open_held_keys, open_window
 from evenlight.hardware.rig_files import load_rig
+from evenlight.hardware.rig_windows import open_held_keys, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.dithering import dithered_codes, thresholds_of
 from evenlight.stimuli.sequences import open_video

@@ -255,7 +255,7 @@ class FakeKeyboard:
 def test_flips_are_those_of_the_window_at_which_the_corner_changed(tmp_path: Path, monkeypatch) -> None:
     window = FakeWindow()
     monkeypatch.setattr(measured_light, "open_window", lambda rig: window)
-    monkeypatch.setattr(measured_light, "open_keyboard", lambda: FakeKeyboard([]))
+    monkeypatch.setattr(measured_light, "open_keyboard", lambda _: FakeKeyboard([]))
     monkeypatch.setattr(light_results, "_pictures", lambda findings: {})  # they take the time
     out = tmp_path / "light"
     assert run("--instrument", "simulated", *RIG[:2], *RIG[3:], "--out", out) == 0
@@ -276,7 +276,7 @@ def test_flips_are_those_of_the_window_at_which_the_corner_changed(tmp_path: Pat
 def test_escape_ends_it_and_keeps_nothing(tmp_path: Path, monkeypatch) -> None:
     window = FakeWindow()
     monkeypatch.setattr(measured_light, "open_window", lambda rig: window)
-    monkeypatch.setattr(measured_light, "open_keyboard", lambda: FakeKeyboard(["escape"]))
+    monkeypatch.setattr(measured_light, "open_keyboard", lambda _: FakeKeyboard(["escape"]))
     assert run("--instrument", "simulated", *RIG[:2], "--out", tmp_path / "light") == 130
     assert len(window.shown) == 1
     assert window.closed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evenlight.stimuli.scenes.engine import antialiasing
-from evenlight.stimuli.scenes.engine.antialiasing import LIVE, NONE, OFFLINE, Antialiasing
+from evenlight.stimuli.scenes.engine.antialiasing import EYES, LIVE, NONE, OFFLINE, Antialiasing
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
@@ -88,14 +88,14 @@ def test_far_leaves_cover_each_pixel_evenly(context: moderngl.Context) -> None:
     wall = [(-99.0, 20.0, -99.0), (99.0, 20.0, -99.0), (99.0, 20.0, 99.0), (-99.0, 20.0, 99.0)]
     model.quad(wall, Material("leaves", leaves, tile=1.0, cutout=True))
     model.lamp([(x, 21.0, z) for x, _, z in wall], 50.0)
-    for grid in (OFFLINE, Antialiasing(4)):
+    for grid in (OFFLINE, Antialiasing(4), EYES):
         (picture,) = drawn(context, model.build(), [AHEAD], grid)
         assert picture == pytest.approx(25.0, rel=0.2)
         assert picture.mean() == pytest.approx(25.0, rel=0.03)
 
 
 @pytest.mark.parametrize(
-    ("grid", "steps"), [(NONE, 1), (LIVE, 5), (OFFLINE, OFFLINE.along**2 + OFFLINE.aside**2)]
+    ("grid", "steps"), [(NONE, 1), (LIVE, 5), (EYES, 4), (OFFLINE, OFFLINE.along**2 + OFFLINE.aside**2)]
 )
 @pytest.mark.parametrize("upright", [True, False])
 def test_an_edge_covers_its_share_of_a_pixel(

@@ -3,13 +3,14 @@
 A square grid of samples that is turned against the pixels has every sample of a pixel in a row and a column
 of its own, so that upright and level edges, which rooms are full of, are resolved as finely as the number of
 samples, not as its root. Turned such that from a pixel to the next are whole steps of the grid, it lies in
-every pixel alike.
+every pixel alike. For the eyes of a headset, which do not wait, the graphics card takes the samples of each
+pixel itself: it finds out for each what is in front, but the colour of a surface only once.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ MOST_DRAWN = 2**23  # [samples] at a time: bigger pictures are drawn in tiles
 LARGEST_SIDE = 8192  # [samples]
 AVERAGE_FRAGMENT = """
 #version 330
-uniform sampler2D drawn;
+uniform SAMPLER drawn;
 uniform ivec2 origin;  // where the samples of the picture's lower left pixel begin
 const ivec2 PLACES[COUNT] = ivec2[COUNT](OFFSETS);
 out vec4 colour;
@@ -27,8 +28,9 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     ivec2 first = origin + ivec2(ALONG * pixel.x + ASIDE * pixel.y, ALONG * pixel.y - ASIDE * pixel.x);
     vec3 sum = vec3(0.0);
-    for (int k = 0; k < COUNT; k++) sum += texelFetch(drawn, first + PLACES[k], 0).rgb;
-    colour = vec4(sum / float(COUNT), 1.0);
+    for (int k = 0; k < COUNT; k++)
+        for (int s = 0; s < SAMPLES; s++) sum += texelFetch(drawn, first + PLACES[k], s).rgb;
+    colour = vec4(sum / float(COUNT * SAMPLES), 1.0);
 }
 """
 
@@ -40,11 +42,14 @@ class Antialiasing:
     Attributes
     ----------
     along, aside : int
-        Steps of the grid; a pixel has `along`^2 + `aside`^2 samples.
+        Steps of the grid; a pixel has `along`^2 + `aside`^2 places in it.
+    samples : int
+        That the graphics card takes at each of them.
     """
 
     along: int
     aside: int = 0
+    samples: int = 1
 
     def places(self) -> list[tuple[int, int]]:
         """Return where in the grid a pixel has its samples, from its lower left corner.
@@ -77,8 +82,21 @@ class Antialiasing:
             return 0, n, n, spread
         return n * pow(m, -1, count) % count, count, 1, spread
 
+    def possible(self, most: int) -> Antialiasing:
+        """Return the grid with as many samples at a place as a graphics card takes at most.
 
-NONE, LIVE, OFFLINE = Antialiasing(1), Antialiasing(2, 1), Antialiasing(5, 2)
+        >>> EYES.possible(8).samples, EYES.possible(2).samples, LIVE.possible(0) == LIVE
+        (4, 2, True)
+        """
+        return replace(self, samples=max(min(self.samples, most), 1))
+
+
+NONE, LIVE, OFFLINE, EYES = (
+    Antialiasing(1),
+    Antialiasing(2, 1),
+    Antialiasing(5, 2),
+    Antialiasing(1, samples=4),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +132,13 @@ class Tile:
 
 
 def tiles(size: tuple[int, int], grid: Antialiasing) -> list[Tile]:
-    """Return the tiles in which a picture is drawn, all of one size: they may reach beyond it."""
+    """Return the tiles in which a picture is drawn, all of one size: they may reach beyond it.
+
+    There is one where the graphics card takes the samples: such a picture is drawn while someone waits.
+    """
     width, height = size
+    if grid.samples > 1:
+        return [Tile(0, 0, width, height)]
     while True:
         drawn = Tile(0, 0, width, height).drawn_size(grid)
         if drawn[0] * drawn[1] <= MOST_DRAWN and max(drawn) <= LARGEST_SIDE:
@@ -131,6 +154,8 @@ def tiles(size: tuple[int, int], grid: Antialiasing) -> list[Tile]:
 def average_fragment(grid: Antialiasing) -> str:
     """Return the shader for the mean of a pixel's samples."""
     places = grid.places()
+    sampler = "sampler2DMS" if grid.samples > 1 else "sampler2D"
     offsets = ", ".join(f"ivec2({u}, {v})" for u, v in places)
     source = AVERAGE_FRAGMENT.replace("OFFSETS", offsets).replace("COUNT", str(len(places)))
+    source = source.replace("SAMPLES", str(grid.samples)).replace("SAMPLER", sampler)
     return source.replace("ALONG", str(grid.along)).replace("ASIDE", str(grid.aside))

@@ -13,10 +13,12 @@ from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
 
 NEAR, FAR = 0.05, 400.0  # [m] nothing nearer or farther is drawn
+FAR_FOR_EYES = 200.0  # [m] the same, in a headset
 EYE_HEIGHT = 1.65  # [m]
 STEP = 10.0  # [deg] that a press of a key turns the view
 TURNING = 0.25  # [s] that it takes
 HIGHEST = 60.0  # [deg] altitude of a view that is turned, up and down
+Edges = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,14 +92,76 @@ class Camera:
     def matrix(self, size: tuple[int, int]) -> Floats:
         """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
         focal = self.focal_pixels(size[0])
-        view = np.eye(4)
-        view[:3, :3] = self.axes()
-        view[:3, 3] = -self.axes() @ self.position
-        lens = np.zeros((4, 4))
+        lens = _lens(FAR)
         lens[0, 0], lens[1, 1] = 2 * focal / size[0], 2 * focal / size[1]
-        lens[2, 2], lens[2, 3] = (FAR + NEAR) / (FAR - NEAR), -2 * FAR * NEAR / (FAR - NEAR)
-        lens[3, 2] = 1.0
-        return lens @ view
+        return lens @ _from_scene(self.axes(), self.position)
+
+    def tangents(self, size: tuple[int, int]) -> Edges:
+        """Return where the edges of the picture are: left, right, down, up, a unit ahead of the eye.
+
+        >>> Camera((0.0, 0.0, 0.0), 0.0, focal_length=640.0).tangents((1280, 720))
+        (-1.0, 1.0, -0.5625, 0.5625)
+        """
+        focal = self.focal_pixels(size[0])
+        across, up = size[0] / 2 / focal, size[1] / 2 / focal
+        return -across, across, -up, up
+
+
+@dataclass(frozen=True, slots=True)
+class EyeView:
+    """What an eye in a headset sees of a scene: it may be turned in any way, and its axis off the middle.
+
+    Attributes
+    ----------
+    position : (float, float, float)
+        x east, y north, z up [m].
+    right, up, forward : (float, float, float)
+        Unit vectors, at right angles.
+    edges : (float, float, float, float)
+        Left, right, down and up edge of the picture, a unit ahead of the eye; left and down are negative
+        where straight ahead is in the picture.
+    """
+
+    position: Vector
+    right: Vector
+    up: Vector
+    forward: Vector
+    edges: Edges
+
+    def axes(self) -> Floats:
+        """Return the unit vectors to the right, up and forward, as rows."""
+        return np.array([self.right, self.up, self.forward])
+
+    def tangents(self, size: tuple[int, int]) -> Edges:
+        """Return where the edges of the picture are: left, right, down, up, a unit ahead of the eye."""
+        return self.edges
+
+    def matrix(self, size: tuple[int, int]) -> Floats:
+        """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
+        left, right, down, up = self.edges
+        lens = _lens(FAR_FOR_EYES)
+        lens[0, 0], lens[0, 2] = 2 / (right - left), -(right + left) / (right - left)
+        lens[1, 1], lens[1, 2] = 2 / (up - down), -(up + down) / (up - down)
+        return lens @ _from_scene(self.axes(), self.position)
+
+
+View = Camera | EyeView
+
+
+def _lens(far: float) -> Floats:
+    """Return the matrix from an eye's axes to clip space as far as depth goes, from `NEAR` on, (4, 4)."""
+    lens = np.zeros((4, 4))
+    lens[2, 2], lens[2, 3] = (far + NEAR) / (far - NEAR), -2 * far * NEAR / (far - NEAR)
+    lens[3, 2] = 1.0
+    return lens
+
+
+def _from_scene(axes: Floats, position: Vector) -> Floats:
+    """Return the matrix from the scene to an eye's axes, (4, 4)."""
+    view = np.eye(4)
+    view[:3, :3] = axes
+    view[:3, 3] = -axes @ position
+    return view
 
 
 def focal_length_of(display: Display) -> float:

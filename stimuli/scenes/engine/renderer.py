@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.antialiasing import NONE, OFFLINE, Antialiasing, average_fragment, tiles
-from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.camera import View
 from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
 from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
 from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
@@ -59,30 +59,32 @@ class SceneRenderer:
     ----------
     context : moderngl.Context
         Of a window, or `offscreen_context()`.
-    scene : Scene
-        What is drawn.
+    scene : Scene or GraphicsScene
+        What is drawn; a `GraphicsScene` of this context may have several renderers.
     size : (int, int)
         Width and height of the pictures [pixels].
     quality : Quality or None
-        Of its light: how long the first renderer of a scene takes; later ones find it in the cache.
+        Of its light: how long the first renderer of a scene takes; later ones find it in the cache. A
+        `GraphicsScene` has its own.
     antialiasing : Antialiasing
-        Samples of each pixel: `OFFLINE` for pictures that are kept, `LIVE` where a display waits for them.
+        Samples of each pixel: `OFFLINE` for pictures that are kept, `LIVE` where a display waits for them,
+        `EYES` where it does not. A `GraphicsScene` must be for as many samples at a place.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
-        scene: Scene,
+        scene: Scene | GraphicsScene,
         size: tuple[int, int],
         quality: Quality | None = Quality.FINE,
         antialiasing: Antialiasing = OFFLINE,
     ) -> None:
         self._context, self.size = context, size
-        self._graphics = GraphicsScene(context, scene, quality)
-        self._antialiasing, self._tiles = antialiasing, tiles(size, antialiasing)
-        drawn = self._tiles[0].drawn_size(antialiasing)
-        self._samples = context.texture(drawn, 4, dtype="f2")
-        self._drawn = context.framebuffer(self._samples, context.depth_renderbuffer(drawn))
+        antialiasing = antialiasing.possible(context.max_samples)
+        if isinstance(scene, Scene):
+            scene = GraphicsScene(context, scene, quality, antialiasing.samples)
+        self._graphics, self._antialiasing, self._tiles = scene, antialiasing, tiles(size, antialiasing)
+        self._drawn, self._samples = scene.target(self._tiles[0].drawn_size(antialiasing))
         self.texture = context.texture(size, 4, dtype="f2")
         self._averaged = context.framebuffer(self.texture)
         self.codes = context.texture(size, 4, dtype="u2")
@@ -94,7 +96,7 @@ class SceneRenderer:
             graphics.ENCODE_FRAGMENT, light=0, peak=PEAK, knee=KNEE, gamma=ENCODING_GAMMA
         )
 
-    def render(self, camera: Camera) -> None:
+    def render(self, camera: View) -> None:
         """Draw the scene's linear RGB luminance [cd/m^2] into `texture`."""
         with graphics.own(self._context):
             self._graphics.choose(camera, self.size, self._antialiasing)
@@ -147,10 +149,15 @@ class GraphicsScene:
         What.
     quality : Quality or None
         Of its light.
+    samples : int
+        That the graphics card takes at each place where something is drawn.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene, quality: Quality | None) -> None:
-        self._context, self._scene = context, scene
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, quality: Quality | None, samples: int = 1
+    ) -> None:
+        self._context, self._scene, self._samples = context, scene, samples
+        self._targets: dict[tuple[int, int], tuple[moderngl.Framebuffer, moderngl.Texture]] = {}
         charts = charts_of(scene.patches, scene.holed())
         self._faces = faces_of(scene.patches)
         self._blocks = blocks_of(scene, self._faces)
@@ -160,7 +167,8 @@ class GraphicsScene:
         textures = material_textures(scene, SIZE if quality is Quality.FINE else SIZE // 2)
         self._upload(textures, light_picture(scene, charts, textures, quality))
         self._solid = self._surface(graphics.SURFACE_VERTEX, graphics.SURFACE_FRAGMENT)
-        self._holed = self._surface(graphics.SURFACE_VERTEX, graphics.with_holes(graphics.SURFACE_FRAGMENT))
+        holed = graphics.with_holes(graphics.SURFACE_FRAGMENT, samples)
+        self._holed = self._surface(graphics.SURFACE_VERTEX, holed)
         self._sky_program = context.program(
             vertex_shader=graphics.SKY_VERTEX, fragment_shader=graphics.SKY_FRAGMENT
         )
@@ -169,7 +177,16 @@ class GraphicsScene:
         self._hiding = self._depth_only(self._walls)
         self._small: moderngl.Framebuffer | None = None
 
-    def choose(self, camera: Camera, size: tuple[int, int], antialiasing: Antialiasing) -> None:
+    def target(self, size: tuple[int, int]) -> tuple[moderngl.Framebuffer, moderngl.Texture]:
+        """Return where to draw, and the picture in it; all renderers of one size draw into the same."""
+        if size not in self._targets:
+            samples = self._samples if self._samples > 1 else 0
+            picture = self._context.texture(size, 4, samples=samples, dtype="f2")
+            depth = self._context.depth_renderbuffer(size, samples=samples)
+            self._targets[size] = self._context.framebuffer(picture, depth), picture
+        return self._targets[size]
+
+    def choose(self, camera: View, size: tuple[int, int], antialiasing: Antialiasing) -> None:
         """Choose what a camera sees, which is what `draw` draws: the nearest first."""
         set_uniforms(self._holed, numbering=antialiasing.numbering())
         matrix = camera.matrix(size)
@@ -181,7 +198,7 @@ class GraphicsScene:
         )
         self._write(solid, cutout)
 
-    def draw(self, camera: Camera, size: tuple[int, int], placing: Floats) -> None:
+    def draw(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
         """Draw what was chosen: what is solid, then the sky around it, then what has holes.
 
         `placing` is the matrix, (3, 3), from the picture to where it is drawn, both from -1 to 1 each way.
@@ -226,6 +243,7 @@ class GraphicsScene:
         self._small.clear()
         set_uniforms(self._hiding, view=matrix)
         self._hiding.render()
+        # In an eye's picture, where depth ends nearer, surfaces are taken for farther: less of it is hidden.
         depth = np.frombuffer(self._depth.read(), dtype=np.float32)
         chosen = in_view(self._blocks, matrix)
         return not_hidden(self._blocks, chosen, matrix, depth.reshape(height, width))
@@ -242,17 +260,17 @@ class GraphicsScene:
         if self._counts[holed]:
             surface.render(vertices=self._counts[holed], first=self._counts[0] if holed else 0)
 
-    def _draw_sky(self, camera: Camera, size: tuple[int, int], placing: Floats) -> None:
+    def _draw_sky(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
         """Draw the sky wherever nothing is in front of it."""
         right, up, ahead = camera.axes()
-        focal = camera.focal_pixels(size[0])
+        left_edge, right_edge, down_edge, up_edge = camera.tangents(size)
         set_uniforms(
             self._sky_whole,
             placing=placing,
             brightest=BRIGHTEST,
-            right=right * (size[0] / 2 / focal),
-            up=up * (size[1] / 2 / focal),
-            ahead=ahead,
+            right=right * ((right_edge - left_edge) / 2),
+            up=up * ((up_edge - down_edge) / 2),
+            ahead=ahead + right * ((right_edge + left_edge) / 2) + up * ((up_edge + down_edge) / 2),
         )
         self._sky.use(0)
         self._sky_whole.render(vertices=3)

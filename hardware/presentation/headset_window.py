@@ -1,0 +1,242 @@
+"""A window in a headset: what is drawn for both eyes, with the times at which the runtime shows it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from evenlight.data_schema.recordings.rig import Eye, Rig
+from evenlight.hardware.presentation.headset_link import (
+    HeadsetFacts,
+    HeadsetFrame,
+    HeadsetLink,
+    Mirror,
+    Pose,
+    centre_pixels_per_degree,
+)
+from evenlight.hardware.protocols import ContextDevice, KeyPress
+from evenlight.hardware.simulated.clocks import RefreshClock
+
+if TYPE_CHECKING:
+    import moderngl
+    import numpy as np
+    from numpy.typing import NDArray
+
+PANEL_SIZE = (1280, 960)  # [pixels] of pages, which stand before the head
+BITS = 8
+KEPT = 1 << 17  # frames that are noted until they are asked for: 20 minutes at 100 Hz
+
+
+@dataclass(frozen=True, slots=True)
+class ShownFrame:
+    """A frame that was handed to the runtime."""
+
+    display_time: float  # when it appears, as the runtime predicts, on the link's clock [s]
+    period: float  # how long a frame lasts [s]
+    late: int  # refreshes that passed without a new frame before it
+    head: Pose  # predicted for that time
+    visible: bool  # whether the runtime showed it
+    focused: bool  # whether the headset was worn, and nothing of the system in front
+    tracked: bool  # whether the head's orientation was known
+
+
+class HeadsetWindow(ContextDevice):
+    """A window whose back buffer holds the pictures of both eyes, side by side.
+
+    Parameters
+    ----------
+    rig : Rig
+        Which eye counts.
+    link : HeadsetLink
+        The headset, open; closed with the window.
+    refresh_clock : RefreshClock, optional
+        A clock that goes with the flips, for a rehearsal; else time is the runtime's.
+
+    Raises
+    ------
+    InstrumentError
+        If the runtime goes away: here, and in `flip`.
+    """
+
+    def __init__(self, rig: Rig, link: HeadsetLink, refresh_clock: RefreshClock | None = None) -> None:
+        self._name = "headset"
+        self._rig, self._link, self._refresh_clock = rig, link, refresh_clock
+        self._shown: deque[ShownFrame] = deque(maxlen=KEPT)
+        self._last: float | None = None  # when the last frame appeared, on the link's clock [s]
+        self._drawn = False  # whether the frame's image was asked for
+        self._frame = link.begin_frame()
+
+    def size(self) -> tuple[int, int]:
+        """Return width and height of the panel of pages [pixels]; not those of an eye's picture."""
+        return PANEL_SIZE
+
+    def eye_size(self) -> tuple[int, int]:
+        """Return width and height of one eye's picture [pixels]."""
+        return self._link.eye_size()
+
+    def bits(self) -> int:
+        """Return the bits of each colour channel of what is shown."""
+        return BITS
+
+    def now(self) -> float:
+        """Return the time on the window's clock [s]."""
+        return self._refresh_clock.now() if self._refresh_clock else self._link.now()
+
+    def due(self, period: float) -> float:
+        """Return when what is drawn now will appear, as the runtime predicts; in a rehearsal, counted [s]."""
+        return self._refresh_clock.now() + period if self._refresh_clock else self._appears()
+
+    def eyes(self) -> HeadsetFrame:
+        """Return the views of the frame that is being drawn."""
+        return self._frame
+
+    def context(self) -> moderngl.Context:
+        """Return the graphics context."""
+        return self._link.context()
+
+    def framebuffer(self) -> moderngl.Framebuffer:
+        """Return what the frame is drawn to, ready for it: the left eye in the left half."""
+        framebuffer = self._link.framebuffer()
+        self._drawn = True
+        width, height = self.eye_size()
+        framebuffer.viewport = (0, 0, 2 * width, height)
+        framebuffer.use()
+        return framebuffer
+
+    def flip(self) -> float:
+        """Hand the frame to the runtime, wait for the next, and return when the one handed over appears [s].
+
+        With a clock of refreshes that is the time counted.
+        """
+        if self._drawn and self.mirror is not None:
+            self.mirror.show(self._link.framebuffer(), self._rig.eye)
+        shown = self._appears()
+        self._link.end_frame()
+        self._note(shown)
+        self._drawn = False
+        self._frame = self._link.begin_frame()
+        return self._refresh_clock.advance() if self._refresh_clock else shown
+
+    def shown_frames(self) -> list[ShownFrame]:
+        """Return the frames that were handed over since the last call, at most the last `KEPT`."""
+        shown = list(self._shown)
+        self._shown.clear()
+        return shown
+
+    def read_codes(self, size: tuple[int, int] | None = None) -> NDArray[np.int64]:
+        """Return the codes drawn before the next flip, both eyes: (height, 2 widths, 3), row 0 on top.
+
+        It waits for the drawing: for tests, screenshots and rehearsals. `size` takes a centred part of that
+        width and height of the picture of the eye that counts.
+        """
+        import numpy as np
+
+        width, height = self.eye_size()
+        framebuffer = self._link.framebuffer()
+        codes = np.frombuffer(framebuffer.read(components=3, alignment=1), dtype=np.uint8)
+        both = codes.reshape(height, 2 * width, 3)[::-1].astype(np.int64)
+        if size is None:
+            return both
+        across, down = min(size[0], width), min(size[1], height)
+        left = (self._rig.eye is Eye.RIGHT) * width + (width - across) // 2
+        top = (height - down) // 2
+        return both[top : top + down, left : left + across]
+
+    def facts(self) -> HeadsetFacts:
+        """Return what the runtime says of the headset."""
+        return self._link.facts()
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """The operator's window, if there is one."""
+        return self._link.mirror
+
+    def focused(self) -> bool:
+        """Return whether the headset is worn, and nothing of the system in front."""
+        return self._link.focused()
+
+    def presses(self) -> list[KeyPress]:
+        """Return what was pressed on controllers since the last call, on the window's clock, in order."""
+        pressed = self._link.presses()
+        return [KeyPress(press.name, self.now()) for press in pressed] if self._refresh_clock else pressed
+
+    def stick(self) -> tuple[float, float]:
+        """Return how far the stick of a controller is pushed now: right and up, each from -1 to 1."""
+        return self._link.stick()
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the runtime says of itself, and how large the pictures are."""
+        facts, (width, height) = self.facts(), self.eye_size()
+        said = {
+            "runtime": facts.runtime,
+            "system": facts.system,
+            "eye_size": f"{width} x {height} pixels",
+            "eye_that_counts": self._rig.eye.value,
+            "eye_distance_mm": f"{1e3 * facts.eye_distance:.1f}",
+            "refresh_rate_hz": f"{facts.refresh_rate:.3f}",
+            "bits": str(BITS),
+            "clock": "refreshes drawn" if self._refresh_clock else "runtime",
+        }
+        for eye, fov in zip(Eye, facts.fovs, strict=True):
+            edges = (math.degrees(edge) for edge in (fov.left, fov.right, fov.down, fov.up))
+            said[f"field_of_view_{eye.value}_deg"] = "{:.2f} to {:.2f}, {:.2f} to {:.2f} upwards".format(
+                *edges
+            )
+            said[f"pixels_per_degree_{eye.value}"] = (
+                f"{centre_pixels_per_degree(fov, width):.3f} at the centre"
+            )
+        return {**said, **self._link.apparatus()}
+
+    def close(self) -> None:
+        """Close the headset."""
+        super().close()
+        self._link.close()
+
+    def _appears(self) -> float:
+        """Return when the frame being drawn will appear: as predicted, or, if that passed, periods later."""
+        predicted, period = self._frame.display_time, self._frame.period
+        missed = math.ceil((self._link.now() - predicted) / period)
+        return predicted + max(missed, 0) * period
+
+    def _note(self, shown: float) -> None:
+        """Note the frame that was handed over; a runtime may state longer periods while drawing is slow."""
+        frame = self._frame
+        refresh = min(frame.period, 1 / self.facts().refresh_rate)
+        missed = 0 if self._last is None else round((shown - self._last) / refresh) - 1
+        self._last = shown
+        self._shown.append(
+            ShownFrame(
+                shown, frame.period, max(missed, 0), frame.head, frame.visible, self.focused(), frame.tracked
+            )
+        )
+
+
+class OperatorKeys(ContextDevice):
+    """The keyboard over a headset's mirror window, as a device that answers; without a mirror, no keys.
+
+    Parameters
+    ----------
+    window : HeadsetWindow
+        The window, open.
+    """
+
+    def __init__(self, window: HeadsetWindow) -> None:
+        self._window = window
+
+    def pressed(self) -> list[KeyPress]:
+        """Return the keys pressed since the last call, in order; return at once."""
+        return self._window.mirror.pressed() if self._window.mirror is not None else []
+
+    def held(self) -> frozenset[str]:
+        """Return the names of the keys that are down now."""
+        return self._window.mirror.held() if self._window.mirror is not None else frozenset()
+
+    def clear(self) -> None:
+        """Forget what was pressed until now."""
+        self.pressed()
+
+    def apparatus(self) -> dict[str, str]:
+        """Return what the device says of itself."""
+        return {"keyboard": "of the mirror window" if self._window.mirror is not None else "none"}

@@ -1,0 +1,285 @@
+"""The operator's window: one eye's picture, a strip of text under it, and the keyboard.
+
+It owns the OpenGL context that a headset is drawn with.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Eye
+from evenlight.hardware.presentation.headset_link import FRAMEBUFFER_SRGB
+from evenlight.hardware.presentation.key_names import printed_name
+from evenlight.hardware.presentation.openxr_runtime import INSTALL, one_line
+from evenlight.hardware.protocols import ContextDevice, KeyPress
+
+if TYPE_CHECKING:
+    import moderngl
+    import numpy as np
+    from numpy.typing import NDArray
+
+WIDTH = 960  # of the window [pixels]
+STRIP_SIZE = (WIDTH, 96)  # width and height of the text under the picture [pixels]
+LONGEST_INTERVAL = 1 / 30  # between two pictures: the operator needs no more of them [s]
+VERSIONS = (
+    (4, 5),
+    (3, 3),
+)  # of OpenGL, the first that there is; loss is counted on the graphics card from 4.3
+READ, DRAW, COLOUR, LINEAR = 0x8CA8, 0x8CA9, 0x4000, 0x2601  # of OpenGL
+# Keys that print nothing, by their names in glfw and in rigs.
+PLACES = {
+    "SPACE": "space", "ESCAPE": "escape", "ENTER": "return", "TAB": "tab", "BACKSPACE": "backspace",
+    "DELETE": "delete", "INSERT": "insert", "HOME": "home", "END": "end", "PAGE_UP": "pageup",
+    "PAGE_DOWN": "pagedown", "LEFT": "left", "RIGHT": "right", "UP": "up", "DOWN": "down",
+    "LEFT_SHIFT": "lshift", "RIGHT_SHIFT": "rshift", "LEFT_CONTROL": "lctrl", "RIGHT_CONTROL": "rctrl",
+    "LEFT_ALT": "lalt", "RIGHT_ALT": "ralt", "KP_ENTER": "num_enter", "KP_ADD": "num_add",
+    "KP_SUBTRACT": "num_subtract",
+    **{f"F{number}": f"f{number}" for number in range(1, 13)},
+    **{f"KP_{digit}": f"num_{digit}" for digit in range(10)},
+}  # fmt: skip
+STRIP_VERTEX = """#version 330
+uniform vec4 place;  // left, bottom, width, height, in the window's coordinates from -1 to 1
+out vec2 at;
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    at = vec2(corner.x, 1.0 - corner.y);
+    gl_Position = vec4(place.xy + corner * place.zw, 0.0, 1.0);
+}
+"""
+STRIP_FRAGMENT = """#version 330
+uniform sampler2D coverage;
+in vec2 at;
+out vec4 colour;
+void main() { colour = vec4(vec3(mix(0.1, 0.9, texture(coverage, at).r)), 1.0); }
+"""
+
+
+def glfw_library(*, egl: bool) -> Any:
+    """Return glfw, ready to open windows; without EGL, on Linux, by X, whose contexts runtimes take.
+
+    Raises
+    ------
+    InputError
+        If it is not installed, or there is no display.
+    """
+    try:
+        import glfw
+    except ImportError as error:
+        raise InputError(f"the mirror window needs the package glfw ({one_line(error)}): {INSTALL}") from None
+    glfw.ERROR_REPORTING = "ignore"
+    if not egl and sys.platform == "linux":
+        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
+    if not glfw.init():
+        raise InputError(
+            "there is no display for the operator's mirror window: start it in a graphical session, or set "
+            "DISPLAY"
+        )
+    return glfw
+
+
+class MirrorWindow(ContextDevice):
+    """A window of a fixed size, open.
+
+    Parameters
+    ----------
+    eye_size : (int, int)
+        Width and height of an eye's picture, which say how high the window is [pixels].
+    clock : callable
+        Of the presses' times [s].
+    egl : bool, optional
+        Whether its context is made by EGL, on Linux; else the system's own way.
+
+    Raises
+    ------
+    InputError
+        If there is no glfw, no display or no OpenGL 3.3.
+    """
+
+    def __init__(self, eye_size: tuple[int, int], clock: Callable[[], float], *, egl: bool = False) -> None:
+        self._name, self._clock = "mirror window", clock
+        self._glfw = glfw_library(egl=egl)
+        height = round(WIDTH * eye_size[1] / eye_size[0])
+        self._window = self._opened((WIDTH, min(height, WIDTH) + STRIP_SIZE[1]), egl)
+        self._context = self._created()
+        self._shown = -LONGEST_INTERVAL  # when the last picture was shown [s]
+        self._pressed: list[KeyPress] = []
+        self._held: dict[int, str] = {}  # names of keys that are down, by their place
+        self._strip: moderngl.Texture | None = None
+        self._program = self._context.program(vertex_shader=STRIP_VERTEX, fragment_shader=STRIP_FRAGMENT)
+        self._corners = self._context.vertex_array(self._program, [])
+        self._places = {getattr(self._glfw, f"KEY_{key}"): place for key, place in PLACES.items()}
+        self._glfw.set_key_callback(self._window, self._take)  # glfw's module keeps hold of it
+
+    def context(self) -> moderngl.Context:
+        """Return the graphics context."""
+        return self._context
+
+    def show(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
+        """Show one eye's half of what was drawn; at most 30 times a second, and without waiting.
+
+        Parameters
+        ----------
+        framebuffer : moderngl.Framebuffer
+            Both eyes side by side, before it is handed to the runtime; bound again afterwards.
+        eye : Eye
+            Whose half.
+        """
+        self._glfw.poll_events()
+        now = time.perf_counter()
+        if now - self._shown < LONGEST_INTERVAL:
+            return
+        self._shown = now
+        width, height = self._glfw.get_framebuffer_size(self._window)
+        strip = height * STRIP_SIZE[1] // self._glfw.get_window_size(self._window)[1]
+        half = framebuffer.width // 2
+        left = half if eye is Eye.RIGHT else 0
+        screen = self._context.detect_framebuffer(0)
+        screen.viewport = (0, 0, width, height)
+        screen.use()
+        self._context.disable_direct(FRAMEBUFFER_SRGB)  # the codes are shown as they are
+        screen.clear(0.1, 0.1, 0.1, 1.0)
+        self._draw_strip(height, strip)
+        self._bind(READ, framebuffer.glo)
+        self._bind(DRAW, screen.glo)
+        source = (left, 0, left + half, framebuffer.height)
+        self._blit(*source, *_fitted(source, (width, height), strip), COLOUR, LINEAR)
+        self._glfw.swap_buffers(self._window)
+        framebuffer.use()
+
+    def say(self, coverage: NDArray[np.uint8] | None) -> None:
+        """Show a text in the strip under the picture.
+
+        Parameters
+        ----------
+        coverage : array of uint8, (height, width), optional
+            How much of each pixel the text covers, row 0 on top, at most as large as `STRIP_SIZE`; none for
+            no text.
+        """
+        if self._strip is not None:
+            self._strip.release()
+        self._strip = None
+        if coverage is not None:
+            height, width = coverage.shape
+            self._strip = self._context.texture((width, height), 1, coverage.tobytes(), alignment=1)
+
+    def pressed(self) -> list[KeyPress]:
+        """Return the keys pressed since the last call, in order; return at once."""
+        self._glfw.poll_events()
+        self._glfw.set_window_should_close(self._window, False)  # sessions end by a key, with their data kept
+        pressed, self._pressed = self._pressed, []
+        return pressed
+
+    def held(self) -> frozenset[str]:
+        """Return the names of the keys that are down now."""
+        self._glfw.poll_events()
+        return frozenset(self._held.values())
+
+    def close(self) -> None:
+        """Close the window; more than once does nothing."""
+        if not self._closed:
+            super().close()
+            self._context.release()
+            self._glfw.destroy_window(self._window)
+
+    def _opened(self, size: tuple[int, int], egl: bool) -> Any:
+        """Return a window whose context is current."""
+        glfw = self._glfw
+        for version in VERSIONS:
+            glfw.default_window_hints()
+            if egl:
+                glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
+            glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, version[0])
+            glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, version[1])
+            glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+            glfw.window_hint(glfw.RESIZABLE, False)
+            window = glfw.create_window(*size, "Evenlight", None, None)
+            if window:
+                glfw.make_context_current(window)
+                glfw.swap_interval(0)  # frames wait for the headset, never for the operator's screen
+                return window
+        raise InputError("the mirror window needs OpenGL 3.3: install the graphics card's driver")
+
+    def _created(self) -> moderngl.Context:
+        """Return moderngl's view of the current context."""
+        import moderngl
+
+        kind: Any = getattr(ctypes, "WINFUNCTYPE" if sys.platform == "win32" else "CFUNCTYPE")
+        self._bind = kind(None, ctypes.c_uint, ctypes.c_uint)(_address(self._glfw, "glBindFramebuffer"))
+        blit = kind(None, *[ctypes.c_int] * 8, ctypes.c_uint, ctypes.c_uint)
+        self._blit = blit(_address(self._glfw, "glBlitFramebuffer"))
+        loader: Any = _Loader(self._glfw)  # moderngl's own types know its loaders only
+        return moderngl.create_context(context=loader, require=330)
+
+    def _draw_strip(self, height: int, strip: int) -> None:
+        """Draw the text at the bottom of the window."""
+        if self._strip is None:
+            return
+        scale = 2 * strip / STRIP_SIZE[1] / height, 2 / STRIP_SIZE[0]
+        tall, wide = self._strip.height * scale[0], self._strip.width * scale[1]
+        self._program["place"] = (-1.0, 2 * strip / height - 1 - tall, wide, tall)
+        self._strip.use(0)
+        self._corners.render(self._context.TRIANGLE_STRIP, vertices=4)
+
+    def _take(self, _: Any, key: int, code: int, action: int, __: int) -> None:
+        """Note a key that went down or up; those that stay down repeat, which is no press."""
+        if action == self._glfw.RELEASE:
+            self._held.pop(code, None)
+        elif action == self._glfw.PRESS:
+            name = self._named(key, code)
+            self._held[code] = name
+            self._pressed.append(KeyPress(name, self._clock()))
+
+    def _named(self, key: int, code: int) -> str:
+        """Return the name of a key: its place, or what is printed on it."""
+        if key in self._places:
+            return self._places[key]
+        glfw = self._glfw
+        digit = chr(key) if glfw.KEY_0 <= key <= glfw.KEY_9 else ""  # glfw's codes of keys are ASCII
+        return printed_name("unknown", (glfw.get_key_name(key, code) or "", digit))
+
+
+def _fitted(
+    source: tuple[int, int, int, int], size: tuple[int, int], strip: int
+) -> tuple[int, int, int, int]:
+    """Return where a picture goes in a window: over the strip, as large as it fits, in its own shape.
+
+    >>> _fitted((640, 0, 1280, 480), (960, 816), 96), _fitted((0, 0, 100, 200), (960, 1056), 96)
+    ((0, 96, 960, 816), (240, 96, 720, 1056))
+    """
+    wide, tall = source[2] - source[0], source[3] - source[1]
+    scale = min(size[0] / wide, (size[1] - strip) / tall)
+    width, height = round(wide * scale), round(tall * scale)
+    left = (size[0] - width) // 2
+    return left, strip, left + width, strip + height
+
+
+def _address(glfw: Any, name: str) -> int:
+    """Return where a function of OpenGL is; 0 if it is not there."""
+    return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+
+
+class _Loader:
+    """The current context, as moderngl takes it."""
+
+    def __init__(self, glfw: Any) -> None:
+        self._glfw = glfw
+
+    def load_opengl_function(self, name: str) -> int:
+        """Return where a function of OpenGL is."""
+        return _address(self._glfw, name)
+
+    load = load_opengl_function
+
+    def __enter__(self) -> _Loader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the context current: nothing else is drawn."""
+
+    def release(self) -> None:
+        """Leave the context to its window."""

@@ -1,0 +1,155 @@
+"""What is pressed on controllers, by OpenXR's actions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from evenlight.hardware.presentation.openxr_runtime import NANOSECOND, VARJO_CONTROLLER
+from evenlight.hardware.protocols import KeyPress
+
+if TYPE_CHECKING:
+    from evenlight.hardware.presentation.openxr_runtime import OpenXRRuntime
+
+PRESSED, RELEASED = 0.6, 0.4  # of a trigger's or a stick's way: apart, so that a tremor is one press
+HANDS = ("left", "right")
+VARJO = "varjo/xr-4_controller"
+# Trigger, menu (of the left and of the right hand) and stick of each kind of controller, after the registry's
+# interaction profiles; a hand whose menu button is the system's takes another.
+PROFILES: dict[str, tuple[str, tuple[str, str], str]] = {
+    "khr/simple_controller": ("select/click", ("menu/click", "menu/click"), ""),
+    "oculus/touch_controller": ("trigger/value", ("menu/click", "b/click"), "thumbstick"),
+    "valve/index_controller": ("trigger/value", ("b/click", "b/click"), "thumbstick"),
+    "microsoft/motion_controller": ("trigger/value", ("menu/click", "menu/click"), "thumbstick"),
+    "htc/vive_controller": ("trigger/value", ("menu/click", "menu/click"), "trackpad"),
+    VARJO: ("trigger/value", ("menu/click", ""), "thumbstick"),
+}
+
+
+def direction(stick: tuple[float, float]) -> str:
+    """Return where a stick is pushed that left the middle: along the larger of right and up.
+
+    >>> direction((-0.7, 0.3)), direction((0.2, 0.9)), direction((0.0, -0.6))
+    ('stick_left', 'stick_up', 'stick_down')
+    """
+    right, up = stick
+    if abs(right) >= abs(up):
+        return "stick_right" if right > 0 else "stick_left"
+    return "stick_up" if up > 0 else "stick_down"
+
+
+class Edges:
+    """Presses, told from how far a button or a stick is pushed.
+
+    >>> edges = Edges()
+    >>> [edges.pressed(far) for far in (0.5, 0.7, 0.5, 0.7, 0.3, 0.7)]  # back to 0.5 is no release
+    [False, True, False, False, False, True]
+    """
+
+    def __init__(self) -> None:
+        self._down = False
+
+    def pressed(self, far: float) -> bool:
+        """Take how far it is pushed now, from 0 to 1, and return whether that began a press."""
+        before, self._down = self._down, far > (RELEASED if self._down else PRESSED)
+        return self._down and not before
+
+
+class Controllers:
+    """The controllers of a session.
+
+    Parameters
+    ----------
+    runtime : OpenXRRuntime
+        The runtime.
+    session : xr.Session
+        Its session.
+    """
+
+    def __init__(self, runtime: OpenXRRuntime, session: Any) -> None:
+        xr, instance = runtime.xr, runtime.instance
+        self._xr, self._instance, self._session = xr, instance, session
+        self._set = xr.create_action_set(
+            instance, xr.ActionSetCreateInfo("evenlight", localized_action_set_name="Evenlight")
+        )
+        kinds = xr.ActionType
+        self._buttons = {
+            "trigger": self._action("trigger", "Answer", kinds.FLOAT_INPUT),
+            "menu": self._action("menu", "Pause", kinds.FLOAT_INPUT),
+        }
+        self._stick = self._action("stick", "Choose and move", kinds.VECTOR2F_INPUT)
+        self._edges = {name: Edges() for name in (*self._buttons, "stick")}
+        self._pressed: list[KeyPress] = []
+        self._pushed = (0.0, 0.0)
+        for profile in PROFILES:
+            if profile != VARJO or runtime.offers(VARJO_CONTROLLER):
+                self._suggest(profile)
+        xr.attach_session_action_sets(session, xr.SessionActionSetsAttachInfo(action_sets=[self._set]))
+
+    def sync(self) -> None:
+        """Ask what is pressed now; without focus nothing is."""
+        xr = self._xr
+        try:
+            xr.sync_actions(
+                self._session, xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])
+            )
+        except xr.exception.SessionNotFocused:
+            self._pushed = (0.0, 0.0)
+            return
+        for name, action in self._buttons.items():
+            state = xr.get_action_state_float(self._session, xr.ActionStateGetInfo(action))
+            self._note(name, name, state.current_state if state.is_active else 0.0, state.last_change_time)
+        state = xr.get_action_state_vector2f(self._session, xr.ActionStateGetInfo(self._stick))
+        at = state.current_state
+        self._pushed = (at.x, at.y) if state.is_active else (0.0, 0.0)
+        self._note("stick", direction(self._pushed), max(map(abs, self._pushed)), state.last_change_time)
+
+    def presses(self) -> list[KeyPress]:
+        """Return what was pressed since the last call, in order."""
+        pressed, self._pressed = self._pressed, []
+        return sorted(pressed, key=lambda press: press.time)
+
+    def stick(self) -> tuple[float, float]:
+        """Return how far a stick is pushed: right and up, each from -1 to 1."""
+        return self._pushed
+
+    def names(self) -> Sequence[str]:
+        """Return what the runtime calls the controllers of both hands; "none" where there is none."""
+        return [self._profile(hand).rpartition("interaction_profiles/")[2] or "none" for hand in HANDS]
+
+    def _action(self, name: str, words: str, kind: Any) -> Any:
+        """Return an action of either hand."""
+        return self._xr.create_action(
+            self._set,
+            self._xr.ActionCreateInfo(action_name=name, action_type=kind, localized_action_name=words),
+        )
+
+    def _suggest(self, profile: str) -> None:
+        """Say which parts of a kind of controller act; runtimes that do not know it skip it."""
+        xr, (trigger, menus, stick) = self._xr, PROFILES[profile]
+        bindings = []
+        for hand, menu in zip(HANDS, menus, strict=True):
+            parts = ((self._buttons["trigger"], trigger), (self._buttons["menu"], menu), (self._stick, stick))
+            for action, part in parts:
+                if part:
+                    path = xr.string_to_path(self._instance, f"/user/hand/{hand}/input/{part}")
+                    bindings.append(xr.ActionSuggestedBinding(action, path))
+        suggested = xr.InteractionProfileSuggestedBinding(
+            interaction_profile=xr.string_to_path(self._instance, f"/interaction_profiles/{profile}"),
+            suggested_bindings=bindings,
+        )
+        with suppress(xr.exception.PathUnsupportedError):
+            xr.suggest_interaction_profile_bindings(self._instance, suggested)
+
+    def _note(self, edge: str, name: str, far: float, changed: int) -> None:
+        """Note a press, if that is one."""
+        if self._edges[edge].pressed(far):
+            self._pressed.append(KeyPress(name, changed * NANOSECOND))
+
+    def _profile(self, hand: str) -> str:
+        """Return the path of the kind of controller in a hand; empty for none."""
+        xr = self._xr
+        path = xr.string_to_path(self._instance, f"/user/hand/{hand}")
+        found = xr.get_current_interaction_profile(self._session, path).interaction_profile
+        return xr.path_to_string(self._instance, found) if found else ""

@@ -1,0 +1,224 @@
+"""The OpenXR runtime of this computer and its headset: found, or one line that says what is missing.
+
+Everything of pyopenxr is imported here, where a headset is asked for.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.protocols import Fault, InstrumentError
+
+INSTALL = 'install it with `pip install "evenlight[xr]"`, in a checkout with `pip install ".[xr]"`'
+NANOSECOND = 1e-9  # OpenXR's times are whole nanoseconds [s]
+CLOCKS = {"win32": "XR_KHR_win32_convert_performance_counter_time"}
+TIMESPEC = "XR_KHR_convert_timespec_time"  # the clock of other systems
+REFRESH_RATES = "XR_FB_display_refresh_rate"
+PRESENCE = "XR_EXT_user_presence"
+OPENGL, EGL = "XR_KHR_opengl_enable", "XR_MNDX_egl_enable"
+VARJO_CONTROLLER = "XR_VARJO_xr4_controller_interaction"
+OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER)
+
+
+def openxr_library() -> Any:
+    """Return pyopenxr.
+
+    Raises
+    ------
+    InputError
+        If it is not installed, or cannot be loaded.
+    """
+    os.environ.setdefault("XR_LOADER_DEBUG", "none")  # else its loader writes to the terminal besides
+    try:
+        import xr
+    except ModuleNotFoundError as error:
+        raise InputError(f"a headset needs the package pyopenxr (no {error.name}): {INSTALL}") from None
+    except (ImportError, OSError, AttributeError) as error:
+        raise InputError(f"pyopenxr cannot be loaded on this computer: {error}") from None
+    return xr
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says, as the end of a sentence.
+
+    >>> one_line(ValueError("No such runtime.  Sorry."))
+    'No such runtime. Sorry'
+    """
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
+
+
+def result_of(error: Any) -> str:
+    """Return what a function of OpenXR returned, by its name in the specification."""
+    result = error.get_result_enum() if hasattr(error, "get_result_enum") else None
+    return f"XR_{result.name}" if result is not None else one_line(error)
+
+
+@contextmanager
+def quiet_terminal() -> Iterator[None]:
+    """Keep what a runtime writes to the terminal from it, unless XR_LOADER_DEBUG asks for more."""
+    if os.environ.get("XR_LOADER_DEBUG", "none") != "none":
+        yield
+        return
+    sys.stderr.flush()
+    kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+
+
+class OpenXRRuntime:
+    """A runtime that answers, with a headset.
+
+    Parameters
+    ----------
+    xr : module
+        pyopenxr, of `openxr_library`.
+
+    Raises
+    ------
+    InputError
+        If there is no runtime, or it cannot do what is needed.
+    InstrumentError
+        If it has no headset.
+    """
+
+    def __init__(self, xr: Any) -> None:
+        self.xr = xr
+        self._offered = self._extensions()
+        clock = CLOCKS.get(sys.platform, TIMESPEC)
+        for needed in (OPENGL, clock):
+            if needed not in self._offered:
+                raise InputError(f"the OpenXR runtime does not offer {needed}: choose another runtime")
+        enabled = [OPENGL, clock, *(name for name in OPTIONAL if name in self._offered)]
+        application = xr.ApplicationInfo(application_name="Evenlight", engine_name="Evenlight")
+        info = xr.InstanceCreateInfo(application_info=application, enabled_extension_names=enabled)
+        with self._none_there(), quiet_terminal():
+            self.instance = xr.create_instance(info)
+        try:
+            with self._none_there():
+                properties = xr.get_instance_properties(self.instance)
+            self.name = f"{properties.runtime_name.decode()} ({properties.runtime_version})"
+            with self.talking(), quiet_terminal():
+                self._ticks = _Ticks(xr, self.instance)
+                self.system_id = self._headset()
+                self.system = xr.get_system_properties(self.instance, self.system_id)
+        except BaseException:
+            self.close()
+            raise
+
+    def offers(self, extension: str) -> bool:
+        """Return whether the runtime has an extension."""
+        return extension in self._offered
+
+    def now(self) -> float:
+        """Return the time on the runtime's clock [s]."""
+        return self._ticks.now() * NANOSECOND
+
+    @contextmanager
+    def talking(self) -> Iterator[None]:
+        """Say in one line what the runtime could not do.
+
+        Raises
+        ------
+        InstrumentError
+            If it does not do what is asked, or went away.
+        """
+        try:
+            yield
+        except self.xr.exception.XrException as error:
+            raise InstrumentError(
+                f"the OpenXR runtime {self.name} went away or failed ({result_of(error)}): start it again",
+                Fault.DISCONNECTED,
+            ) from None
+
+    def close(self) -> None:
+        """Let go of the runtime; more than once does nothing."""
+        instance, self.instance = self.instance, None
+        if instance is not None:
+            # suppressed: it went away before
+            with quiet_terminal(), suppress(self.xr.exception.XrException):
+                self.xr.destroy_instance(instance)
+
+    def _extensions(self) -> set[str]:
+        """Return the names of what the runtime offers."""
+        with self._none_there():
+            found = self.xr.enumerate_instance_extension_properties()
+        return {one.extension_name.decode() for one in found}
+
+    @contextmanager
+    def _none_there(self) -> Iterator[None]:
+        """Say that no runtime answers."""
+        try:
+            yield
+        except self.xr.exception.XrException as error:
+            raise InputError(
+                f"no OpenXR runtime answers ({result_of(error)}): install and start the headset's own "
+                "program (SteamVR, Varjo Base) or Monado (on Debian 13 the package monado-service), make it "
+                "the active runtime or name its file in XR_RUNTIME_JSON; the rig simulated-headset needs none"
+            ) from None
+
+    def _headset(self) -> Any:
+        """Return the runtime's number for its headset."""
+        form = self.xr.SystemGetInfo(form_factor=self.xr.FormFactor.HEAD_MOUNTED_DISPLAY)
+        try:
+            return self.xr.get_system(self.instance, form)
+        except self.xr.exception.XrException as error:
+            raise InstrumentError(
+                f"the OpenXR runtime {self.name} has no headset ({result_of(error)}): plug it in and "
+                "switch it on",
+                Fault.NOT_FOUND,
+            ) from None
+
+
+class _Timespec(ctypes.Structure):
+    """A time of the system's clock."""
+
+    _fields_ = (("seconds", ctypes.c_int64), ("nanoseconds", ctypes.c_long))
+
+
+class _Ticks:
+    """The runtime's clock: the system's, as the runtime converts it."""
+
+    def __init__(self, xr: Any, instance: Any) -> None:
+        on_windows = sys.platform == "win32"
+        name = "xrConvertWin32PerformanceCounterToTimeKHR" if on_windows else "xrConvertTimespecTimeToTimeKHR"
+        address = ctypes.cast(xr.get_instance_proc_addr(instance, name), ctypes.c_void_p).value or 0
+        kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+        self._convert, self._read = kind(address), _performance_counter if on_windows else _monotonic
+        self._instance = ctypes.cast(instance, ctypes.c_void_p)
+
+    def now(self) -> int:
+        """Return the time [ns]."""
+        result = ctypes.c_int64()
+        code = self._convert(
+            self._instance, ctypes.addressof(system := self._read()), ctypes.addressof(result)
+        )
+        del system
+        if code < 0:
+            raise InstrumentError(
+                f"the OpenXR runtime went away (its clock gives error {code})", Fault.DISCONNECTED
+            )
+        return result.value
+
+
+def _monotonic() -> _Timespec:
+    """Return the time of the monotonic clock."""
+    return _Timespec(*divmod(time.clock_gettime_ns(time.CLOCK_MONOTONIC), 1_000_000_000))
+
+
+def _performance_counter() -> ctypes.c_int64:
+    """Return the performance counter of Windows."""
+    counter = ctypes.c_int64()
+    ctypes.windll.kernel32.QueryPerformanceCounter(ctypes.byref(counter))  # type: ignore[attr-defined,unused-ignore] # not on other systems
+    return counter

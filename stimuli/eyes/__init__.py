@@ -1,0 +1,1 @@
+"""What the two eyes of a headset see: text and flat or round pictures at their places, drawn in light."""

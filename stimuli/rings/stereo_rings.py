@@ -1,0 +1,62 @@
+"""Draws a Landolt ring into what both eyes of a headset see, on the surface that it lies on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from evenlight.data_schema.display import Display
+from evenlight.stimuli.rings.landolt import PaintedRing, Ring
+from evenlight.stimuli.rings.ring_places import seen_along
+from evenlight.stimuli.rings.ring_scene import RingScene
+from evenlight.stimuli.scenes.engine.camera import View
+from evenlight.stimuli.scenes.engine.scene import Scene, Vector, direction_of
+from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
+
+if TYPE_CHECKING:
+    import moderngl
+
+
+class StereoRings:
+    """A scene whose pictures, one for each eye, have a ring in them.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the renderer.
+    pictures : StereoRenderer
+        Draws the scene.
+    scene : Scene
+        The scene.
+    display : Display
+        The headset's.
+
+    Attributes
+    ----------
+    eyes : (RingScene, RingScene)
+        Left and right: their `texture` holds what the eye sees.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, pictures: StereoRenderer, scene: Scene, display: Display
+    ) -> None:
+        self._scene = scene
+        left, right = (RingScene(context, eye, display) for eye in pictures.eyes)
+        self.eyes = left, right
+
+    def paint(self, ring: Ring, position: Vector) -> PaintedRing:
+        """Return a ring with the light that it has at a place, and its distance, seen from a position [m].
+
+        Raises
+        ------
+        InputError
+            If the display does not reach its luminance.
+        """
+        direction = direction_of(ring.azimuth, ring.altitude)
+        distance = float(seen_along(self._scene.patches, position, direction[None])[0][0])
+        return replace(self.eyes[0].paint(ring, position), seen_from=position, distance=distance)
+
+    def draw(self, views: tuple[View, View], painted_ring: PaintedRing | None = None) -> None:
+        """Draw what both eyes see, and the ring in it if one is given, into `texture` of each."""
+        for eye, view in zip(self.eyes, views, strict=True):
+            eye.draw(view, painted_ring)

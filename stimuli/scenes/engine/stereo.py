@@ -1,0 +1,90 @@
+"""Draws a scene for both eyes of a headset, frame by frame, from what was given to the graphics card once.
+
+All of the scene is drawn, whatever hides it: to find out would mean to wait for a picture of the depth, and
+to write anew what is drawn, for each eye of each frame. An eye's picture is drawn at once, not in tiles, with
+several samples of each pixel by the graphics card.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evenlight.stimuli.scenes.engine.antialiasing import EYES, Antialiasing
+from evenlight.stimuli.scenes.engine.camera import View
+from evenlight.stimuli.scenes.engine.renderer import GraphicsScene, SceneRenderer, set_uniforms
+from evenlight.stimuli.scenes.engine.scene import Quality, Scene
+
+if TYPE_CHECKING:
+    import moderngl
+
+
+class WholeScene(GraphicsScene):
+    """A scene of which everything is drawn: what is solid first, what has holes last.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Where.
+    scene : Scene
+        What.
+    quality : Quality or None
+        Of its light.
+    samples : int
+        That the graphics card takes at each place where something is drawn.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, quality: Quality | None, samples: int
+    ) -> None:
+        super().__init__(context, scene, quality, samples)
+        holed = scene.holed()
+        self._write(np.flatnonzero(~holed), np.flatnonzero(holed))
+
+    def choose(self, camera: View, size: tuple[int, int], antialiasing: Antialiasing) -> None:
+        """Leave everything to be drawn."""
+        set_uniforms(self._holed, numbering=antialiasing.numbering())
+
+
+class StereoRenderer:
+    """Draws one scene into a picture for each eye; nothing is uploaded or read back for a frame.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Of a headset's link.
+    scene : Scene
+        What is drawn.
+    eye_size : (int, int)
+        Width and height of each eye's picture [pixels].
+    quality : Quality or None
+        Of its light.
+
+    Attributes
+    ----------
+    eyes : (SceneRenderer, SceneRenderer)
+        Left and right, with their pictures; both draw from the same upload of the scene.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        eye_size: tuple[int, int],
+        quality: Quality | None = Quality.FINE,
+    ) -> None:
+        samples = EYES.possible(context.max_samples).samples
+        whole = WholeScene(context, scene, quality, samples)
+        left, right = (SceneRenderer(context, whole, eye_size, antialiasing=EYES) for _ in "LR")
+        self.eyes = left, right
+
+    def render(self, views: tuple[View, View]) -> None:
+        """Draw the linear RGB luminance that the left and the right eye see [cd/m^2]."""
+        for eye, view in zip(self.eyes, views, strict=True):
+            eye.render(view)
+
+    def encode(self) -> None:
+        """Draw the codes of both pictures, 0 to 1023, into `codes` of each."""
+        for eye in self.eyes:
+            eye.encode()

@@ -1,0 +1,415 @@
+"""What the link does as a runtime says, without a runtime: states, presses, refusals, keys of the mirror."""
+
+import ctypes
+import sys
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware.headset_facts import measure_headset
+from evenlight.hardware.presentation import openxr_runtime, openxr_session
+from evenlight.hardware.presentation.headset_link import SRGB8_ALPHA8, EyeFov, EyePose, Pose
+from evenlight.hardware.presentation.mirror_window import PLACES, MirrorWindow, glfw_library
+from evenlight.hardware.presentation.openxr_actions import PROFILES, Controllers, Edges, direction
+from evenlight.hardware.presentation.openxr_graphics import Swapchain
+from evenlight.hardware.presentation.openxr_runtime import OpenXRRuntime, openxr_library
+from evenlight.hardware.presentation.openxr_session import OpenXRSession
+from evenlight.hardware.protocols import InstrumentError, KeyPress
+
+xr: Any = pytest.importorskip("xr")
+SECOND = 1_000_000_000  # [ns]
+PERIOD = SECOND // 50
+
+
+class FakeRuntime:
+    """A runtime that says what a test has it say: pyopenxr's own records and errors, with other functions."""
+
+    def __init__(self, **functions: Callable[..., Any]) -> None:
+        self.xr = SimpleNamespace(**{name: getattr(xr, name) for name in xr.__all__ if hasattr(xr, name)})
+        self.xr.exception = xr.exception
+        for name, function in functions.items():
+            setattr(self.xr, name, function)
+        self.name, self.instance, self.system_id, self.time = "fake", None, 1, 0.0
+        self.says_rates = True
+        limits = xr.SystemGraphicsProperties(4096, 4096, 16)
+        self.system = SimpleNamespace(graphics_properties=limits)
+
+    def offers(self, extension: str) -> bool:
+        return self.says_rates or extension != openxr_runtime.REFRESH_RATES
+
+    def now(self) -> float:
+        self.time += 0.001
+        return self.time
+
+
+class FakeSession:
+    """A session whose events, frames and flags a test gives."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.events: list[Any] = []
+        self.calls: list[str] = []
+        self.layers: list[int] = []
+        self.render, self.flags, self.waited = True, 15, 0
+        self.turned, self.period = 1.0, PERIOD
+        noted = {name: self._noting(name) for name in ("begin_session", "end_session", "begin_frame")}
+        self.runtime = FakeRuntime(
+            get_opengl_graphics_requirements_khr=lambda *_: None,
+            create_session=lambda *_: xr.Session(),
+            create_reference_space=lambda *_: xr.Space(),
+            poll_event=self._poll,
+            wait_frame=self._wait,
+            end_frame=lambda _, info: self.layers.append(info.layer_count),
+            locate_views=lambda *_: (
+                xr.ViewState(xr.ViewStateFlags(self.flags)),
+                [xr.View(self._pose(x), xr.Fovf(-0.8, 0.7, 0.75, -0.75)) for x in (-0.03, 0.03)],
+            ),
+            locate_space=lambda *_: xr.SpaceLocation(xr.SpaceLocationFlags(self.flags), self._pose(0.0)),
+            **noted,
+        )
+        monkeypatch.setattr(openxr_session, "graphics_binding", lambda _: xr.Posef())
+        self.session = OpenXRSession(self.runtime)  # type: ignore[arg-type] # what of a runtime is asked for
+
+    def says(self, *states: Any) -> None:
+        self.events += [xr.EventDataSessionStateChanged(state=state) for state in states]
+
+    def _noting(self, name: str) -> Callable[..., None]:
+        return lambda *_: self.calls.append(name)
+
+    def _poll(self, _: Any) -> Any:
+        if not self.events:
+            raise xr.exception.EventUnavailable
+        return self.events.pop(0)
+
+    def _wait(self, _: Any) -> Any:
+        self.waited += 1
+        return xr.FrameState(self.waited * PERIOD, self.period, self.render)
+
+    def _pose(self, x: float) -> Any:
+        return xr.Posef(xr.Quaternionf(0.0, 0.0, 0.0, self.turned), xr.Vector3f(x, 0.0, 0.0))
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeSession:
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+    return FakeSession(monkeypatch)
+
+
+def test_frames_begin_when_the_runtime_is_ready_and_end_when_it_stops(fake: FakeSession) -> None:
+    states = xr.SessionState
+    assert not fake.session.begin_frame().visible  # idle
+    assert (fake.calls, fake.waited) == ([], 0)
+    fake.says(states.READY, states.SYNCHRONIZED, states.VISIBLE)
+    frame = fake.session.begin_frame()
+    assert (frame.display_time, frame.period, frame.visible, frame.tracked) == (0.02, 0.02, True, True)
+    assert not fake.session.focused()
+    fake.says(states.FOCUSED)
+    fake.session.begin_frame()
+    assert fake.session.focused()
+    fake.says(states.STOPPING, states.IDLE)
+    assert not fake.session.begin_frame().visible
+    assert fake.calls == ["begin_session", "begin_frame", "begin_frame", "end_session"]
+    assert not fake.session.focused()
+
+
+def test_idle_frames_come_at_the_period_and_have_nothing_to_end(
+    fake: FakeSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    first, second = fake.session.begin_frame(), fake.session.begin_frame()
+    fake.session.end_frame(None, False)  # type: ignore[arg-type] # nothing was drawn
+    assert fake.layers == []
+    # the made-up clock goes on by 1 ms at each look; a frame is waited for from the one before
+    assert slept[1] == pytest.approx(openxr_session.IDLE_PERIOD - 0.001, abs=1e-9)
+    assert second.display_time - first.display_time == pytest.approx(0.002)
+
+
+def test_only_what_was_drawn_becomes_a_layer(fake: FakeSession) -> None:
+    swapchain: Any = SimpleNamespace(half=lambda _: xr.SwapchainSubImage())
+    fake.says(xr.SessionState.READY)
+    for drawn in (True, False):
+        fake.session.begin_frame()
+        fake.session.end_frame(swapchain, drawn)
+    assert fake.layers == [1, 0]
+
+
+def test_without_tracking_the_views_are_the_last_known_ones(fake: FakeSession) -> None:
+    fake.says(xr.SessionState.READY)
+    known = fake.session.begin_frame()
+    fake.flags, fake.turned = 0, 0.5
+    lost = fake.session.begin_frame()
+    assert not lost.tracked
+    assert (lost.eyes, lost.head) == (known.eyes, known.head)
+    assert known.eyes[1] == EyePose(
+        Pose((pytest.approx(0.03), 0.0, 0.0)), EyeFov(*map(pytest.approx, (-0.8, 0.7, 0.75, -0.75)))
+    )
+
+
+@pytest.mark.parametrize("period", [11_111_110, 11_111_112])  # [ns]
+def test_a_refresh_rate_by_the_period_is_the_same_at_each_start(fake: FakeSession, period: int) -> None:
+    fake.runtime.says_rates, fake.period = False, period
+    fake.says(xr.SessionState.READY)
+    fake.session.begin_frame()
+    assert fake.session.refresh_rate() == (90.0, ())
+
+
+@pytest.mark.parametrize("state", ["EXITING", "LOSS_PENDING"])
+def test_a_session_that_the_runtime_ends_is_told_in_one_line(fake: FakeSession, state: str) -> None:
+    fake.says(getattr(xr.SessionState, state))
+    for _ in range(2):  # and stays ended
+        with pytest.raises(InstrumentError, match="session") as error:
+            fake.session.begin_frame()
+        assert "\n" not in str(error.value)
+
+
+def test_a_headset_that_is_taken_off_is_not_focused(fake: FakeSession) -> None:
+    fake.says(xr.SessionState.READY, xr.SessionState.FOCUSED)
+    fake.events.append(xr.EventDataUserPresenceChangedEXT(is_user_present=0))
+    fake.session.begin_frame()
+    assert not fake.session.focused()
+    fake.events.append(xr.EventDataUserPresenceChangedEXT(is_user_present=1))
+    fake.session.begin_frame()
+    assert fake.session.focused()
+
+
+def test_codes_that_would_be_encoded_twice_are_refused() -> None:
+    runtime: Any = FakeRuntime(enumerate_swapchain_formats=lambda _: [0x8058, 0x881A, 0x1234])
+    with pytest.raises(InstrumentError, match="SRGB8_ALPHA8: choose"):
+        Swapchain(runtime, None, None, (640, 240))  # type: ignore[arg-type] # refused before it draws
+
+
+def test_pictures_larger_than_the_runtimes_are_refused() -> None:
+    runtime: Any = FakeRuntime(enumerate_swapchain_formats=lambda _: [SRGB8_ALPHA8])
+    with pytest.raises(InstrumentError, match="5000 x 240 pixels, and the runtime takes 4096 x 4096"):
+        Swapchain(runtime, None, None, (5000, 240))  # type: ignore[arg-type] # refused before it draws
+
+
+class FakeControllers:
+    """Controllers whose parts a test pushes."""
+
+    def __init__(self) -> None:
+        self.pushed = {"trigger": 0.0, "menu": 0.0}
+        self.stick, self.time, self.focus = (0.0, 0.0), 0, True
+        self.suggested: dict[str, set[str]] = {}
+        paths: list[str] = []
+        names: list[str] = []
+
+        def path(_: Any, text: str) -> int:
+            paths.append(text)
+            return len(paths) - 1
+
+        def action(_: Any, info: Any) -> int:
+            names.append(info.action_name.decode())
+            return len(names) - 1
+
+        def suggest(_: Any, one: Any) -> None:
+            profile = paths[one.interaction_profile].removeprefix("/interaction_profiles/")
+            self.suggested[profile] = {f"{names[b.action]}: {paths[b.binding]}" for b in one.bindings}
+            if profile == "htc/vive_controller":  # one that this runtime does not know
+                raise xr.exception.PathUnsupportedError
+
+        def sync(*_: Any) -> None:
+            if not self.focus:
+                raise xr.exception.SessionNotFocused
+
+        def given(**fields: Any) -> SimpleNamespace:
+            return SimpleNamespace(is_active=True, last_change_time=self.time, **fields)
+
+        record: Any = SimpleNamespace
+        self.runtime: Any = FakeRuntime(
+            create_action_set=lambda *_: None,
+            create_action=action,
+            string_to_path=path,
+            suggest_interaction_profile_bindings=suggest,
+            attach_session_action_sets=lambda *_: None,
+            sync_actions=sync,
+            ActionStateGetInfo=lambda number: names[number],
+            ActiveActionSet=lambda *_: xr.ActiveActionSet(),
+            ActionSuggestedBinding=lambda action, binding: record(action=action, binding=binding),
+            InteractionProfileSuggestedBinding=lambda interaction_profile, suggested_bindings: record(
+                interaction_profile=interaction_profile, bindings=suggested_bindings
+            ),
+            SessionActionSetsAttachInfo=lambda **_: None,
+            get_action_state_float=lambda _, name: given(current_state=self.pushed[name]),
+            get_action_state_vector2f=lambda *_: given(current_state=xr.Vector2f(*self.stick)),
+        )
+        self.controllers = Controllers(self.runtime, None)
+
+    def after(self, seconds: float, stick: tuple[float, float] = (0.0, 0.0), **pushed: float) -> None:
+        self.time, self.stick = round(seconds * SECOND), stick
+        self.pushed |= pushed
+        self.controllers.sync()
+
+
+def test_presses_carry_their_names_and_the_runtimes_times() -> None:
+    fake = FakeControllers()
+    fake.after(1.0, trigger=0.3)
+    fake.after(2.0, trigger=0.7, menu=1.0)
+    fake.after(3.0, trigger=0.5, stick=(-0.9, 0.2))  # the trigger was not let go
+    fake.after(4.0, trigger=0.9, stick=(-0.5, 0.5))  # the stick did not come back
+    fake.after(5.0, trigger=0.0)
+    fake.after(6.0, trigger=1.0, stick=(0.1, -0.8))
+    assert fake.controllers.presses() == [
+        KeyPress("trigger", 2.0), KeyPress("menu", 2.0), KeyPress("stick_left", 3.0),
+        KeyPress("trigger", 6.0), KeyPress("stick_down", 6.0),
+    ]  # fmt: skip
+    assert fake.controllers.presses() == []
+    assert fake.controllers.stick() == pytest.approx((0.1, -0.8))
+
+
+def test_without_focus_nothing_is_pressed_and_the_stick_stands_in_the_middle() -> None:
+    fake = FakeControllers()
+    fake.after(1.0, stick=(1.0, 0.0))
+    fake.focus = False
+    fake.after(2.0, trigger=1.0, stick=(1.0, 0.0))
+    assert fake.controllers.presses() == [KeyPress("stick_right", 1.0)]
+    assert fake.controllers.stick() == (0.0, 0.0)
+
+
+def test_every_known_controller_is_suggested_and_one_that_the_runtime_lacks_is_skipped() -> None:
+    suggested = FakeControllers().suggested
+    assert set(suggested) == set(PROFILES)
+    assert suggested["khr/simple_controller"] == {
+        f"{action}: /user/hand/{hand}/input/{part}/click"
+        for hand in ("left", "right")
+        for action, part in (("trigger", "select"), ("menu", "menu"))
+    }
+    assert "stick: /user/hand/right/input/thumbstick" in suggested["oculus/touch_controller"]
+
+
+def test_a_tremor_around_the_threshold_is_one_press() -> None:
+    edges = Edges()
+    assert [edges.pressed(far) for far in (0.59, 0.61, 0.59, 0.61, 0.41, 0.61, 0.39, 0.61)] == [
+        False, True, False, False, False, False, False, True,
+    ]  # fmt: skip
+    assert direction((0.7, -0.7)) == "stick_right"  # a tie goes sideways
+
+
+def test_without_pyopenxr_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xr", None)
+    with pytest.raises(InputError, match=r'pip install "evenlight\[xr\]"'):
+        openxr_library()
+
+
+def test_without_glfw_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "glfw", None)
+    with pytest.raises(
+        InputError, match=r'mirror window needs the package glfw .*`pip install "evenlight\[xr\]"'
+    ):
+        glfw_library(egl=True)
+
+
+def test_without_a_runtime_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XR_RUNTIME_JSON", "/nowhere/runtime.json")
+    with pytest.raises(
+        InputError, match=r"no OpenXR runtime answers.*monado-service.*simulated-headset needs none"
+    ) as error:
+        OpenXRRuntime(openxr_library())
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+@pytest.mark.parametrize("egl", [True, False])
+def test_without_a_display_one_line_says_so(monkeypatch: pytest.MonkeyPatch, egl: bool) -> None:
+    pytest.importorskip("glfw")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(InputError, match="no display for the operator's mirror window"):
+        glfw_library(egl=egl)
+
+
+@pytest.mark.parametrize(
+    ("missing", "message"),
+    [(openxr_runtime.OPENGL, "KHR_opengl_enable"), (openxr_runtime.TIMESPEC, "timespec")],
+)
+def test_a_runtime_without_what_is_needed_is_refused(missing: str, message: str) -> None:
+    offered = {openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()} - {missing}
+    if sys.platform == "win32" and missing == openxr_runtime.TIMESPEC:
+        offered -= set(openxr_runtime.CLOCKS.values())
+    found = [xr.ExtensionProperties(name, 1) for name in offered]
+    fake = FakeRuntime(enumerate_instance_extension_properties=lambda: found)
+    with pytest.raises(InputError, match=message):
+        OpenXRRuntime(fake.xr)
+
+
+def test_a_runtime_without_a_headset_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
+
+    def none_there(*_: Any) -> None:
+        raise xr.exception.FormFactorUnavailableError
+
+    monkeypatch.setattr(openxr_runtime, "_Ticks", lambda *_: None)
+    closed: list[Any] = []
+    fake = FakeRuntime(
+        enumerate_instance_extension_properties=lambda: [xr.ExtensionProperties(name, 1) for name in offered],
+        create_instance=lambda _: "instance",
+        get_instance_properties=lambda _: xr.InstanceProperties(xr.Version(1, 2, 3), "Fake"),
+        get_system=none_there,
+        destroy_instance=closed.append,
+    )
+    with pytest.raises(
+        InstrumentError, match=r"Fake \(1.2.3\) has no headset \(XR_ERROR_FORM_FACTOR_UNAVAIL"
+    ):
+        OpenXRRuntime(fake.xr)
+    assert closed == ["instance"]
+
+
+@pytest.mark.parametrize(
+    "function", ["get_instance_properties", "get_instance_proc_addr", "get_system", "get_system_properties"]
+)
+def test_a_runtime_that_goes_away_while_it_is_asked_is_told_in_one_line(function: str) -> None:
+    offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
+
+    def gone(*_: Any) -> None:
+        raise xr.exception.InstanceLostError
+
+    functions: dict[str, Callable[..., Any]] = {
+        "get_instance_properties": lambda _: xr.InstanceProperties(xr.Version(1, 2, 3), "Fake"),
+        "get_instance_proc_addr": lambda *_: ctypes.c_void_p(),
+        "get_system": lambda *_: 1,
+    }
+    fake = FakeRuntime(
+        enumerate_instance_extension_properties=lambda: [xr.ExtensionProperties(name, 1) for name in offered],
+        create_instance=lambda _: ctypes.c_void_p(),
+        destroy_instance=lambda _: None,
+        **(functions | {function: gone}),
+    )
+    with pytest.raises(
+        (InputError, InstrumentError), match=r"OpenXR runtime .*XR_ERROR_INSTANCE_LOST"
+    ) as told:
+        OpenXRRuntime(fake.xr)
+    assert "\n" not in str(told.value)
+
+
+def test_keys_are_named_by_what_is_printed_on_them() -> None:
+    glfw = pytest.importorskip("glfw")
+    printed = {10: "z", 11: "&", 12: ",", 13: "7", 14: None, 15: "ß"}  # as a layout has them, by codes
+    window = MirrorWindow.__new__(MirrorWindow)
+    window._glfw = SimpleNamespace(
+        get_key_name=lambda _, code: printed.get(code),
+        KEY_0=glfw.KEY_0, KEY_9=glfw.KEY_9, PRESS=glfw.PRESS, RELEASE=glfw.RELEASE,
+        poll_events=lambda: None, set_window_should_close=lambda *_: None,
+    )  # fmt: skip
+    window._window, window._clock, window._pressed, window._held = None, lambda: 1.5, [], {}
+    window._places = {getattr(glfw, f"KEY_{key}"): place for key, place in PLACES.items()}
+    # A German keyboard's Z lies where an American one has Y; a French one prints & on the key of 1.
+    keys = (glfw.KEY_Y, 10), (glfw.KEY_1, 11), (glfw.KEY_COMMA, 12), (glfw.KEY_KP_7, 13), (glfw.KEY_F3, 14)
+    for key, code in (*keys, (glfw.KEY_MINUS, 15)):
+        for action in (glfw.PRESS, glfw.REPEAT):
+            window._take(None, key, code, action, 0)
+    names = ["z", "1", "comma", "num_7", "f3", "ß"]
+    assert window.pressed() == [KeyPress(name, 1.5) for name in names]
+    assert window.held() == set(names)
+    window._take(None, glfw.KEY_Y, 10, glfw.RELEASE, 0)
+    assert window.held() == set(names[1:])
+
+
+def test_a_rig_on_a_screen_has_no_headset_to_measure() -> None:
+    rig = Rig(name="desk", display="laptop-lcd", viewing_distance=0.6, refresh_rate=60.0)
+    with pytest.raises(InputError, match="shows on screen 0"):
+        measure_headset(rig, 2)
