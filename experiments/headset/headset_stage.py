@@ -41,6 +41,7 @@ from evenlight.experiments.stage import (
     SkipPressed,
 )
 from evenlight.hardware.presentation.headset_window import PANEL_SIZE, HeadsetWindow, ShownFrame
+from evenlight.hardware.presentation.mirror_window import STRIP_SIZE
 from evenlight.hardware.protocols import KeyPress, ResponseDevice, TriggerOutput
 from evenlight.stimuli.eyes.surfaces import panel_pixels_per_degree
 from evenlight.stimuli.page_image import centred_image
@@ -52,7 +53,6 @@ NOT_WORN = "the headset was not worn, or something of the system was in front"
 NOT_SHOWN = "the runtime did not show what was drawn"
 NOT_TRACKED = "where the head is was not known"
 BROKEN_OFF = "the operator broke it off"
-STRIP_SIZE = (960, 96)  # of the text under the operator's picture, two lines [pixels]
 NUMBER_SIZE = 3.0  # of an interval's number, as high as a heading, in multiples of a page's text
 STRIP_TEXT = 0.5  # of its letters, in multiples of those of a page as wide
 Shown = TypeVar("Shown", bound=ShownStimulus)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-WIDTH = 960  # of the window [pixels]
+WIDTH, HIGHEST = 960, 720  # of the picture: with strip and title the window fits a laptop [pixels]
 STRIP_SIZE = (WIDTH, 96)  # width and height of the text under the picture [pixels]
 LONGEST_INTERVAL = 1 / 30  # between two pictures: the operator needs no more of them [s]
 VERSIONS = (
@@ -104,7 +104,7 @@ class MirrorWindow(ContextDevice):
         self._name, self._clock = "mirror window", clock
         self._glfw = glfw_library(egl=egl)
         height = round(WIDTH * eye_size[1] / eye_size[0])
-        self._window = self._opened((WIDTH, min(height, WIDTH) + STRIP_SIZE[1]), egl)
+        self._window = self._opened((WIDTH, min(height, HIGHEST) + STRIP_SIZE[1]), egl)
         self._context = self._created()
         self._shown = -LONGEST_INTERVAL  # when the last picture was shown [s]
         self._pressed: list[KeyPress] = []
