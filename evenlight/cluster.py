@@ -1,0 +1,322 @@
+"""Work on several processes or computers, by Dask: what `--cluster` names, and tasks for its workers.
+
+Decision (docs/decisions/dask.md): queues, retries and the movement of data are Dask's. A task is a function
+of a module and its arguments. What it returns depends on these alone, so that neither the number of workers
+nor their order changes a result. Workers must have this software: each task looks, before it runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import logging
+import os
+import platform
+import sys
+import tomllib
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import provenance_now
+from evenlight.option_panels import computation, words_and_files
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+LOCAL = "local"
+CLUSTERS = "clusters.toml"
+WAIT = 60.0  # [s] for the first worker of a scheduler
+RETRIES = 2  # of a task whose worker died
+AHEAD = 2  # tasks under way for each thread of a worker: one runs, one waits
+SOURCES = (".py", ".glsl", ".html", ".css", ".js")  # what decides how results look
+HELP = (
+    "Where to compute, with Dask: local (a process for each core) or local:N, the address of a scheduler "
+    "(tcp://HOST:PORT), or a name from clusters.toml (docs/scale.md)."
+)
+cluster_option = computation(
+    "--cluster", metavar="NAME|ADDRESS", help=HELP, autocompletion=words_and_files(LOCAL)
+)
+ClusterOption = Annotated[str | None, cluster_option]
+
+
+class WorkerLostError(Exception):
+    """The workers that did a task died, each of them: the message says how often."""
+
+
+@cache
+def software() -> dict[str, str]:
+    """Return what results depend on: versions, and the SHA-256 of Evenlight's source."""
+    made = provenance_now()
+    return {
+        "Evenlight": made.software_version,
+        "the source of Evenlight": source_sha256()[:12],
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        **made.versions,
+    }
+
+
+@cache
+def source_sha256() -> str:
+    """Return the SHA-256 of the source of all of Evenlight, wherever it is installed."""
+    package, digest = Path(__file__).parent, hashlib.sha256()
+    found = {
+        (Path(folder) / name).relative_to(package).as_posix(): Path(folder) / name
+        for folder, _, names in os.walk(package, followlinks=True)
+        for name in names
+        if name.endswith(SOURCES)
+    }
+    for name in sorted(found):
+        digest.update(f"{name}\0".encode() + hashlib.sha256(found[name].read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
+    """Return what a worker has another version of, in words; nothing if all are the same.
+
+    >>> difference({"numpy": "2.3.1", "scipy": "1.15.0"}, {"numpy": "2.2.0", "scipy": "1.15.0"})
+    'numpy 2.2.0 (here 2.3.1)'
+    """
+    others = (f"{name} {there.get(name, 'missing')} (here {own})" for name, own in here.items())
+    return ", ".join(words for words, name in zip(others, here, strict=True) if there.get(name) != here[name])
+
+
+def _checked(expected: Mapping[str, str], function: Callable[..., Any], *given: Any) -> Any:
+    """Return what a function returns, on a worker that has the software of who asks."""
+    if differs := difference(expected, software()):
+        raise InputError(f"a worker on {platform.node()} has {differs}; {REMEDY}")
+    return function(*given)
+
+
+REMEDY = "install the same versions on all workers"
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """The workers of a cluster.
+
+    Attributes
+    ----------
+    client : distributed.Client
+        The connection to their scheduler.
+    expected : dict of str to str
+        The software that each must have.
+    """
+
+    client: Client
+    expected: dict[str, str] = field(default_factory=software)
+
+    def places(self) -> int:
+        """Return how many tasks run at the same time, at least 1."""
+        threads: dict[str, int] = self.client.nthreads()
+        return max(1, sum(threads.values()))
+
+    def submit(self, function: Callable[..., Any], *given: Any) -> Future:
+        """Return the future result of a function of a module; futures among its arguments are awaited."""
+        name = getattr(getattr(function, "func", function), "__name__", "task").strip("_")
+        return self.client.submit(
+            _checked, self.expected, function, *given, pure=False, key=f"{name}-{uuid.uuid4().hex}"
+        )
+
+    def mapped(self, function: Callable[..., Any], *columns: Iterable[Any]) -> Iterator[Any]:
+        """Yield what a function returns for each row of some columns, in order, as `map` does.
+
+        Few results are held at a time: no more tasks are under way than keep the workers busy.
+
+        Raises
+        ------
+        InputError
+            If the workers that did a task died, or those of the scheduler have gone.
+        """
+        under_way: deque[Future] = deque()
+        try:
+            for row in zip(*columns, strict=True):
+                if len(under_way) >= AHEAD * self.places():
+                    yield self.result_or_refusal(under_way.popleft())
+                under_way.append(self.submit(function, *row))
+            while under_way:
+                yield self.result_or_refusal(under_way.popleft())
+        finally:
+            self.client.cancel(list(under_way))
+
+    def result_or_refusal(self, future: Future) -> Any:
+        """Return a result; that its workers died is an `InputError`."""
+        try:
+            return result_of(future)
+        except WorkerLostError as error:
+            raise InputError(str(error)) from None
+
+
+def result_of(future: Future) -> Any:
+    """Return the result of a task.
+
+    Raises
+    ------
+    WorkerLostError
+        If the workers that did it died, or the scheduler has gone.
+    """
+    from concurrent.futures import CancelledError
+
+    from distributed import KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    try:
+        return future.result()
+    except KilledWorker:
+        raise WorkerLostError(
+            "the worker that did it died (killed, or out of memory), and so did those that tried again: "
+            "give workers more memory"
+        ) from None
+    except (CancelledError, CommClosedError, OSError) as error:
+        if isinstance(error, OSError) and not isinstance(error, CommClosedError):
+            raise
+        raise WorkerLostError("the scheduler of the workers has gone") from None
+
+
+@contextmanager
+def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
+    """Yield the workers of a cluster, which are let go at the end.
+
+    Parameters
+    ----------
+    name : str
+        What `--cluster` says.
+    quiet : bool
+        Whether not to say where the workers and Dask's dashboard are.
+
+    Raises
+    ------
+    InputError
+        If Dask is not installed, there is no such cluster, or its workers have other software.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(
+            "--cluster needs Dask, which is not installed: pip install 'evenlight[cluster]'"
+        ) from None
+    with ExitStack() as stack:
+        client = stack.enter_context(_connected(name, distributed, stack))
+        workers = Workers(client)
+        _require_same_software(workers, name)
+        if not quiet:
+            count = len(client.nthreads())
+            noun = "worker" if count == 1 else "workers"
+            print(f"evenlight: {count} {noun}; Dask's dashboard: {client.dashboard_link}", file=sys.stderr)
+        yield workers
+
+
+@contextmanager
+def opened_map(cluster: str | None, quiet: bool) -> Iterator[Callable[..., Iterable[Any]]]:
+    """Yield the `map` of a cluster's workers; where none is named, Python's."""
+    if cluster is None:
+        yield map
+        return
+    with opened_cluster(cluster, quiet) as workers:
+        yield workers.mapped
+
+
+def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
+    """Return a client of the cluster of a name."""
+    import dask
+
+    stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": RETRIES}))
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is told as a result
+    if "://" in name:
+        try:
+            return distributed.Client(name, timeout=10, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"--cluster {name}: no scheduler answers there ({type(error).__name__}); start one with "
+                "`dask scheduler`, and workers with `dask worker ADDRESS`"
+            ) from None
+    cluster = stack.enter_context(_local(name, distributed) if _is_local(name) else _named(name))
+    return distributed.Client(cluster, set_as_default=False)
+
+
+def _is_local(name: str) -> bool:
+    """Return whether a name is that of processes of this computer."""
+    return name.partition(":")[0] == LOCAL
+
+
+def _local(name: str, distributed: Any) -> Any:
+    """Return a process for each core of this computer, or so many; memory is shared out among them."""
+    _, colon, words = name.partition(":")
+    if colon and not (words.isdecimal() and 1 <= int(words) <= 1024):
+        raise InputError(
+            f"--cluster {name}: expected local, or local:N with a number of workers from 1 to 1024"
+        )
+    return distributed.LocalCluster(
+        n_workers=int(words) if colon else cores(),
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+    )
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _named(name: str) -> Any:
+    """Return the cluster that a table of `clusters.toml` describes: a class of another package, with options.
+
+    The file is looked for in the current folder, and in the user's (`~/.config/evenlight`).
+    """
+    config = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "evenlight"
+    files = [file for file in (Path(CLUSTERS), config / CLUSTERS) if file.is_file()]
+    where = f"--cluster {name}"
+    if not files:
+        raise InputError(
+            f"{where}: expected local, tcp://HOST:PORT, or a name from {CLUSTERS}, which is not here"
+        )
+    try:
+        tables = tomllib.loads(files[0].read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{files[0]}: no TOML file ({error})") from None
+    table = tables.get(name)
+    if not isinstance(table, dict):
+        raise InputError(f"{where}: {files[0]} describes {', '.join(tables) or 'none'}")
+    unknown = set(table) - {"class", "workers", "options"}
+    module, dot, kind = str(table.get("class", "")).rpartition(".")
+    if unknown or not dot or not isinstance(table.get("options", {}), dict):
+        raise InputError(
+            f'{files[0]}: [{name}] needs class = "package.Class"; it may have workers = N and a table options'
+        )
+    try:
+        cluster = getattr(importlib.import_module(module), kind)(**table.get("options", {}))
+        if "workers" in table:
+            cluster.scale(table["workers"])
+    except Exception as error:  # another package's: whatever it says of its options
+        raise InputError(f"{files[0]}: [{name}] gave {type(error).__name__}: {error}") from error
+    return cluster
+
+
+def _require_same_software(workers: Workers, name: str) -> None:
+    """Raise `InputError` if there is no worker, or one has other software than this process."""
+    from distributed import TimeoutError as TooLate
+
+    client = workers.client
+    try:
+        client.wait_for_workers(1, timeout=WAIT)
+    except TooLate:
+        raise InputError(
+            f"--cluster {name}: no worker is there after {WAIT:.0f} s; start some with `dask worker ADDRESS`"
+        ) from None
+    found = client.run(software, on_error="return")
+    for address, there in found.items():
+        if isinstance(there, Exception):
+            raise InputError(
+                f"the worker {address} has no Evenlight, or another one ({type(there).__name__}: {there}); "
+                f"{REMEDY}"
+            )
+        if differs := difference(workers.expected, there):
+            raise InputError(f"the worker {address} has {differs}; {REMEDY}")
