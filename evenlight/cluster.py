@@ -12,6 +12,7 @@ import importlib
 import logging
 import os
 import platform
+import socket
 import sys
 import tomllib
 import uuid
@@ -22,6 +23,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import urlsplit
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
@@ -230,14 +232,23 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is told as a result
     if "://" in name:
         try:
-            return distributed.Client(name, timeout=10, set_as_default=False)
+            _require_answer(name)
+            return distributed.Client(name, timeout=WAIT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(
-                f"--cluster {name}: no scheduler answers there ({type(error).__name__}); start one with "
-                "`dask scheduler`, and workers with `dask worker ADDRESS`"
+                f"--cluster {name}: no scheduler answers there ({error}); start one with `dask scheduler`, and "
+                "workers with `dask worker ADDRESS`"
             ) from None
     cluster = stack.enter_context(_local(name, distributed) if _is_local(name) else _named(name))
     return distributed.Client(cluster, set_as_default=False)
+
+
+def _require_answer(address: str) -> None:
+    """Raise an error if nobody listens at an address; Dask's client would try for long."""
+    parts = urlsplit(address)
+    if parts.hostname is None or parts.port is None:
+        raise ValueError("expected tcp://HOST:PORT")
+    socket.create_connection((parts.hostname, parts.port), timeout=10).close()
 
 
 def _is_local(name: str) -> bool:
