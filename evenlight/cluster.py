@@ -236,8 +236,8 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
             return distributed.Client(name, timeout=WAIT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(
-                f"--cluster {name}: no scheduler answers there ({error}); start one with `dask scheduler`, and "
-                "workers with `dask worker ADDRESS`"
+                f"--cluster {name}: no scheduler answers there ({error}); start one with `dask scheduler`, "
+                "and workers with `dask worker ADDRESS`"
             ) from None
     cluster = stack.enter_context(_local(name, distributed) if _is_local(name) else _named(name))
     return distributed.Client(cluster, set_as_default=False)
