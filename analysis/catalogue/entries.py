@@ -30,7 +30,7 @@ class CatalogueVideo:
     Attributes
     ----------
     name, video : str
-        The folder of its results, and what `open_video` takes; or a file of loss curves, which needs no video.
+        The folder of its results; what `open_video` takes, or a file of loss curves, which needs no video.
     asked : AskedTrack
         What is wanted of it.
     """
@@ -73,15 +73,19 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
         raise InputError(f"{path}: lists no video; give a row for each, with the column video")
     videos = [_beside(path, entry.video) for entry in entries]
     for number, entry in enumerate(entries, start=2):
-        if entry.name and (entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED):
+        if entry.name and (
+            entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED
+        ):
             raise InputError(
-                f"{path}, row {number}: name {entry.name!r} cannot be that of a folder of results; give a word "
+                f"{path}, row {number}: name {entry.name!r} cannot be that of a folder of results; give one "
                 "without / that does not begin with a dot"
             )
     names = [entry.name or made for entry, made in zip(entries, _names(videos), strict=True)]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise InputError(f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name")
+        raise InputError(
+            f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name"
+        )
     return tuple(
         CatalogueVideo(name, video, _own(path, entry, asked))
         for name, video, entry in zip(names, videos, entries, strict=True)

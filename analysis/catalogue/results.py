@@ -120,7 +120,15 @@ class OpenedVideo:
         return VideoAnalysis(job.model, factors, job.actuator, provenance_of(job), job.effort)
 
 
-def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> CatalogueRow | OpenedVideo:
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a video, and whether it was made now; else it was there."""
+
+    row: CatalogueRow
+    anew: bool
+
+
+def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> Outcome | OpenedVideo:
     """Make the results of a video, unless they are there.
 
     Parameters
@@ -134,7 +142,7 @@ def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> Ca
 
     Returns
     -------
-    CatalogueRow or OpenedVideo
+    Outcome or OpenedVideo
         What came of it; or the video, whose parts are other tasks.
 
     Raises
@@ -149,12 +157,12 @@ def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> Ca
         # Unchanged to the file system: its content is not read again.
         keys = keys_of(asked, posed, known.video_sha256)
         if known.key == keys.result or (curves_do and known.curves_key == keys.curves):
-            return known.row
+            return Outcome(known.row, anew=False)
     source, sha256 = _opened(video, asked)
     keys = keys_of(asked, posed, sha256)
     if known is not None and (known.key == keys.result or (curves_do and known.curves_key == keys.curves)):
         write_json_record(task.folder / RESULT, replace(known, video_state=state))
-        return known.row
+        return Outcome(known.row, anew=False)
     job = asked.job(source, posed, quiet=True)
     opened = OpenedVideo(task, job, sha256, state, keys, begun)
     if known is not None and known.curves_key == keys.curves and asked.curves is None:
@@ -197,7 +205,7 @@ def analysed_part(opened: OpenedVideo, number: int, *new: NDArray[np.bool_]) -> 
     return end - begin
 
 
-def finished(opened: OpenedVideo, *frames: int) -> CatalogueRow:
+def finished(opened: OpenedVideo, *frames: int) -> Outcome:
     """Join the parts of a video, and make its results.
 
     Parameters
@@ -211,9 +219,9 @@ def finished(opened: OpenedVideo, *frames: int) -> CatalogueRow:
     numbers = (number for number, count in enumerate(frames) if count)
     curves = joined([read_loss_curves(folder / f"{number:05d}.npz") for number in numbers])
     write_loss_curves(folder / LOSS_CURVES, curves)
-    row = _written(opened, folder / LOSS_CURVES)
+    outcome = _written(opened, folder / LOSS_CURVES)
     shutil.rmtree(folder, ignore_errors=True)
-    return row
+    return outcome
 
 
 def _kept(path: Path, read: Callable[[Path], Any], make: Callable[[Path], None]) -> Any:
@@ -232,9 +240,13 @@ def _asked_of(video: CatalogueVideo) -> AskedTrack:
     made_with = curves.provenance.inputs.get("contrast_model")
     if made_with not in (None, sha256_of_record(video.asked.model()[0])):
         raise InputError(f"the curves {video.video}: made with another contrast model than the one asked for")
-    lowest = float(curves.factors[0])
-    own = {"min_factor": lowest, "actuator": curves.actuator, "tolerance": curves.tolerance}
-    return replace(video.asked, curves=Path(video.video), **own)
+    return replace(
+        video.asked,
+        curves=Path(video.video),
+        min_factor=float(curves.factors[0]),
+        actuator=curves.actuator,
+        tolerance=curves.tolerance,
+    )
 
 
 def _opened(video: CatalogueVideo, asked: AskedTrack) -> tuple[VideoSource, str]:
@@ -247,7 +259,7 @@ def _opened(video: CatalogueVideo, asked: AskedTrack) -> tuple[VideoSource, str]
 
 
 def _known(folder: Path) -> CatalogueResult | None:
-    """Return what the results in a folder were made of; None if there are none, or one of its files is gone."""
+    """Return what the results in a folder were made of; None if there are none, or a file of them is gone."""
     try:
         known = read_json_record(CatalogueResult, folder / RESULT)
     except InputError:
@@ -255,7 +267,7 @@ def _known(folder: Path) -> CatalogueResult | None:
     return known if all((folder / name).is_file() for name in known.files) else None
 
 
-def _written(opened: OpenedVideo, curves: Path | None) -> CatalogueRow:
+def _written(opened: OpenedVideo, curves: Path | None) -> Outcome:
     """Make the results of a video in a folder that appears whole, and return what came out."""
     task, video = opened.task, opened.task.video
     with whole_folder(task.folder) as fresh:
@@ -265,7 +277,7 @@ def _written(opened: OpenedVideo, curves: Path | None) -> CatalogueRow:
         result = CatalogueResult(keys.result, keys.curves, opened.sha256, row, opened.state, files)
         write_json_record(fresh / RESULT, result)
         _keep_others(task.folder, fresh)
-    return row
+    return Outcome(row, anew=True)
 
 
 def _keep_others(folder: Path, fresh: Path) -> None:
@@ -279,6 +291,12 @@ def _keep_others(folder: Path, fresh: Path) -> None:
             os.link(folder / name, target)
         except OSError:
             shutil.copy2(folder / name, target)
+
+
+def remove_parts(out: Path) -> None:
+    """Remove what is left of the parts of videos, of runs that were asked for something else."""
+    for folder in out.glob(f"{PARTS}*"):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def curves_of(task: CatalogueTask) -> LossCurves:

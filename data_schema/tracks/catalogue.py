@@ -20,7 +20,8 @@ class CatalogueEntry:
     """
 
     video: str = described(
-        "file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video", pattern=".+"
+        "file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video",
+        pattern=".+",
     )
     name: str = described("folder of its results; empty: the video's name", default="")
     budget: float | None = quantity("1", f"in budget_unit; {OWN}", above=0.0, default=None)

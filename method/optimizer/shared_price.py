@@ -58,7 +58,7 @@ def loss_quantiles(loss: Array, importance: Array | None = None) -> Array:
     weights = np.ones(len(loss)) if importance is None else importance[order]
     shares = np.cumsum(weights) / weights.sum()
     at = np.searchsorted(shares, (np.arange(QUANTILES) + 0.5) / QUANTILES - 1e-12)
-    return np.asarray(loss[order][np.minimum(at, len(loss) - 1)])
+    return np.asarray(loss[order][np.minimum(at, len(loss) - 1)], dtype=np.float64)
 
 
 def shared_budgets(tables: Sequence[BudgetTable], budget: float) -> Array:
@@ -93,7 +93,7 @@ def shared_budgets(tables: Sequence[BudgetTable], budget: float) -> Array:
         if not reached < least * (1 - ENOUGH):
             break
         best, least = chosen, reached
-    return best
+    return np.asarray(best, dtype=np.float64)
 
 
 def _mixture(tables: Sequence[BudgetTable], chosen: Array) -> tuple[Array, Array]:
