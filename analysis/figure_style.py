@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 from matplotlib import rc_context, rcParams
@@ -31,6 +32,7 @@ FAINT = "#D9DDE2"
 
 QUICK_MARK = "QUICK RUN"  # across figures that are no result
 _MARK: ContextVar[str] = ContextVar("mark", default="")
+_DRAWING = RLock()  # matplotlib's settings are those of the process
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +65,9 @@ SLIDE = FigureFormat(width=13.333, height=7.5, font_size=12.0, dots_per_inch=144
 COLUMN = FigureFormat(width=3.4, height=4.4, font_size=6.5, dots_per_inch=400.0)  # one column of a paper
 
 
-def look(medium: FigureFormat) -> AbstractContextManager[None]:
-    """Return a context in which matplotlib draws for a medium: `with look(PAGE): ...`."""
+@contextmanager
+def look(medium: FigureFormat) -> Iterator[None]:
+    """Draw for a medium, one thread at a time: `with look(PAGE): ...`."""
     size = medium.font_size
     hair = size / 11
     settings: dict[Any, Any] = {
@@ -110,7 +113,8 @@ def look(medium: FigureFormat) -> AbstractContextManager[None]:
         "path.simplify": True,
         "text.parse_math": False,  # a "$" in the name of a video is a dollar
     }
-    return rc_context(settings)
+    with _DRAWING, rc_context(settings):
+        yield
 
 
 def new_figure(medium: FigureFormat, height: float | None = None) -> Figure:
@@ -212,7 +216,7 @@ def png_bytes(figure: Figure) -> bytes:
     mark = figure.text(
         0.5, 0.5, words, rotation=20, size=size, color=LIMIT, alpha=0.25, ha="center", va="center"
     )
-    with rc_context({"savefig.dpi": "figure"}):
+    with _DRAWING, rc_context({"savefig.dpi": "figure"}):
         figure.savefig(stream, format="png", metadata={"Software": None})
     mark.remove()
     return stream.getvalue()

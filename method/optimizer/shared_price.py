@@ -21,8 +21,10 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 
 QUANTILES = 64  # of the losses of a track
+FINER = 16  # steps of a price between two budgets of a table
 ROUNDS = 100
-ENOUGH = 1e-6  # share of the difference by which a round must lower it
+ENOUGH = 1e-4  # share of the difference by which a round must lower it
+SHARES = (1.0, 0.75, 0.5, 0.375, 0.25, 0.125, 0.0625)  # of the way to what was bought, that are tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,29 +87,44 @@ def shared_budgets(tables: Sequence[BudgetTable], budget: float) -> Array:
         )
     budget = min(max(budget, low), high)
     share = (budget - low) / (high - low) if high > low else 0.0
-    chosen = budgets[:, 0] + share * (budgets[:, -1] - budgets[:, 0])
-    best, least = chosen, _difference(tables, chosen)
+    fine = [_finer(table.budgets) for table in tables]
+    best = budgets[:, 0] + share * (budgets[:, -1] - budgets[:, 0])
+    least = _difference(tables, best)
     for _ in range(ROUNDS):
-        chosen = _bought(tables, _costs(tables, chosen), budget * weights.sum())
-        reached = _difference(tables, chosen)
-        if not reached < least * (1 - ENOUGH):
+        bought = _bought(tables, fine, _costs(tables, fine, best), budget * weights.sum())
+        # Of few videos, all of which respond at once, some would pass each other.
+        tried = [best + share * (bought - best) for share in SHARES]
+        reached = [_difference(tables, one) for one in tried]
+        if not min(reached) < least * (1 - ENOUGH):
             break
-        best, least = chosen, reached
+        best, least = tried[int(np.argmin(reached))], min(reached)
     return np.asarray(best, dtype=np.float64)
 
 
 def _mixture(tables: Sequence[BudgetTable], chosen: Array) -> tuple[Array, Array]:
     """Return the losses of all videos at chosen budgets, rising, and the share of all frames with each."""
-    losses = []
-    for table, budget in zip(tables, chosen, strict=True):
-        k = int(np.clip(np.searchsorted(table.budgets, budget) - 1, 0, len(table.budgets) - 2))
-        step = table.budgets[k + 1] - table.budgets[k]
-        part = (budget - table.budgets[k]) / step if step > 0 else 0.0
-        losses.append((1 - part) * table.losses[k] + part * table.losses[k + 1])
+    losses = [_losses_at(table, np.array([b]))[0] for table, b in zip(tables, chosen, strict=True)]
     shares = np.repeat([table.frames / QUANTILES for table in tables], QUANTILES)
     values = np.concatenate(losses)
     order = np.argsort(values, kind="stable")
     return values[order], shares[order] / shares.sum()
+
+
+def _losses_at(table: BudgetTable, budgets: Array) -> Array:
+    """Return the quantiles of a video's losses at budgets, between those of its table, (B, QUANTILES)."""
+    k = np.clip(np.searchsorted(table.budgets, budgets) - 1, 0, len(table.budgets) - 2)
+    part = ((budgets - table.budgets[k]) / (table.budgets[k + 1] - table.budgets[k]))[:, None]
+    return np.asarray((1 - part) * table.losses[k] + part * table.losses[k + 1], dtype=np.float64)
+
+
+def _finer(budgets: Array) -> Array:
+    """Return the budgets of a table, and FINER - 1 between each two.
+
+    >>> _finer(np.array([0.2, 1.0]))[[0, 8, 16]].round(3).tolist()
+    [0.2, 0.6, 1.0]
+    """
+    places = np.arange((len(budgets) - 1) * FINER + 1) / FINER
+    return np.interp(places, np.arange(len(budgets)), budgets)
 
 
 def _difference(tables: Sequence[BudgetTable], chosen: Array) -> float:
@@ -117,31 +134,33 @@ def _difference(tables: Sequence[BudgetTable], chosen: Array) -> float:
     return float(2 * np.sum(np.diff(values) * below[:-1] * (1 - below[:-1])))
 
 
-def _costs(tables: Sequence[BudgetTable], chosen: Array) -> Array:
-    """Return what each video costs at each of its budgets: its frames' distances from all losses, (V, K)."""
+def _costs(tables: Sequence[BudgetTable], budgets: Sequence[Array], chosen: Array) -> list[Array]:
+    """Return what each video costs at each of some budgets: its frames' distances from all losses, (V, B)."""
     values, shares = _mixture(tables, chosen)
     below, mean_below = np.cumsum(shares), np.cumsum(shares * values)
     costs = []
-    for table in tables:
-        at = np.searchsorted(values, table.losses, side="right") - 1
+    for table, own in zip(tables, budgets, strict=True):
+        losses = _losses_at(table, own)
+        at = np.searchsorted(values, losses, side="right") - 1
         share = np.where(at >= 0, below[at], 0.0)
         part = np.where(at >= 0, mean_below[at], 0.0)
-        distance = table.losses * (2 * share - 1) + mean_below[-1] - 2 * part  # E|l - X|
+        distance = losses * (2 * share - 1) + mean_below[-1] - 2 * part  # E|l - X|
         costs.append(table.frames * distance.mean(axis=1))
-    return np.array(costs)
+    return costs
 
 
-def _bought(tables: Sequence[BudgetTable], costs: Array, total: float) -> Array:
+def _bought(
+    tables: Sequence[BudgetTable], budgets: Sequence[Array], costs: Sequence[Array], total: float
+) -> Array:
     """Return the budgets at the price at which all together use the total, (V,).
 
     Each cost is replaced by its lower convex hull: its edges are bought, the one that saves most per unit
     first. The last one, whose saving is the price, is bought in part.
     """
     edges = []
-    for number, (table, cost) in enumerate(zip(tables, costs, strict=True)):
-        corners = _lower_hull(table.budgets, cost)
-        for a, b in pairwise(corners):
-            size = float(table.budgets[b] - table.budgets[a]) * table.weight
+    for number, (table, own, cost) in enumerate(zip(tables, budgets, costs, strict=True)):
+        for a, b in pairwise(_lower_hull(own, cost)):
+            size = float(own[b] - own[a]) * table.weight
             edges.append(((cost[b] - cost[a]) / size, number, size))
     chosen = np.array([table.budgets[0] for table in tables])
     left = total - sum(table.weight * float(table.budgets[0]) for table in tables)

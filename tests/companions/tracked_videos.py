@@ -58,7 +58,8 @@ def film(
     """Write planes of pictures at some times of a clock of 1/1000 s; `more` is rotation and pixel aspect."""
     stamps = range(0, 40 * len(pictures), 40) if stamps is None else stamps
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=25, options={"qp": "0"} if codec == "libx264" else {})
+        options = {"qp": "0", "g": "12"} if codec == "libx264" else {}
+        stream = container.add_stream(codec, rate=25, options=options)
         stream.height, stream.width = pictures[0][0].shape
         stream.pix_fmt = pixel_format
         context = stream.codec_context
