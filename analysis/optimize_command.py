@@ -151,22 +151,9 @@ def optimize(
     never changes faster than the rate limit.
     """
     from evenlight.analysis.earlier_results import files_in, remove_earlier_track
-    from evenlight.analysis.tracks.optimization_job import OptimizationJob
+    from evenlight.analysis.tracks.asked_track import AskedTrack
     from evenlight.analysis.tracks.track_results import run_optimization
-    from evenlight.data_schema.storage.tables import read_rows
     from evenlight.data_schema.storage.whole_files import results_folder
-    from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
-    from evenlight.method.choices import AnalysisEffort
-    from evenlight.method.contrast.measures import measure_named
-    from evenlight.method.optimizer.objective import objective_named
-    from evenlight.method.optimizer.request import Request, require_possible
-    from evenlight.method.preset_files import (
-        display_for,
-        load_contrast_model,
-        load_power_model,
-        load_rate_limit,
-        usable_limit,
-    )
     from evenlight.stimuli.sequences import open_videos
 
     check_video(video, min_factor, field_of_view, jobs)
@@ -191,52 +178,26 @@ def optimize(
     require_there("--allowances", allowances, "a csv table start_s,end_s,allowance")
     if start is not None and solver is not SolverName.SPLITTING:
         raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
-    limit = load_rate_limit(rate_limit)
-    panel = display_for(limit, display, curves)
-    limit = usable_limit(limit, panel, other_display_ok, accept_wide_band)
-    request = Request(
-        budget, budget_unit, load_power_model(power_model), limit, limit_curve, modulated,
-        weights=() if weights is None else tuple(read_rows(WeightSection, weights)),
-        allowances=() if allowances is None else tuple(read_rows(AllowanceSection, allowances)),
-        minimized=objective_named(objective, level_weight),
-        battery=battery_wh,
+    asked = AskedTrack(
+        budget, budget_unit, display, power_model, rate_limit, contrast_model, solver, limit_curve, modulated,
+        min_factor, field_of_view, actuator, fps, curves, tolerance, weights, allowances, calm, objective,
+        level_weight, other_display_ok, accept_wide_band, battery_wh, seed, no_cache, no_player,
     )  # fmt: skip
-    require_possible(request, min_factor)
+    panel, request = asked.posed()
     if curves is not None and with_:
         raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
     source, *others = open_videos([video, *(with_ or ())], fps)
-    model = measure_named(judged[0]) if judged else load_contrast_model(contrast_model)
-    work = OptimizationJob(
-        source=source,
-        display=panel,
-        request=request,
-        model=model,
-        model_name=judged[0] if judged else contrast_model,
-        solver=solver,
-        seed=seed,
-        min_factor=min_factor,
-        calm=calm,
-        field_of_view=field_of_view,
-        actuator=actuator,
-        curves=curves,
-        others=tuple(others),
-        weights=weights,
-        allowances=allowances,
-        start=start,
-        effort=AnalysisEffort(
-            tolerance, jobs, Device.CPU if curves else chosen_device(device, panel, model, quiet)
-        ),
-        cached=not no_cache,
-        player=not no_player,
-        robust=judged,
-        quiet=quiet,
-    )
+    computer = Device.CPU if curves else chosen_device(device, panel, asked.model(judged)[0], quiet)
+    work = asked.job(
+        source, (panel, request), others,
+        start=start, robust=judged, jobs=jobs, device=computer, quiet=quiet,
+    )  # fmt: skip
     with results_folder(out) as folder:
         summary = run_optimization(work, folder)
         written = files_in(folder)
     remove_earlier_track(out, written)
     if not quiet:
-        _print_result(summary, borrowed_line(limit, panel) + results_in(out))
+        _print_result(summary, borrowed_line(request.rate_limit, panel) + results_in(out))
 
 
 def _robust_measures(robust: bool, measures: str | None) -> tuple[str, ...]:

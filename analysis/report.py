@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
 from evenlight.data_schema.storage.whole_files import write_whole
 
@@ -63,6 +64,24 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
+class Card:
+    """A result beside the report: a picture of it, by which a page is opened.
+
+    Attributes
+    ----------
+    page, picture : str
+        Their paths, from the report's folder.
+    title, words : str
+        What it is, and what to know of it.
+    """
+
+    page: str
+    picture: str
+    title: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class Section:
     """A section of the report: paragraphs, then tables and figures.
 
@@ -86,6 +105,8 @@ class Section:
         Whether it belongs to the section before it: a smaller heading, and no line of the contents.
     links : tuple of (str, str)
         Pages beside the report, by their paths, and what they show.
+    cards : tuple of Card
+        Results beside the report, as a gallery; their pictures are loaded as they come into sight.
     """
 
     title: str
@@ -97,6 +118,7 @@ class Section:
     mark: str = ""
     below: bool = False
     links: tuple[tuple[str, str], ...] = ()
+    cards: tuple[Card, ...] = ()
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -139,7 +161,7 @@ def probability(p: float) -> str:
 
 
 def write_report(path: Path, report: Report) -> None:
-    """Write a report as an HTML file that needs no other file, no network and no script.
+    """Write a report as an HTML file that needs no network, no script, and no other file but those of cards.
 
     Parameters
     ----------
@@ -206,9 +228,20 @@ def _section(number: int, section: Section) -> str:
             *(f'<p class="note">{escape(text)}</p>' for text in section.notes),
             *(_figure(picture) for picture in section.pictures),
             *(_table(table) for table in section.tables),
+            *([_cards(section.cards)] if section.cards else ()),
             "</section>",
         ]
     )
+
+
+def _cards(cards: tuple[Card, ...]) -> str:
+    """Return a gallery."""
+    items = (
+        f'<li><a href="{quote(card.page)}"><img loading="lazy" alt="" src="{quote(card.picture)}">'
+        f"<b>{breakable(card.title)}</b></a> {escape(card.words)}</li>"
+        for card in cards
+    )
+    return f'<ul class="gallery">{"".join(items)}</ul>'
 
 
 def _figure(picture: Picture) -> str:

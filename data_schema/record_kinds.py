@@ -52,6 +52,12 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
+from evenlight.data_schema.tracks.catalogue import (
+    CatalogueEntry,
+    CatalogueError,
+    CatalogueResult,
+    CatalogueRow,
+)
 from evenlight.data_schema.tracks.control import (
     ControlSummary,
     LiveControl,
@@ -215,6 +221,10 @@ KINDS = (
     RecordKind(BenchmarkGrowth, _CSV, "*_growth.csv", "`evenlight bench`"),
     RecordKind(BenchmarkClaim, _CSV, "*_claims.csv", "`evenlight bench`"),
     RecordKind(BenchmarkSummary, _JSON, "benchmark.json", "`evenlight bench`"),
+    RecordKind(CatalogueEntry, _CSV, "*.catalogue.csv", "someone who has many videos"),
+    RecordKind(CatalogueRow, _CSV, "catalogue.csv", "`evenlight catalogue`"),
+    RecordKind(CatalogueError, _CSV, "errors.csv", "`evenlight catalogue`"),
+    RecordKind(CatalogueResult, _JSON, "catalogue.json", "`evenlight catalogue`"),
     RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),
     RecordKind(AllowanceSection, _CSV, "allowances.csv *.allowances.csv", "someone who knows the video"),
     RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),

@@ -49,7 +49,11 @@ ClusterOption = Annotated[str | None, cluster_option]
 
 
 class WorkerLostError(Exception):
-    """The workers that did a task died, each of them: the message says how often."""
+    """The workers that did a task died, each of them."""
+
+
+class SchedulerLostError(InputError):
+    """The scheduler has gone, and with it all tasks."""
 
 
 @cache
@@ -161,7 +165,9 @@ def result_of(future: Future) -> Any:
     Raises
     ------
     WorkerLostError
-        If the workers that did it died, or the scheduler has gone.
+        If the workers that did it died.
+    SchedulerLostError
+        If the scheduler has gone.
     """
     from concurrent.futures import CancelledError
 
@@ -175,10 +181,10 @@ def result_of(future: Future) -> Any:
             "the worker that did it died (killed, or out of memory), and so did those that tried again: "
             "give workers more memory"
         ) from None
-    except (CancelledError, CommClosedError, OSError) as error:
-        if isinstance(error, OSError) and not isinstance(error, CommClosedError):
-            raise
-        raise WorkerLostError("the scheduler of the workers has gone") from None
+    except (CancelledError, CommClosedError):
+        raise SchedulerLostError(
+            "the scheduler of the workers has gone; start it, and run this again: what is done stays done"
+        ) from None
 
 
 @contextmanager
@@ -205,6 +211,7 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
         ) from None
     with ExitStack() as stack:
         client = stack.enter_context(_connected(name, distributed, stack))
+        stack.enter_context(client.as_current())
         workers = Workers(client)
         _require_same_software(workers, name)
         if not quiet:

@@ -21,6 +21,7 @@ from evenlight import bench_command, progress
 from evenlight.analysis import (
     analyze_command,
     audit_command,
+    catalogue_command,
     control_command,
     fit_commands,
     judge_command,
@@ -207,6 +208,7 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
     "Start here": {"demo": demo, "new": new_command.new},
     "Video": {
         "optimize": optimize_command.optimize,
+        "catalogue": catalogue_command.catalogue,
         "control": control_command.control,
         "judge": judge_command.judge,
         "play": play_command.play_command(_write_power),

@@ -30,6 +30,9 @@ class Progress(Protocol):
     def at(self, done: int, total: int | None = None) -> None:
         """Tell how many parts of the step are done; `total` where it is known only now."""
 
+    def note(self, words: str) -> None:
+        """Say something of a part that is done, in a line that stays."""
+
     def aside(self, words: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
         """Begin work within the step, and yield what takes how many parts of it are done."""
 
@@ -63,6 +66,10 @@ class ProgressLines:
     def at(self, done: int, total: int | None = None) -> None:
         """Take note of how many parts of the step are done."""
         self._done, self._total = done, total or self._total
+
+    def note(self, words: str) -> None:
+        """Write a line."""
+        self._write(f"evenlight: {words}")
 
     @contextmanager
     def aside(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
@@ -224,6 +231,10 @@ class _Bar:
             return "-:--:--"
         each = (self._bars.get_time() - since) / (self._done - before)
         return str(timedelta(seconds=math.ceil(each * max(total - self._done, 0))))
+
+    def note(self, words: str) -> None:
+        """Write a line above the bar."""
+        self._bars.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
     @contextmanager
     def aside(self, words: str, total: int) -> Iterator[Callable[[int], None]]:

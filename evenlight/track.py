@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import fspath
 from pathlib import Path
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from evenlight.analysis.earlier_results import files_in, remove_earlier_track
 from evenlight.analysis.figure_style import write_png
-from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.gain_words import gain_in_words, uses_same_power
 from evenlight.analysis.tracks.objective_words import (
     less_or_more,
@@ -21,15 +20,14 @@ from evenlight.analysis.tracks.objective_words import (
     minimized_in_words,
     spread_in_words,
 )
-from evenlight.analysis.tracks.optimization import optimize_curves, optimize_video
-from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.optimization import optimize_video
+from evenlight.analysis.tracks.optimization_job import AnalysedVideo, OptimizationJob
 from evenlight.analysis.tracks.track_figure import track_figure
 from evenlight.analysis.tracks.track_figure_data import TrackFigureData
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Actuator
@@ -337,7 +335,7 @@ def optimize(
     )  # fmt: skip
     require_possible(request, number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
     job = OptimizationJob(
-        source=video_of(video, frames_per_second) if known is None else _AnalysedVideo(known),  # type: ignore[arg-type] # not curves
+        source=video_of(video, frames_per_second) if known is None else AnalysedVideo(known),  # type: ignore[arg-type] # not curves
         display=shown,
         request=request,
         model=measure_named(measures[0]) if measures else contrast_model_of(contrast_model),
@@ -352,29 +350,13 @@ def optimize(
         robust=measures,
         quiet=True,
     )
-    made = optimize_video(job) if known is None else optimize_curves(job, [known], [FrameSamples()])
+    made = optimize_video(job)
     return Track(made.clips[0].track, made.summary, made.clips[0].problem.curves)
 
 
 def _name_of(contrast_model: Named | ContrastModel) -> str:
     """Return what a contrast model is called."""
     return "given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model)
-
-
-class _AnalysedVideo:
-    """The video of loss curves, whose frames are not at hand."""
-
-    def __init__(self, curves: LossCurves) -> None:
-        self.name, self.n_frames = curves.video, curves.n_frames
-        self._sha256 = curves.provenance.inputs.get("video", "unknown")
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield no frame."""
-        return iter(())
-
-    def sha256(self) -> str:
-        """Return the SHA-256 of the video that was analysed."""
-        return self._sha256
 
 
 def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:

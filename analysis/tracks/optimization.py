@@ -11,6 +11,7 @@ import numpy as np
 
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import (
+    AnalysedVideo,
     FrameWatcher,
     OptimizationJob,
     loss_curves_of,
@@ -96,6 +97,8 @@ def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) 
     InputError
         If the job cannot be done, e.g. with loss curves of another video.
     """
+    if isinstance(job.source, AnalysedVideo):
+        return optimize_curves(job, [job.source.curves], [FrameSamples()])
     jobs = [job, *(replace(job, source=source, others=()) for source in job.others)]
     samples = [FrameSamples() for _ in jobs]
     began = time.perf_counter()

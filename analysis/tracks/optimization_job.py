@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -116,6 +116,21 @@ class OptimizationJob:
     def analysis_name(self) -> str:
         """What the analysis is called in messages: the video, and the measure where it was asked for."""
         return f"{self.source.name}, {self.model_name}" if self.model_name in MEASURES else self.source.name
+
+
+class AnalysedVideo:
+    """The video of loss curves, whose frames are not at hand."""
+
+    def __init__(self, curves: LossCurves) -> None:
+        self.curves, self.name, self.n_frames = curves, curves.video, curves.n_frames
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield no frame."""
+        return iter(())
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the video that was analysed."""
+        return self.curves.provenance.inputs.get("video", "unknown")
 
 
 def loss_curves_of(

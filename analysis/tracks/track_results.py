@@ -18,7 +18,12 @@ from evenlight.analysis.tracks.frame_samples import FrameSamples, thumbnails_of
 from evenlight.analysis.tracks.gain_words import gain_sentences, uses_same_power
 from evenlight.analysis.tracks.objective_words import minimized_in_words
 from evenlight.analysis.tracks.optimization import OptimizedClip, optimize_video
-from evenlight.analysis.tracks.optimization_job import OptimizationJob, clip_folder, loss_curves_of
+from evenlight.analysis.tracks.optimization_job import (
+    AnalysedVideo,
+    OptimizationJob,
+    clip_folder,
+    loss_curves_of,
+)
 from evenlight.analysis.tracks.track_figure import track_figure
 from evenlight.analysis.tracks.track_figure_data import TrackFigureData, compared_at
 from evenlight.data_schema.contrast_model import ContrastModel
@@ -53,7 +58,7 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
 
 def _recorders(job: OptimizationJob) -> list[PictureRecorder]:
     """Return what makes the pictures of the videos' player pages; none if there are to be none."""
-    sources = (job.source, *job.others) if job.player else ()
+    sources = (job.source, *job.others) if job.player and not isinstance(job.source, AnalysedVideo) else ()
     return [PictureRecorder(source, cached=job.cached, quiet=job.quiet) for source in sources]
 
 
@@ -161,6 +166,8 @@ def _draw(
 ) -> None:
     """Draw the track over time, and where contrast is lost in the frame in which it matters most."""
     write_png(folder / "track.png", track_figure(data))
+    if not samples.held:  # the frames of loss curves are not at hand
+        return
     track = data.track
     difference = np.abs(data.baseline_loss - track.contrast_loss)
     index, pixels = max(samples.held, key=lambda held: float(difference[held[0]]))

@@ -135,6 +135,48 @@ def results_folder(folder: Path, replacing: Collection[str] = ()) -> Iterator[Pa
         _remove_empty(folder, created)
 
 
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """Yield an empty folder that takes the place of `folder` in one step when the block ends well.
+
+    What another process sees there is all of the earlier folder or all of the new one; for the moment between
+    two renames, nothing.
+
+    Parameters
+    ----------
+    folder : Path
+        What is replaced; what it holds is gone then. It need not be there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    make_folder(folder.parent)
+    try:
+        staging, held = _staging_in(folder.parent)
+    except OSError as error:
+        raise InputError(f"cannot write to the folder {folder.parent}: {error.strerror or error}") from error
+    fresh = staging / "fresh"
+    try:
+        fresh.mkdir()
+        yield fresh
+        earlier = Path(tempfile.mkdtemp(dir=staging, prefix=".replaced-")) / folder.name
+        try:
+            if folder.exists():
+                folder.replace(earlier)
+            fresh.replace(folder)
+        except BaseException as error:
+            _put_back(earlier, folder)
+            if isinstance(error, OSError):
+                raise InputError(f"cannot write the folder {folder}: {error.strerror or error}") from error
+            raise
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        if held is not None:
+            os.close(held)
+
+
 def _staging_in(folder: Path) -> tuple[Path, int | None]:
     """Make a folder for results to come, and clear those that killed runs left beside it.
 

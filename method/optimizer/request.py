@@ -52,23 +52,39 @@ def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array
     InputError
         If that factor lies outside the curves' range.
     """
-    require_possible(request, float(curves.factors[0]))
+    lowest = float(curves.factors[0])
+    require_possible(request, lowest)
+    offset, scale, weights = budget_line(curves, request)
+    _require_between(request, (offset + scale * lowest, offset + scale), lowest)
+    return min(max((request.budget - offset) / scale, lowest), 1.0), weights
+
+
+def budget_line(curves: LossCurves, request: Request) -> tuple[float, float, Array]:
+    """Return what a video uses of its budget: offset + scale · Σ weights · b, in the budget's unit.
+
+    Returns
+    -------
+    offset, scale : float
+        In the unit of the budget.
+    weights : array, (N,)
+        Each frame's share; they add up to 1.
+
+    Raises
+    ------
+    InputError
+        If dimming saves nothing.
+    """
     time_share = curves.durations / curves.durations.sum()
+    if request.budget_unit is BudgetUnit.FACTOR:
+        return 0.0, 1.0, time_share
     slope = power_per_factor(request.power_model, curves.channel_means)
     mean_slope, base = float(time_share @ slope), request.power_model.base_power
-    if request.budget_unit is BudgetUnit.FACTOR:
-        scale, offset, weights = 1.0, 0.0, time_share
-    else:
-        if not mean_slope > 0:
-            raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
-        scale, offset = mean_slope, base
-        if request.budget_unit is BudgetUnit.POWER:
-            scale, offset = mean_slope / (mean_slope + base), base / (mean_slope + base)
-        weights = time_share * slope / mean_slope
-    low, high = offset + scale * float(curves.factors[0]), offset + scale
-    _require_between(request, (low, high), float(curves.factors[0]))
-    factor = (request.budget - offset) / scale
-    return min(max(factor, float(curves.factors[0])), 1.0), weights
+    if not mean_slope > 0:
+        raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
+    weights = time_share * slope / mean_slope
+    if request.budget_unit is BudgetUnit.POWER:
+        return base / (mean_slope + base), mean_slope / (mean_slope + base), weights
+    return base, mean_slope, weights
 
 
 def require_possible(request: Request, lowest_factor: float) -> None:

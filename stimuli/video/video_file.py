@@ -63,6 +63,8 @@ class VideoFile:
         Angle that the width is to span for the viewer [deg]; None if the file does not say.
     stamps : array of int, (frames,), or None
         Time stamps of its frames, rising [ticks]; None where they do not tell them apart.
+    key_stamps : array of int, (key frames,)
+        Those of frames that need no other to be decoded, as far as they are known.
     """
 
     path: VideoPath
@@ -70,6 +72,9 @@ class VideoFile:
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
     stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
+    key_stamps: NDArray[np.int64] = field(
+        default_factory=lambda: np.empty(0, np.int64), compare=False, repr=False
+    )
 
     @property
     def name(self) -> str:
@@ -80,6 +85,15 @@ class VideoFile:
     def n_frames(self) -> int:
         """How many frames are shown."""
         return self.timeline.shown
+
+    @property
+    def key_frames(self) -> NDArray[np.intp]:
+        """The numbers of its key frames, of those that are seen, rising; empty where frames are not told."""
+        if self.stamps is None:
+            return np.empty(0, np.intp)
+        seen = self.timeline.durations > 0
+        found = np.flatnonzero(np.isin(self.stamps, self.key_stamps) & seen)
+        return (np.cumsum(seen) - 1)[found]
 
     def sha256(self) -> str:
         """Return the SHA-256 of the file."""
@@ -235,8 +249,8 @@ def open_video_file(path: VideoPath) -> VideoFile:
     with opened_container(path) as container:
         stream = video_stream_of(path, container)
         aspect = pixel_aspect_of(path, stream)
-        timeline, stamps = timeline_of(path, container, stream)
-        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps)
+        timeline, stamps, keys = timeline_of(path, container, stream)
+        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps, keys)
 
 
 def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:

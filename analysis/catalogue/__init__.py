@@ -1,0 +1,1 @@
+"""Many or long videos, on a cluster: what `evenlight catalogue` does."""

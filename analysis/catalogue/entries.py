@@ -1,0 +1,122 @@
+"""The videos of a catalogue: from a folder, a glob or a table, each with what is asked of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from evenlight.analysis.tracks.asked_track import AskedTrack
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.tracks.catalogue import CatalogueEntry
+from evenlight.stimuli.sequences import is_sequence
+from evenlight.stimuli.video.remote_file import is_url, shown_name
+from evenlight.stimuli.video.video_locations import videos_at
+
+TABLE, CURVES = ".csv", ".npz"
+OWN_OPTIONS = ("budget", "budget_unit", "min_factor", "field_of_view", "actuator", "fps", "calm")
+OWN_FILES = ("weights", "allowances")
+PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
+RESERVED = ("catalogue.csv", "errors.csv", "report.html", "catalogue.png")
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueVideo:
+    """A video of a catalogue.
+
+    Attributes
+    ----------
+    name, video : str
+        The folder of its results; what `open_video` takes, or a file of loss curves, which needs no video.
+    asked : AskedTrack
+        What is wanted of it.
+    """
+
+    name: str
+    video: str
+    asked: AskedTrack
+
+    @property
+    def shown(self) -> str:
+        """What the video is called in tables: a URL without what may be secret."""
+        return shown_name(self.video)
+
+
+def videos_of(source: str, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
+    """Return the videos of a catalogue, each with a folder name of its own.
+
+    Parameters
+    ----------
+    source : str
+        A table (CSV), or what `videos_at` takes: a folder, a glob, a file, a URL of these.
+    asked : AskedTrack
+        What is wanted of all; a table may say otherwise for some.
+
+    Raises
+    ------
+    InputError
+        If there is no video, the table cannot be read, or two rows have the same name.
+    """
+    if source.lower().endswith(TABLE) and not is_url(source):
+        return _of_table(Path(source), asked)
+    videos = videos_at(source)
+    return tuple(CatalogueVideo(*named, asked) for named in zip(_names(videos), videos, strict=True))
+
+
+def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
+    """Return the videos of a table."""
+    entries = read_rows(CatalogueEntry, path)
+    if not entries:
+        raise InputError(f"{path}: lists no video; give a row for each, with the column video")
+    videos = [_beside(path, entry.video) for entry in entries]
+    for number, entry in enumerate(entries, start=2):
+        if entry.name and (
+            entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED
+        ):
+            raise InputError(
+                f"{path}, row {number}: name {entry.name!r} cannot be that of a folder of results; give one "
+                "without / that does not begin with a dot"
+            )
+    names = [entry.name or made for entry, made in zip(entries, _names(videos), strict=True)]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(
+            f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name"
+        )
+    return tuple(
+        CatalogueVideo(name, video, _own(path, entry, asked))
+        for name, video, entry in zip(names, videos, entries, strict=True)
+    )
+
+
+def _own(path: Path, entry: CatalogueEntry, asked: AskedTrack) -> AskedTrack:
+    """Return what is wanted of a row of a table: what its cells say, else what is wanted of all."""
+    own: dict[str, Any] = {key: getattr(entry, key) for key in OWN_OPTIONS if getattr(entry, key) is not None}
+    own |= {key: Path(_beside(path, value)) for key in OWN_FILES if (value := getattr(entry, key))}
+    own |= {key: _beside(path, value) for key in PRESETS_OR_FILES if (value := getattr(entry, key))}
+    return replace(asked, **own)
+
+
+def _beside(table: Path, name: str) -> str:
+    """Return the name of a file in a table, from the table's folder; other names stay as they are."""
+    if is_url(name) or is_sequence(name) or not (beside := table.parent / name).exists():
+        return name
+    return str(beside)
+
+
+def _names(videos: Sequence[str]) -> list[str]:
+    """Return a name for the folder of each video: its own, and those of its folders where that is not enough.
+
+    >>> _names(["films/a.mkv", "films/b.mkv", "films/old/b.mkv"])
+    ['a', 'films-b.mkv', 'films-old-b.mkv']
+    """
+    paths = [Path(shown_name(video).replace("://", "/")) for video in videos]
+    stems = [path.name if path.name == path.stem or path.suffix == "" else path.stem for path in paths]
+    count = Counter(stems)
+    return [
+        stem if count[stem] == 1 and stem not in RESERVED else "-".join(path.parts).strip("-/.")
+        for stem, path in zip(stems, paths, strict=True)
+    ]

@@ -1,0 +1,155 @@
+"""A catalogue of videos: its table, its results, and what each result was made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.recordings.rig import Actuator
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+
+OWN = "empty: as the command says"
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueEntry:
+    """A video, and what is asked for it otherwise than for the others; a row of `*.catalogue.csv`.
+
+    Names of files are taken from the folder of the table.
+    """
+
+    video: str = described(
+        "file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video",
+        pattern=".+",
+    )
+    name: str = described("folder of its results; empty: the video's name", default="")
+    budget: float | None = quantity("1", f"in budget_unit; {OWN}", above=0.0, default=None)
+    budget_unit: BudgetUnit | None = described(f"what the budget counts; {OWN}", default=None)
+    display: str = described(f"preset or file; {OWN}", default="")
+    power_model: str = described(f"preset or file; {OWN}", default="")
+    rate_limit: str = described(f"preset or file; {OWN}", default="")
+    contrast_model: str = described(f"preset or file; {OWN}", default="")
+    min_factor: float | None = quantity(
+        "1", f"lowest brightness factor; {OWN}", above=0.0, maximum=1.0, default=None
+    )
+    field_of_view: float | None = quantity(
+        "deg", f"what the video's width spans; {OWN}", above=0.0, maximum=180.0, default=None
+    )
+    actuator: Actuator | None = described(f"what dims the display; {OWN}", default=None)
+    fps: float | None = quantity(
+        "Hz", f"of a folder of images or a built-in sequence; {OWN}", above=0.0, key="fps", default=None
+    )
+    calm: float | None = quantity(
+        "1", f"share of the gain to give up; {OWN}", minimum=0.0, maximum=1.0, default=None
+    )
+    weights: str = described("file of scenes that count more or less (*.weights.csv)", default="")
+    allowances: str = described("file of moments with another rate limit (*.allowances.csv)", default="")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueRow:
+    """What came of a video of a catalogue; a row of `catalogue.csv`. Cells of a failed one are empty."""
+
+    name: str = described("folder of its results, beside the table")
+    video: str = described("as the catalogue names it, without passwords")
+    frames: int | None = quantity("1", "number of frames", minimum=1, default=None)
+    duration: float | None = quantity("s", "duration of the video", above=0.0, default=None)
+    budget: float | None = quantity(
+        "1", "what it was to have, in budget_unit; its own share of a budget for all", above=0.0, default=None
+    )
+    budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
+    achieved: float | None = quantity("1", "what its track has", above=0.0, default=None)
+    objective: float | None = quantity(
+        "1", "mean absolute difference of contrast loss between two frames of the track", minimum=0.0,
+        default=None,
+    )  # fmt: skip
+    objective_baseline: float | None = quantity(
+        "1", "the same for constant dimming at equal power", minimum=0.0, default=None
+    )
+    lower_bound: float | None = quantity(
+        "1", "no track within the limits has a smaller objective", minimum=0.0, default=None
+    )
+    gap: float | None = quantity(
+        "1", "share of the objective that a better track could gain at most", minimum=0.0, maximum=1.0,
+        default=None,
+    )  # fmt: skip
+    mean_contrast_loss: float | None = quantity(
+        "1", "mean contrast loss of the track", minimum=0.0, default=None
+    )
+    mean_contrast_loss_baseline: float | None = quantity(
+        "1", "the same for constant dimming at equal power", minimum=0.0, default=None
+    )
+    max_rate_ratio: float | None = quantity(
+        "1", "largest ratio of a step's rate to its limit; at most 1", minimum=0.0, default=None
+    )
+    mean_power: float | None = quantity("W", "mean power of the track", minimum=0.0, default=None)
+    full_power: float | None = quantity("W", "mean power at full brightness", minimum=0.0, default=None)
+    seconds: float | None = quantity(
+        "s", "time that it took, when it was made", minimum=0.0, key="seconds", default=None
+    )
+    error: str = described("why there is no result; empty where there is one", default="")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+    @property
+    def gain(self) -> float | None:
+        """By which share less the loss differs than with constant dimming; None where that is even."""
+        ours, constant = self.objective, self.objective_baseline
+        return 1 - ours / constant if ours is not None and constant else None
+
+
+def row_of(name: str, video: str, summary: OptimizationSummary, seconds: float) -> CatalogueRow:
+    """Return the row of a video whose track has a summary."""
+    value, bound = summary.objective, summary.lower_bound
+    if (minimized := summary.minimized) is not None:
+        value, bound = minimized.value, minimized.bound
+    return CatalogueRow(
+        name=name,
+        video=video,
+        gap=1 - bound / value if value > 0 else 0.0,
+        seconds=seconds,
+        **{key: getattr(summary, key) for key in OF_SUMMARY},
+    )
+
+
+OF_SUMMARY = (
+    "frames", "duration", "budget", "budget_unit", "achieved", "objective", "objective_baseline",
+    "lower_bound", "mean_contrast_loss", "mean_contrast_loss_baseline", "max_rate_ratio", "mean_power",
+    "full_power",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueError:
+    """A video of a catalogue that failed; a row of `errors.csv`."""
+
+    name: str = as_in(CatalogueRow, "name")
+    video: str = as_in(CatalogueRow, "video")
+    error: str = described("why there is no result")
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueResult:
+    """What the results of a video were made of, by which a later run knows them: `catalogue.json`."""
+
+    key: str = described("SHA-256 of all that they depend on: inputs, options, software")
+    curves_key: str = described("SHA-256 of what the loss curves depend on")
+    video_sha256: str = described("SHA-256 of the video")
+    row: CatalogueRow = described("what came of it")
+    video_state: str | None = described(
+        "size and time of change of the video's file, by which a later run knows that it is the same; null "
+        "where it has none",
+        default=None,
+    )
+    files: tuple[str, ...] = field(default=(), metadata={"doc": "what was written beside this file"})
+
+    def __post_init__(self) -> None:
+        check_limits(self)
