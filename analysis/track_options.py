@@ -23,8 +23,8 @@ MIN_FACTORS = (0.001, 0.99)  # a display can hardly be dimmed further; beyond, t
 VideoArgument = Annotated[
     str,
     typer.Argument(
-        help="The video: a file, a folder of images, or a built-in sequence: library, gym, living_room, "
-        "basement, house, checkerboard, sunrise."
+        help="The video: a file, a URL such as s3://bucket/film.mp4, a folder of images, or a built-in "
+        "sequence: library, gym, living_room, basement, house, checkerboard, sunrise."
     ),
 ]
 BudgetUnitOption = Annotated[

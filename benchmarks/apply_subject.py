@@ -51,8 +51,7 @@ def measure(settings: RunSettings) -> SubjectResults:
     task = f"a frame of {width} x {height}, read from H.264, dimmed and written"
     with tempfile.TemporaryDirectory() as folder:
         source = encoded(Path(folder) / "film.mp4", film(width, height, count, settings.seed))
-        video = open_video_file(source)
-        points = _points(video, Path(folder), task, settings)
+        points = _points(source, Path(folder), task, settings)
     errors = {p.approach: p.error for p in points}
     lossless = errors[NAMES[Codec.FFV1]]
     assert lossless is not None
@@ -80,8 +79,9 @@ def measure(settings: RunSettings) -> SubjectResults:
     )
 
 
-def _points(video: VideoFile, folder: Path, task: str, settings: RunSettings) -> list[BenchmarkPoint]:
+def _points(source: Path, folder: Path, task: str, settings: RunSettings) -> list[BenchmarkPoint]:
     """Return the points of all codecs, and of the definition; times are of one frame."""
+    video = open_video_file(source)
     matched = _track_of(video)
     files = {name: folder / f"{codec.value}.mkv" for codec, name in NAMES.items()}
 
@@ -97,7 +97,7 @@ def _points(video: VideoFile, folder: Path, task: str, settings: RunSettings) ->
         error: tuple[Any, ...] = (None,)
         if name in files:
             rms, highest = _errors(files[name], video, matched)
-            larger = files[name].stat().st_size / video.path.stat().st_size
+            larger = files[name].stat().st_size / source.stat().st_size
             error = rms, ERROR, f"99.9 % within {highest:.2g}/255; {larger:.2g} times as large as the film"
         points.append(point(approach, of_one, *error))
     return points
@@ -122,7 +122,7 @@ def _errors(file: Path, video: VideoFile, matched: MatchedTrack) -> tuple[float,
 def _dimmed_as_defined(video: VideoFile, matched: MatchedTrack) -> Iterator[Array]:
     """Yield R', G', B' of a dimmed film (3, height, width), in float64."""
     factors = np.asarray(matched.loaded.track.factors)
-    for rgb, factor in zip(_rgb(video.path), factors, strict=True):
+    for rgb, factor in zip(_rgb(Path(str(video.path))), factors, strict=True):
         yield dimmed_pixel_values(rgb, factor, matched.display.gamma)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def apply(
     video: Annotated[
-        str, typer.Argument(help="The video: a file, a folder of images, or a built-in sequence.")
+        str, typer.Argument(help="The video: a file, a URL, a folder of images, or a built-in sequence.")
     ],
     track: Annotated[
         Path, typer.Argument(help="Its track: the folder that `evenlight optimize` wrote, or track.csv.")
@@ -53,9 +53,11 @@ def apply(
     from evenlight.stimuli.dimmed.apply_video import apply_track
     from evenlight.stimuli.dimmed.encoders import codec_for
     from evenlight.stimuli.dimmed.matched_track import match_track
+    from evenlight.stimuli.video.remote_file import is_url, local_name
 
+    video = local_name(video)
     encoding = codec_for(out, codec)
-    if out.exists() and Path(video).exists() and out.samefile(video):
+    if out.exists() and not is_url(video) and Path(video).exists() and out.samefile(video):
         raise InputError(f"--out {out}: is the video itself; give another name")
     require_free(out, force=force)
     source = _video_of(video, track, fps)
@@ -71,10 +73,11 @@ def _video_of(name: str, track: Path, fps: float | None) -> VideoSource:
     """Return a video; one without a frame rate of its own gets the track's, unless another is given."""
     from evenlight.data_schema.tracks.loaded_track import frame_durations, load_track
     from evenlight.stimuli.sequences import is_sequence, open_video
+    from evenlight.stimuli.video.remote_file import is_url
     from evenlight.stimuli.video.video_source import rate_from_number
 
     path = Path(name)
-    if fps is None and (path.is_dir() or (is_sequence(name) and not path.exists())):
+    if fps is None and not is_url(name) and (path.is_dir() or (is_sequence(name) and not path.exists())):
         fps = float(rate_from_number(1 / float(frame_durations(load_track(track).track).mean())))
     return open_video(name, fps)
 

@@ -17,6 +17,7 @@ from evenlight.stimuli.scenes.content.catalogue import is_scene_file
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
 from evenlight.stimuli.sequence_format import SequenceFormat
 from evenlight.stimuli.sunrise import Sunrise
+from evenlight.stimuli.video.remote_file import RemoteFile, is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
@@ -49,7 +50,7 @@ def is_sequence(name: str) -> bool:
     >>> is_sequence("sunrise"), is_sequence("walk.json"), is_sequence("film.mkv")
     (True, True, False)
     """
-    return name in SEQUENCES or name.endswith(".json")
+    return name in SEQUENCES or (name.endswith(".json") and not is_url(name))
 
 
 def built_in_sequence(
@@ -126,17 +127,20 @@ def open_videos(names: Sequence[str], frames_per_second: float | None = None) ->
 
 def _has_its_rate(name: str) -> bool:
     """Return whether a name is that of a video file."""
+    if is_url(name := local_name(name)):
+        return True
     path = Path(name)
     return path.exists() and not path.is_dir() and path.suffix != ".json"
 
 
 def open_video(name: str, frames_per_second: float | None = None) -> VideoSource:
-    """Return the video of a name: a file's or a folder's path, else a built-in sequence.
+    """Return the video of a name: a file's path or URL, a folder's path, else a built-in sequence.
 
     Parameters
     ----------
     name : str
-        A path, or the name of a built-in sequence; a path wins over a name. A json file is a camera path.
+        A path, a URL, or the name of a built-in sequence; a path wins over a name. A json file is a camera
+        path.
     frames_per_second : float, optional
         Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
 
@@ -148,16 +152,17 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
     from evenlight.stimuli.video.image_folder import open_image_folder
     from evenlight.stimuli.video.video_file import open_video_file
 
-    path = Path(name)
-    if is_scene_file(name):
+    name = local_name(name)
+    if is_scene_file(name) and not is_url(name):
         return built_in_sequence(name)
-    if path.is_dir():
+    path = RemoteFile(name) if is_url(name) else Path(name)
+    if isinstance(path, Path) and path.is_dir():
         return open_image_folder(path, frames_per_second)
     if _has_its_rate(name):
         if frames_per_second is not None:
             raise InputError(
-                f"{name} has its own frame rate; only a folder of images or a built-in sequence takes one, "
-                f"got {frames_per_second:g}"
+                f"{shown_name(name)} has its own frame rate; only a folder of images or a built-in sequence "
+                f"takes one, got {frames_per_second:g}"
             )
         return open_video_file(path)
     if is_sequence(name):

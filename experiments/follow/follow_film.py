@@ -29,6 +29,7 @@ from evenlight.hardware.protocols import Backlight
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 from evenlight.stimuli.dimmed.matched_track import match_track
+from evenlight.stimuli.video.remote_file import is_url
 from evenlight.stimuli.video.video_file import open_video_file
 
 COARSE = 0.01  # step of a backlight at the film's lowest factor, as a share of that, that is worth a note
@@ -114,6 +115,8 @@ def _arguments(options: FollowOptions) -> list[str]:
 
 def _wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, ScalarRateLimit]:
     """Return what the track wants, and how fast; refuse one of another video, display or rate limit."""
+    if is_url(str(options.video).replace(":/", "://")):  # as a path, it has one slash
+        raise InputError("follow plays a file of this computer with mpv: download the video from its URL")
     if not options.video.is_file():
         raise InputError(
             f"{options.video}: no such video file; what mpv plays is a file, so render a sequence"

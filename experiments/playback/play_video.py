@@ -46,6 +46,7 @@ from evenlight.stimuli.dimmed.matched_track import display_of
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
+from evenlight.stimuli.video.remote_file import is_url, local_name, shown_name
 from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
@@ -198,13 +199,14 @@ def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[Video
         If it cannot be read.
     """
     step = float(frame_durations(track).mean())
+    name = local_name(name)
     path = Path(name)
     if is_sequence(name) and (path.suffix == ".json" or not path.exists()):
         sequence = built_in_sequence(name, size_in(size), len(track.times) * step, 1 / step)
         return sequence, (sequence.format.width, sequence.format.height)
     if size is not None:
-        raise InputError(f"--size is for built-in sequences; {name} has a size of its own")
-    video = open_video(name, 1 / step if path.is_dir() else None)
+        raise InputError(f"--size is for built-in sequences; {shown_name(name)} has a size of its own")
+    video = open_video(name, 1 / step if not is_url(name) and path.is_dir() else None)
     return video, size_of(video)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from av.stream import Stream
     from av.video.stream import VideoStream
 
+    from evenlight.stimuli.video.remote_file import VideoPath
+
 # Of the file that is read, and wrong of one that is written.
 NOT_KEPT = ("major_brand", "minor_version", "compatible_brands", "encoder", FIELD_OF_VIEW)
 LENGTHS = ("DURATION", "BPS", "NUMBER_OF_BYTES", "NUMBER_OF_FRAMES")
@@ -33,7 +35,7 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
 
     Parameters
     ----------
-    path : Path
+    path : Path or RemoteFile
         The video file.
 
     Attributes
@@ -44,8 +46,9 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
         When the file begins, if that is later than 0: it begins at 0 when it is copied [s].
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._source = path, opened_container(path)
+    def __init__(self, path: VideoPath) -> None:
+        self._path, self._opened = path, ExitStack()
+        self._source = self._opened.enter_context(opened_container(path))
         self.video: VideoStream = video_stream_of(path, self._source)
         self.start = max(Fraction(self._source.start_time or 0, av.time_base), Fraction(0))
         self._targets: dict[int, Stream] = {}
@@ -115,4 +118,4 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
             ) from error
 
     def __exit__(self, *_: object) -> None:
-        self._source.close()
+        self._opened.close()

@@ -10,7 +10,6 @@ import re
 import zlib
 from array import array
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import av
@@ -25,13 +24,15 @@ if TYPE_CHECKING:
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
+    from evenlight.stimuli.video.remote_file import VideoPath
+
 REMEDY = "give a whole copy of it, or one encoded again"
 FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
 _REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def timeline_of(
-    path: Path, container: InputContainer, stream: VideoStream
+    path: VideoPath, container: InputContainer, stream: VideoStream
 ) -> tuple[FrameTimes, NDArray[np.int64] | None, NDArray[np.int64]]:
     """Read all packets: return when their frames appear, rising stamps that tell them, those of key frames.
 
@@ -89,7 +90,7 @@ class _Packets:
         return None if complete is None else np.array(complete, dtype=np.int64)
 
 
-def _read_packets(path: Path, container: InputContainer, stream: VideoStream) -> _Packets:
+def _read_packets(path: VideoPath, container: InputContainer, stream: VideoStream) -> _Packets:
     """Read all packets of a stream without decoding them."""
     packets, latest = _Packets(), None
     try:

@@ -99,7 +99,22 @@ class RemoteFile:
         with told_in_one_line(self.url):
             return dict(files.info(path))
 
-    def open(self) -> io.RawIOBase:
+    def size(self) -> int | None:
+        """Return how many bytes it has; None where the file system does not say.
+
+        Raises
+        ------
+        InputError
+            As `info`, and of a folder.
+        """
+        info = self.info()
+        if info["type"] == "directory":
+            raise InputError(
+                f"{self} is a folder; at a URL, give a file (folders of images are read here only)"
+            )
+        return None if info["size"] is None else int(info["size"])
+
+    def opened(self) -> io.RawIOBase:
         """Open it to read its bytes, anywhere.
 
         Raises
@@ -113,18 +128,11 @@ class RemoteFile:
 
     def sha256(self) -> str:
         """Return the SHA-256 of its bytes, which are read once for it."""
-        with self.open() as stream:
+        with self.opened() as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 VideoPath = Path | RemoteFile
-
-
-def sha256_of(path: VideoPath) -> str:
-    """Return the SHA-256 of a video's file."""
-    from evenlight.data_schema.provenance import sha256_of_file
-
-    return path.sha256() if isinstance(path, RemoteFile) else sha256_of_file(path)
 
 
 class _Reader(io.RawIOBase):

@@ -6,7 +6,6 @@ The model, the window and all files written know square pixels only (docs/decisi
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from evenlight.data_schema.errors import InputError
 if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
+    from evenlight.stimuli.video.remote_file import VideoPath
     from evenlight.stimuli.video.video_source import VideoSource
 
 SQUARE = Fraction(1)
@@ -27,7 +27,7 @@ LONGEST = 4  # half of a 16:9 picture's width in PAL is 128:45, the longest pixe
 CUBIC = Interpolation.BICUBIC | Interpolation.ACCURATE_RND
 
 
-def pixel_aspect_of(path: Path, stream: VideoStream) -> Fraction:
+def pixel_aspect_of(path: VideoPath, stream: VideoStream) -> Fraction:
     """Return how wide the pixels of a stream are over their height; 1 where its file does not say.
 
     Raises

@@ -5,13 +5,13 @@ Decoders report damage, where by default they would guess the picture.
 
 from __future__ import annotations
 
+import io
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import av
@@ -28,6 +28,7 @@ from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.packets import REMEDY, timeline_of
+from evenlight.stimuli.video.remote_file import RemoteFile, VideoPath
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
 from evenlight.stimuli.video.video_source import FrameTimes
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
+ALONE = {"protocol_whitelist": "none"}  # a file from elsewhere opens no other, as playlists do
 STRICT = {"err_detect": "crccheck+explode"}
 # FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
 STRICT_ALREADY = ("tiff",)
@@ -51,8 +53,8 @@ class VideoFile:
 
     Attributes
     ----------
-    path : Path
-        The file.
+    path : Path or RemoteFile
+        The file, here or at a URL.
     timeline : FrameTimes
         When its frames appear.
     pixel_aspect : Fraction
@@ -65,7 +67,7 @@ class VideoFile:
         Those of frames that need no other to be decoded, as far as they are known.
     """
 
-    path: Path
+    path: VideoPath
     timeline: FrameTimes
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
@@ -95,7 +97,7 @@ class VideoFile:
 
     def sha256(self) -> str:
         """Return the SHA-256 of the file."""
-        return sha256_of_file(self.path)
+        return self.path.sha256() if isinstance(self.path, RemoteFile) else sha256_of_file(self.path)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in the order of their presentation, one at a time.
@@ -230,7 +232,7 @@ class VideoFile:
             raise InputError(f"{self.path} is damaged at frame {k}: {error.strerror}; {REMEDY}") from error
 
 
-def open_video_file(path: Path) -> VideoFile:
+def open_video_file(path: VideoPath) -> VideoFile:
     """Return a video file, read from end to end but not decoded.
 
     Raises
@@ -239,10 +241,11 @@ def open_video_file(path: Path) -> VideoFile:
         If it is no video, ends before its time, or its pixels or its field of view cannot be.
     """
     try:
-        if path.stat().st_size == 0:
-            raise InputError(f"{path} is empty; {SUPPORTED}")
+        size = path.size() if isinstance(path, RemoteFile) else path.stat().st_size
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
+    if size == 0:
+        raise InputError(f"{path} is empty; {SUPPORTED}")
     with opened_container(path) as container:
         stream = video_stream_of(path, container)
         aspect = pixel_aspect_of(path, stream)
@@ -250,7 +253,7 @@ def open_video_file(path: Path) -> VideoFile:
         return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps, keys)
 
 
-def _field_of_view(path: Path, container: InputContainer) -> float | None:
+def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:
     """Return the field of view that a file was rendered for [deg], None if it does not say."""
     tag = container.metadata.get(FIELD_OF_VIEW)
     if tag is None:
@@ -266,23 +269,29 @@ def _field_of_view(path: Path, container: InputContainer) -> float | None:
     return degrees
 
 
-def opened_container(path: Path) -> InputContainer:
+@contextmanager
+def opened_container(path: VideoPath) -> Iterator[InputContainer]:
+    """Yield an open container of a video, which is closed at the end."""
+    with ExitStack() as stack:
+        remote = stack.enter_context(path.opened()) if isinstance(path, RemoteFile) else None
+        container = stack.enter_context(_container(path, remote))
+        names = container.format.name.split(",")
+        # `tty` draws text files as terminal screens.
+        if "tty" in names or not any(_is_moving(s) for s in container.streams.video):
+            raise InputError(f"{path} holds no video; {SUPPORTED}")
+        if "image2" in names or container.format.name.endswith("_pipe"):
+            raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
+        yield container
+
+
+def _container(path: VideoPath, remote: io.RawIOBase | None) -> InputContainer:
     """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
     try:
-        container = av.open(f"file:{path}")
+        return av.open(f"file:{path}") if remote is None else av.open(remote, "r", options=ALONE)
     except (FFmpegError, UnicodeError) as error:
         raise InputError(
             f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {SUPPORTED}"
         ) from error
-    names = container.format.name.split(",")
-    # `tty` draws text files as terminal screens.
-    if "tty" in names or not any(_is_moving(s) for s in container.streams.video):
-        container.close()
-        raise InputError(f"{path} holds no video; {SUPPORTED}")
-    if "image2" in names or container.format.name.endswith("_pipe"):
-        container.close()
-        raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
-    return container
 
 
 def _is_moving(stream: VideoStream) -> bool:
@@ -290,7 +299,7 @@ def _is_moving(stream: VideoStream) -> bool:
     return not stream.disposition & Disposition.attached_pic
 
 
-def video_stream_of(path: Path, container: InputContainer) -> VideoStream:
+def video_stream_of(path: VideoPath, container: InputContainer) -> VideoStream:
     """Return the first video stream, with a decoder for it."""
     stream = next(s for s in container.streams.video if _is_moving(s))
     if stream.codec_context is None:
