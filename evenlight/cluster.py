@@ -27,6 +27,7 @@ from urllib.parse import urlsplit
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
+from evenlight.method.choices import AnalysisEffort
 from evenlight.option_panels import computation, words_and_files
 
 if TYPE_CHECKING:
@@ -271,17 +272,12 @@ def _local(name: str, distributed: Any) -> Any:
             f"--cluster {name}: expected local, or local:N with a number of workers from 1 to 1024"
         )
     return distributed.LocalCluster(
-        n_workers=int(words) if colon else cores(),
+        n_workers=int(words) if colon else AnalysisEffort(jobs=0).threads,
         threads_per_worker=1,
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
     )
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _named(name: str) -> Any:

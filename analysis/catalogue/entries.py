@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from evenlight.analysis.tracks.asked_track import AskedTrack
 from evenlight.data_schema.errors import InputError
@@ -113,7 +114,7 @@ def _names(videos: Sequence[str]) -> list[str]:
     >>> _names(["films/a.mkv", "films/b.mkv", "films/old/b.mkv"])
     ['a', 'films-b.mkv', 'films-old-b.mkv']
     """
-    paths = [Path(shown_name(video).replace("://", "/")) for video in videos]
+    paths = [Path(unquote(shown_name(video)).replace("://", "/")) for video in videos]
     stems = [path.name if path.name == path.stem or path.suffix == "" else path.stem for path in paths]
     count = Counter(stems)
     return [

@@ -1,0 +1,261 @@
+"""`evenlight catalogue`: the results of `optimize` for each video, once, whatever happens to single ones."""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from catalogues import clip, cluster_here, contents, rows_of, written_at
+
+from evenlight import cluster
+from evenlight.analysis.catalogue import catalogue_run, results
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.tracks.catalogue import CatalogueError
+from evenlight.data_schema.tracks.loss_curves import read_loss_curves, write_loss_curves
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[str]:
+    with cluster_here() as address:
+        yield address
+
+
+@pytest.fixture
+def catalogue(command, workers, tmp_path):
+    """Run the command into tmp_path/out, on two workers."""
+
+    def run(source, *more, budget=0.5, out="out"):
+        return command(
+            "catalogue", source, "--budget", budget, "--out", tmp_path / out, "--cluster", workers, "--quiet",
+            "--no-player", *more,
+        )  # fmt: skip
+
+    return run
+
+
+@pytest.fixture
+def films(tmp_path):
+    """A folder of three films, the last of them below."""
+    folder = tmp_path / "films"
+    (folder / "old").mkdir(parents=True)
+    for seed, name in enumerate(("a.mkv", "b.mkv", "old/c.mkv")):
+        clip(folder / name, seed)
+    return folder
+
+
+def test_each_video_gets_the_folder_that_optimize_writes(catalogue, command, films, tmp_path):
+    assert catalogue(films).code == 0
+    for path in films.rglob("*.mkv"):
+        alone = tmp_path / "alone" / path.stem
+        done = command("optimize", path, "--budget", 0.5, "--out", alone, "--quiet", "--no-player")
+        assert done.code == 0
+        assert contents(tmp_path / "out" / path.stem) == contents(alone)
+    rows = rows_of(tmp_path / "out")
+    assert list(rows) == ["a", "b", "c"]
+    summary = json.loads((tmp_path / "out" / "a" / "summary.json").read_text())
+    assert (rows["a"].frames, rows["a"].objective) == (25, summary["objective"])
+    assert rows["a"].gap == pytest.approx(1 - summary["lower_bound"] / summary["objective"], rel=1e-12)
+    assert read_rows(CatalogueError, tmp_path / "out" / "errors.csv") == []
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert 'href="a/track.png"' in page
+    assert "All 3 videos have a track" in page
+
+
+def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
+    (films / "broken.mp4").write_bytes(b"no video")
+    (films / "empty.mkv").touch()
+    ended = catalogue(films)
+    assert ended.code == 1
+    assert ended.err == ""
+    errors = {one.name: one.error for one in read_rows(CatalogueError, tmp_path / "out" / "errors.csv")}
+    assert list(errors) == ["broken", "empty"]
+    assert "FFmpeg finds no video in" in errors["broken"]
+    assert "is empty" in errors["empty"]
+    assert {name for name, row in rows_of(tmp_path / "out").items() if not row.error} == {"a", "b", "c"}
+    assert "What failed" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_defect_is_told_and_stops_no_other(catalogue, films, tmp_path, monkeypatch):
+    usual = results.run_optimization
+
+    def breaks_at_b(job, folder):
+        if job.source.name == "b":
+            raise ZeroDivisionError("by hand\nin two lines")
+        return usual(job, folder)
+
+    monkeypatch.setattr(results, "run_optimization", breaks_at_b)
+    assert catalogue(films).code == 1
+    [error] = read_rows(CatalogueError, tmp_path / "out" / "errors.csv")
+    assert error.error == f"{catalogue_run.DEFECT}: ZeroDivisionError: by hand in two lines"
+    assert not (tmp_path / "out" / "b").exists()
+    assert not list((tmp_path / "out").glob(".partial-*"))
+
+
+def test_run_again_it_does_only_what_is_missing_or_has_changed(catalogue, films, tmp_path):
+    out = tmp_path / "out"
+    assert catalogue(films).code == 0
+    first = written_at(out)
+    os.utime(films / "a.mkv")  # touched, not changed
+    assert catalogue(films).code == 0
+    assert written_at(out) == first
+    clip(films / "b.mkv", 7)
+    (out / "c" / "track.csv").unlink()
+    (out / "a" / "notes.txt").write_text("of the user")
+    assert catalogue(films).code == 0
+    second = written_at(out)
+    assert second["a"] == first["a"]
+    assert second["b"] > first["b"]
+    assert second["c"] > first["c"]
+    assert catalogue(films, "--calm", 0).code == 0
+    assert all(second[name] < when for name, when in written_at(out).items())
+    assert (out / "a" / "notes.txt").read_text() == "of the user"
+
+
+def test_other_software_makes_all_again(catalogue, films, tmp_path, monkeypatch):
+    assert catalogue(films).code == 0
+    first = written_at(tmp_path / "out")
+    other = {**cluster.software(), "numpy": "1.0"}
+    monkeypatch.setattr("evenlight.analysis.catalogue.keys.software", lambda: other)
+    assert catalogue(films).code == 0
+    assert all(first[name] < when for name, when in written_at(tmp_path / "out").items())
+
+
+def test_another_budget_takes_the_loss_curves_that_are_there(catalogue, films, tmp_path, monkeypatch):
+    assert catalogue(films).code == 0
+    monkeypatch.setattr(
+        "evenlight.stimuli.video.video_analysis.VideoAnalysis.curves",
+        lambda *given: pytest.fail("analysed again"),
+    )
+    assert catalogue(films, budget=0.7).code == 0
+    assert {row.budget for row in rows_of(tmp_path / "out").values()} == {0.7}
+
+
+def test_a_long_video_is_analysed_in_parts_and_comes_out_the_same(catalogue, tmp_path):
+    video = clip(tmp_path / "long.mkv", 3, count=1000)  # 40 s
+    assert catalogue(video, out="whole", budget=0.4).code == 0
+    done = []
+    usual = results.analysed_part
+
+    def noted(opened, number, *new):
+        done.append(number)
+        return usual(opened, number, *new)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue_run, "analysed_part", noted)
+        assert catalogue(video, "--part-s", 10, budget=0.4).code == 0
+    assert sorted(done) == [0, 1, 2, 3]
+    assert contents(tmp_path / "out" / "long") == contents(tmp_path / "whole" / "long")
+    assert not list((tmp_path / "out").glob(".p*"))
+
+
+def test_parts_that_are_there_are_not_made_again(catalogue, tmp_path, monkeypatch):
+    """As after a run that was killed while it joined them; one of them is torn."""
+    video, parts = clip(tmp_path / "long.mkv", 3, count=1000), tmp_path / "parts"
+    usual = results.joined
+
+    def stopped(curves):
+        [folder] = (tmp_path / "out").glob(".parts-*")
+        shutil.copytree(folder, parts / folder.name)
+        raise RuntimeError("as if killed")
+
+    monkeypatch.setattr(results, "joined", stopped)
+    assert catalogue(video, "--part-s", 10).code == 1
+    monkeypatch.setattr(results, "joined", usual)
+    [kept] = parts.iterdir()
+    (kept / "00001.npz").write_bytes(b"torn")
+    shutil.copytree(kept, tmp_path / "out" / kept.name)
+    made = []
+    again = results.curves_of_part
+    monkeypatch.setattr(results, "curves_of_part", lambda *given: made.append(given[2]) or again(*given))
+    monkeypatch.setattr(results, "new_contents", lambda *given: pytest.fail("read again"))
+    assert catalogue(video, "--part-s", 10).code == 0
+    assert len(made) == 1
+
+
+def test_a_shared_budget_is_met_by_all_together(catalogue, films, tmp_path):
+    out = tmp_path / "out"
+    assert catalogue(films, "--shared-budget", budget=0.6).code == 0
+    rows = rows_of(out).values()
+    durations = np.array([row.duration for row in rows])
+    achieved = np.array([row.achieved for row in rows])
+    assert achieved @ durations / durations.sum() == pytest.approx(0.6, abs=1e-6)
+    assert achieved.std() > 0.01
+    first = written_at(out)
+    assert catalogue(films, "--shared-budget", budget=0.6).code == 0
+    assert written_at(out) == first
+    assert "share one budget of 0.6" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("unit", ["power", "watt"])
+def test_a_shared_budget_of_power_is_met_by_all_together(catalogue, films, tmp_path, unit):
+    budget = {"power": 0.8, "watt": 1.3}[unit]
+    assert catalogue(films, "--shared-budget", "--budget-unit", unit, budget=budget).code == 0
+    rows = rows_of(tmp_path / "out").values()
+    seconds = np.array([row.duration for row in rows])
+    power, full = (np.array([getattr(row, name) for row in rows]) for name in ("mean_power", "full_power"))
+    total = seconds @ power / (seconds @ full if unit == "power" else seconds.sum())
+    assert total == pytest.approx(budget, abs=1e-6)
+
+
+def test_a_table_says_what_is_asked_of_single_videos(catalogue, films, tmp_path):
+    assert catalogue(films).code == 0
+    curves = read_loss_curves(tmp_path / "out" / "a" / "loss_curves.npz")
+    write_loss_curves(films / "known.npz", curves)
+    (films / "two.weights.csv").write_text("start_s,end_s,weight\n0,0.5,3\n")
+    table = films / "night.catalogue.csv"
+    table.write_text(
+        "video,name,budget,budget_unit,weights\n"
+        "a.mkv,,0.7,,two.weights.csv\nknown.npz,from-curves,,,\na.mkv,again,1.2,watt,\nmissing.mkv,,,,\n"
+    )
+    assert catalogue(table, out="table").code == 1
+    rows = rows_of(tmp_path / "table")
+    assert list(rows) == ["a", "from-curves", "again", "missing"]
+    assert [row.budget for row in rows.values()] == [0.7, 0.5, 1.2, None]
+    assert json.loads((tmp_path / "table" / "a" / "summary.json").read_text())["weighted"]
+    assert "missing.mkv" in rows["missing"].error
+    for name in ("track.csv", "loss_curves.npz"):
+        alone = (tmp_path / "out" / "a" / name).read_bytes()
+        assert (tmp_path / "table" / "from-curves" / name).read_bytes() == alone
+    assert sorted(p.name for p in (tmp_path / "table" / "from-curves").iterdir()) == [
+        "catalogue.json", "loss_curves.npz", "summary.json", "track.csv", "track.json", "track.png",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere", "--budget", 0.5], "nowhere: no such file or folder"),
+        (["{films}", "--budget", 1.5], "the budget 1.5 (factor) cannot be met"),
+        (["{films}", "--budget", 0.5, "--part-s", 1], "--part-s must lie in 10 to 86400, got 1"),
+        (["{films}", "--budget", 0.5, "--display", "nosuch"], "nosuch"),
+        (["{films}", "--budget", 0.5, "--shared-budget", "--objective", "minimax"], "--shared-budget"),
+        (["{table}", "--budget", 0.5], "the folder of two rows"),
+        (["{badname}", "--budget", 0.5], "cannot be that of a folder"),
+        (["{badcolumn}", "--budget", 0.5], "column"),
+    ],
+)
+def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, arguments, words):
+    tables = {"table": "video,name\na.mkv,x\nb.mkv,x\n", "badname": "video,name\na.mkv,../x\n",
+              "badcolumn": "video,colour\na.mkv,red\n"}  # fmt: skip
+    for name, text in tables.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    places = {"films": films, **{name: tmp_path / f"{name}.csv" for name in tables}}
+    given = [str(word).format(**places) for word in arguments]
+    ended = command("catalogue", *given, "--out", tmp_path / "out", "--quiet")
+    assert ended.code == 2
+    assert words in ended.err
+    assert ended.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_films_of_one_name_get_folders_of_their_own(catalogue, films, tmp_path):
+    Path(shutil.copy(films / "a.mkv", films / "old" / "a.mkv"))
+    assert catalogue(films).code == 0
+    names = list(rows_of(tmp_path / "out"))
+    assert len(set(names)) == len(names) == 4
+    assert sum(name.endswith("a.mkv") for name in names) == 2
