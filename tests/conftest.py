@@ -1,5 +1,6 @@
 """What several test files need: loss curves with known shape, and problems posed on them."""
 
+import functools
 import gc
 import importlib.util
 import io
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from _pytest.runner import runtestprotocol
 from hypothesis import settings
 from matplotlib.figure import Figure
@@ -24,7 +26,6 @@ from PIL import Image
 
 from evenlight import command as command_line
 from evenlight import progress
-from evenlight.analysis import figure_style
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
@@ -51,10 +52,21 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Tests find no loss curves of earlier ones, but for those that are about that.
 os.environ["EVENLIGHT_CURVES_CACHE_MB"] = "0"
 
+# Mesa compiles shaders once, also for tests that have a cache of their own.
+os.environ.setdefault(
+    "MESA_SHADER_CACHE_DIR", os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+)
+
 # It imports what a session needs, warnings of PsychoPy and all, and is run by processes of its own.
 collect_ignore = ["companions/warm_modules.py"]
 
 TESTS = Path(__file__).parent
+# Files that take half a minute and more, of a processor or of waiting.
+LONG = {
+    "test_every_command.py", "test_help_examples.py", "test_runtime_tree.py", "test_headset_sessions.py",
+    "test_viewing_sessions.py", "test_drivers.py", "test_fit_command.py", "test_recovery_joint.py",
+    "test_recovery_placement.py", "test_reproduce_command.py",
+}  # fmt: skip
 SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")  # commands from end to end, simulated studies, timings
 
 
@@ -74,8 +86,11 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark by its folder what `make test-fast` leaves out; other files and tests have marks of their own."""
-    items.sort(key=lambda item: (TESTS not in item.path.parents, item.path))
+    """Mark by its folder what `make test-fast` leaves out; other files and tests have marks of their own.
+
+    Long files come first, so that no process is left with one at the end.
+    """
+    items.sort(key=lambda item: (TESTS not in item.path.parents, item.path.name not in LONG, item.path))
     for item in items:
         if item.path.parent.name in SLOW_FOLDERS:
             item.add_marker(pytest.mark.slow)
@@ -284,15 +299,18 @@ class Outcome:
 
 @pytest.fixture(scope="module")
 def coarse_pictures() -> Iterator[None]:
-    """Write pictures of a fifth of their resolution, in tests that are about what else a command does."""
-    png_bytes = figure_style.png_bytes
+    """Write pictures of a fifth of their resolution, in tests that are about what else a command does.
 
-    def coarsely(figure: Figure) -> bytes:
+    Where matplotlib draws them, for modules have the functions of `figure_style` under names of their own.
+    """
+    drawn = Figure.savefig
+
+    def coarsely(figure: Figure, stream: io.BytesIO, **options: object) -> None:
         figure.set_dpi(40)
-        return png_bytes(figure)
+        drawn(figure, stream, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figure_style, "png_bytes", coarsely)
+        patch.setattr(Figure, "savefig", coarsely)
         yield
 
 
@@ -302,7 +320,7 @@ def blank_pictures() -> Iterator[None]:
     stream = io.BytesIO()
     Image.new("L", (8, 8)).save(stream, format="PNG")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figure_style, "png_bytes", lambda figure: stream.getvalue())
+        patch.setattr(Figure, "savefig", lambda _, there, **__: there.write(stream.getvalue()))
         yield
 
 
@@ -311,6 +329,14 @@ def heeded_interruptions() -> None:
     """Let processes heed Ctrl-C where a shell started the tests in the background: it has them ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def command_line_put_together_once() -> Iterator[None]:
+    """Let runs of `evenlight` in this process share its command line: to put it together takes 50 ms."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", functools.cache(typer.main.get_command))
+        yield
 
 
 @pytest.fixture

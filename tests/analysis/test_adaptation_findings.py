@@ -171,9 +171,9 @@ def test_tracks_that_do_not_fit_are_refused() -> None:
 
 def test_the_track_without_limit_is_freer_than_the_one_within(make_problem, make_curves) -> None:
     rng = np.random.default_rng(4)
-    problem = make_problem(make_curves(rng.uniform(0.1, 0.5, 30)), 0.5)
-    maps = maps_of(np.full((30, 2, 3), 50.0), 0.04)
+    problem = make_problem(make_curves(rng.uniform(0.1, 0.5, 12)), 0.5)
+    maps = maps_of(np.full((12, 2, 3), 50.0), 0.04)
     sequence = adaptation_input(problem, problem.baseline(), maps, SplittingSolver())
     assert problem.rate_ratio(sequence.unconstrained) > 1
     assert problem.objective(sequence.unconstrained) < problem.objective(sequence.constrained)
-    assert sequence.constant.tolist() == [0.5] * 30
+    assert sequence.constant.tolist() == [0.5] * 12

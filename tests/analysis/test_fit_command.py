@@ -45,7 +45,7 @@ def results(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choice_on_clip, "DEFAULT_SIZE", (64, 36))
-        patch.setattr(choice_on_clip, "DEFAULT_FPS", 2.0)
+        patch.setattr(choice_on_clip, "DEFAULT_FPS", 1.0)
         fit(dataset, out=folder, quiet=True)  # with its clip
     return folder
 
@@ -208,12 +208,13 @@ def test_the_choices_of_the_curve_are_compared_on_a_clip(results: Path) -> None:
 
 
 def test_the_safe_and_the_log_log_limit_are_files_that_the_optimizer_takes(
-    results: Path, tmp_path: Path, command
+    results: Path, tmp_path: Path, command, make_video
 ) -> None:
+    make_video(tmp_path / "film.mkv", 0.5 + 0.4 * np.cos(np.arange(12) / 2), (48, 36), 1.0)
     for name in ("rate_limit_safe.json", "rate_limit_log_log.json"):
         out = tmp_path / name
         result = command(
-            "optimize", "checkerboard", "--fps", 0.5, "--budget", 0.5, "--rate-limit", results / name,
+            "optimize", tmp_path / "film.mkv", "--budget", 0.5, "--rate-limit", results / name,
             "--out", out, "--quiet", "--no-player",
         )  # fmt: skip
         assert result.code == 0, result.err

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_sweeps import STARTED, WARM, Meter, luminance_readings, power_readings, write_sweep
+from matplotlib.figure import Figure
 
 from evenlight.analysis.fit_commands import fit
 from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
@@ -36,6 +37,7 @@ from evenlight.method.preset_files import load_display, load_rate_limit
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 
+DRAWN = Figure.savefig
 LUMINANCE = LuminanceSweepDesign(factors=(0.25, 0.5, 1.0))
 POWER = PowerSweepDesign()
 METER = Meter()
@@ -53,11 +55,18 @@ def readings_of_power(physics: PanelPhysics = WARM, meter: Meter | None = METER)
     return power_readings(physics, np.random.default_rng(12), POWER, meter)
 
 
+def fit_and_draw(folder: Path) -> None:
+    """Fit a sweep with its pictures, which are blank in the other tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", DRAWN)
+        fit_sweep(folder, folder)
+
+
 @pytest.fixture(scope="module")
 def luminance(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a luminance sweep, in the sweep's own folder."""
     folder = luminance_folder(tmp_path_factory.mktemp("luminance") / "sweep")
-    fit_sweep(folder, folder)
+    fit_and_draw(folder)
     return folder
 
 
@@ -65,7 +74,7 @@ def luminance(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def power(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a power sweep, in the sweep's own folder."""
     folder = write_sweep(tmp_path_factory.mktemp("power") / "sweep", POWER, readings_of_power())
-    fit_sweep(folder, folder)
+    fit_and_draw(folder)
     return folder
 
 

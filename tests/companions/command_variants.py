@@ -106,7 +106,7 @@ def not_for_long(words: list[str]) -> None:
         if words[0] != "optimize" and option in words:
             words[words.index(option) + 1] = value
     if words[0] == "simulate":
-        words[:] = _with(words, "--participants", "6" if words[1] == "ramp" else "4")
+        words[:] = _with(words, "--participants", "4")
     if words[0] == "plan":
         words += ["--quick"]
         words[:] = _with(words, "--participants", "8,12")

@@ -20,7 +20,7 @@ from evenlight.method.preset_files import load_power_model
 SOLVERS = [SolverName.SPLITTING, SolverName.SLSQP]  # test_general_solvers.py has the slower ones
 
 
-def two_scenes(make_curves, n=60, frames_per_second=2.0):
+def two_scenes(make_curves, n=40, frames_per_second=2.0):
     """A bright scene that loses little, then a dark one that loses much, with a soft passage between."""
     share = 1 / (1 + np.exp(-(np.arange(n) - n / 2) / 3))
     return make_curves(

@@ -18,6 +18,7 @@ from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.experiments.stimulus_folder import track_display
 from evenlight.method.preset_files import load_display, load_rate_limit
 
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 LAPTOP = load_display("laptop-lcd")
 
 

@@ -9,6 +9,7 @@ import pytest
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(
     ("swing", "coins"), [(0.0, True), (0.4, False)], ids=["a track that does not move", "one that swings"]
 )

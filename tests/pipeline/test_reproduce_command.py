@@ -34,7 +34,7 @@ from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.preset_files import load_display
 
-FRAMES = 30
+FRAMES = 20
 SEQUENCES = ("library", "gym", "living_room", "basement")
 RECORDED = ("01", "02", "03", "04")
 

@@ -204,11 +204,11 @@ def printed(task: str, data: TaskData) -> dict[str, Answer]:
     return said
 
 
-def mean_rating_differences(effect: float) -> dict[str, float]:
-    """Return the true mean differences of ratings, by many people: known to 0.005."""
+def mean_rating_differences(effect: float, many: float = 1.0) -> dict[str, float]:
+    """Return the true mean differences of ratings, by many people: known to 0.005 / sqrt(many)."""
     if not effect:
         return {"gym": 0.0, "all": 0.0}
-    trials = ratings(30_000, effect, np.random.default_rng(SEED))
+    trials = ratings(round(30_000 * many), effect, np.random.default_rng(SEED))
     said = {}
     for question in ("gym", "all"):
         own = [t for t in trials if question in ("all", t.sequence)]
@@ -218,19 +218,19 @@ def mean_rating_differences(effect: float) -> dict[str, float]:
     return said
 
 
-def share_found(effect: float) -> float:
-    """Return the true share of rings found in ours, by many people: known to 0.003."""
-    trials = searches(2000, effect, np.random.default_rng(SEED))
+def share_found(effect: float, many: float = 1.0) -> float:
+    """Return the true share of rings found in ours, by many people: known to 0.003 / sqrt(many)."""
+    trials = searches(round(2000 * many), effect, np.random.default_rng(SEED))
     return float(np.mean([t.found for t in trials if t.version is Version.OURS]))
 
 
-def truths_of(task: str, effect: float) -> dict[str, float]:
+def truths_of(task: str, effect: float, many: float = 1.0) -> dict[str, float]:
     """Return what is true of a population, by question."""
     if task == "rating":
-        return mean_rating_differences(effect)
+        return mean_rating_differences(effect, many)
     if task == "comparison":
         return dict.fromkeys(("gym", "all"), 0.5 + effect)
-    return {SLOPE: effect, FOUND: share_found(effect)}
+    return {SLOPE: effect, FOUND: share_found(effect, many)}
 
 
 TASKS: dict[str, tuple[Callable[..., tuple], Callable[[TaskData], dict[str, Answer]], dict[str, float]]] = {
@@ -244,13 +244,13 @@ TASKS: dict[str, tuple[Callable[..., tuple], Callable[[TaskData], dict[str, Answ
 }
 
 
-def populations(tasks: Sequence[str]) -> Iterator[Population]:
-    """Yield the populations of some tasks, with what is true of them."""
+def populations(tasks: Sequence[str], many: float = 1.0) -> Iterator[Population]:
+    """Yield the populations of some tasks, with what is true of them by a share of the usual many people."""
     for task in tasks:
         draw, asked, effects = TASKS[task]
         null = 0.5 if task == "comparison" else 0.0
         for name, effect in effects.items():
-            yield Population(task, name, draw, asked, null, effect, truths_of(task, effect))
+            yield Population(task, name, draw, asked, null, effect, truths_of(task, effect, many))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,9 @@ from inference_levels import FOUND, TASKS, populations, rates
 from scipy import stats
 
 SETS = 40
+# Of the many people who tell what is true: a ninth tells it three times as roughly, to 0.015 of a rating and
+# 0.01 of a share, a tenth of what eight people leave open at most: a coverage of 95 % stays above 94 %.
+MANY = 1 / 9
 FITTED = 16  # of the search, whose model takes a while; without an effect only
 
 
@@ -22,7 +25,7 @@ def most(sets: int) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_the_primary_tests_err_in_5_percent_and_their_intervals_agree(task: str) -> None:
-    every, sets = populations([task]), SETS
+    every, sets = populations([task], MANY), SETS
     if task == "search":
         every, sets = itertools.islice(every, 1), FITTED
     for population in every:
