@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -72,7 +73,7 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
     entries = read_rows(CatalogueEntry, path)
     if not entries:
         raise InputError(f"{path}: lists no video; give a row for each, with the column video")
-    videos = [_beside(path, entry.video) for entry in entries]
+    videos = [entry.video if is_sequence(entry.video) else _beside(path, entry.video) for entry in entries]
     for number, entry in enumerate(entries, start=2):
         if entry.name and (
             entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED
@@ -81,7 +82,8 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
                 f"{path}, row {number}: name {entry.name!r} cannot be that of a folder of results; give one "
                 "without / that does not begin with a dot"
             )
-    names = [entry.name or made for entry, made in zip(entries, _names(videos), strict=True)]
+    unnamed = iter(_names([v for v, entry in zip(videos, entries, strict=True) if not entry.name]))
+    names = [entry.name or next(unnamed) for entry in entries]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(
@@ -97,27 +99,32 @@ def _own(path: Path, entry: CatalogueEntry, asked: AskedTrack) -> AskedTrack:
     """Return what is wanted of a row of a table: what its cells say, else what is wanted of all."""
     own: dict[str, Any] = {key: getattr(entry, key) for key in OWN_OPTIONS if getattr(entry, key) is not None}
     own |= {key: Path(_beside(path, value)) for key in OWN_FILES if (value := getattr(entry, key))}
-    own |= {key: _beside(path, value) for key in PRESETS_OR_FILES if (value := getattr(entry, key))}
+    for key in PRESETS_OR_FILES:
+        if value := getattr(entry, key):
+            own[key] = beside if Path(beside := _beside(path, value)).exists() else value
     return replace(asked, **own)
 
 
 def _beside(table: Path, name: str) -> str:
-    """Return the name of a file in a table, from the table's folder; other names stay as they are."""
-    if is_url(name) or is_sequence(name) or not (beside := table.parent / name).exists():
-        return name
-    return str(beside)
+    """Return the name of a file in a table, which is meant from the table's folder; URLs stay as they are."""
+    return name if is_url(name) else str(table.parent / name)
 
 
 def _names(videos: Sequence[str]) -> list[str]:
     """Return a name for the folder of each video: its own, and those of its folders where that is not enough.
 
     >>> _names(["films/a.mkv", "films/b.mkv", "films/old/b.mkv"])
-    ['a', 'films-b.mkv', 'films-old-b.mkv']
+    ['a', 'b.mkv', 'old-b.mkv']
     """
-    paths = [Path(unquote(shown_name(video)).replace("://", "/")) for video in videos]
-    stems = [path.name if path.name == path.stem or path.suffix == "" else path.stem for path in paths]
+    if not videos:
+        return []
+    paths = [
+        Path(os.path.abspath(unquote(shown_name(video)))) for video in videos
+    ]  # URLs too: only to compare
+    above = os.path.commonpath([path.parent for path in paths])
+    stems = [path.stem for path in paths]
     count = Counter(stems)
     return [
-        stem if count[stem] == 1 and stem not in RESERVED else "-".join(path.parts).strip("-/.")
+        stem if count[stem] == 1 and stem not in RESERVED else "-".join(path.relative_to(above).parts)
         for stem, path in zip(stems, paths, strict=True)
     ]
