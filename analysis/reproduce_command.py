@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.cluster import ClusterOption, opened_map
+from evenlight.option_panels import asked, computation, output
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -40,19 +41,19 @@ def reproduce_command(simulators: Simulators) -> Callable[..., None]:
     """
 
     def reproduce(
-        out: Annotated[Path, typer.Option(help="Folder for tables/, figures/, report.html and more.")],
+        out: Annotated[Path, output(help="Folder for tables/, figures/, report.html and more.")],
         data: Annotated[
             Path | None,
-            typer.Option(
+            asked(
                 metavar="DIR", help="Recorded data set, or folder of them, to use in place of simulated data."
             ),
         ] = None,
         display: Annotated[
-            str, typer.Option(help="Display of the recorded calibration: a preset or a toml file.")
+            str, asked(help="Display of the recorded calibration: a preset or a toml file.")
         ] = "varjo-xr3",
-        seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+        seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
         quick: Annotated[
-            bool, typer.Option("--quick", help="Small pictures and few frames, to see that it runs.")
+            bool, computation("--quick", help="Small pictures and few frames, to see that it runs.")
         ] = False,
         cluster: ClusterOption = None,
         quiet: Annotated[

@@ -52,7 +52,7 @@ def run(
         if cluster is None:  # else nobody hears what a worker says
             settings = replace(settings, say=lambda words: progress.step(f"measuring: {words}"))
         else:
-            progress.step("measuring on the cluster", len(names))
+            progress.step("measuring on the cluster")
         measured = measure_all(subjects(names), settings, folder, mapped)
     if quiet:
         return

@@ -6,9 +6,11 @@ One cluster serves all of these tests, and grows from one worker to four.
 import logging
 import os
 import re
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,14 @@ import numpy as np
 import pytest
 import studies
 from distributed import LocalCluster
-from moving_patterns import pattern
+from moving_patterns import pattern, rated_often
 
 from benchmarks import run as bench_run
 from evenlight import command as command_line
 from evenlight.analysis import plan_command
+from evenlight.analysis.dataset_findings import DatasetFindings
 from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+from evenlight.analysis.plans import ramp_plan
 from evenlight.analysis.reproduction import reproduction
 from evenlight.cluster import opened_cluster
 
@@ -60,12 +64,19 @@ def cluster() -> Iterator[LocalCluster]:
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small_plans() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ramp_plan.EFFORTS, "quick", (5, 3))
+        patch.setitem(plan_command.RUNS, "search", 24)
+        patch.setattr(plan_command, "_processes", lambda: nullcontext(map))  # theirs are tested elsewhere
+        yield
+
+
+@pytest.fixture(scope="module")
+def alone(small_plans: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plans without a cluster."""
     folder = tmp_path_factory.mktemp("alone")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan_command, "_processes", lambda: nullcontext(map))  # theirs are tested elsewhere
-        plans_into(folder)
+    plans_into(folder)
     return folder
 
 
@@ -107,10 +118,25 @@ def test_plans_and_studies_do_not_depend_on_the_number_of_workers(
 def test_a_reproduction_is_the_same_on_a_cluster(
     cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reproduction, "built_in_sequence", pattern)
-    monkeypatch.setattr(reproduction, "VIEWING_TASKS", ("rating",))
+    analysed = cache(reproduction._analysed)  # in this process alone: once is enough
+
+    def ramps_alone(plan: Any, simulate: Any, folder: Path, task: str, recorded: Any) -> DatasetFindings:
+        if task != "ramp":
+            return DatasetFindings()
+        found = analysed(plan, simulate, tmp_path, task, recorded)
+        shutil.copytree(tmp_path / reproduction.CALIBRATION, folder / reproduction.CALIBRATION)
+        return found
+
+    for name, value in {
+        "_analysed": ramps_alone,
+        "built_in_sequence": pattern,
+        "BUDGETS": {"library": 0.5},
+        "EXAMPLES": {},
+        "VIEWING_TASKS": ("rating",),
+    }.items():
+        monkeypatch.setattr(reproduction, name, value)
     plan = reproduction.ReproductionPlan(viewers=4, calibrators=3, sets=3, quick=True)
-    simulators = command_line._simulate, command_line._repeat_viewing
+    simulators = command_line._simulate, rated_often
     told: dict[str, list[str]] = {"here": [], "there": []}
     with marked_figures(QUICK_MARK):
         here = reproduction.run_pipeline(plan, simulators, tmp_path / "here", told["here"].append)
