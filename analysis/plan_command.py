@@ -7,12 +7,13 @@ import functools
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from evenlight.cluster import ClusterOption, opened_map
 from evenlight.data_schema.errors import InputError
 from evenlight.option_panels import asked, computation, output, words_and_files
 from evenlight.progress import shown_progress
@@ -181,6 +182,7 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
                 "--thorough", help="ramp: simulate three times as many people, and twice the experiments."
             ),
         ] = False,
+        cluster: ClusterOption = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no table.")] = False,
     ) -> None:
         """Plan an experiment: how many participants and trials does it need? Found by simulation."""
@@ -202,9 +204,10 @@ def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callab
                 request = _ramp_request(given, participants or RAMP_PARTICIPANTS, seed, load_design)
                 pool, draws = EFFORTS["quick" if quick else "thorough" if thorough else "default"]
                 request = dataclasses.replace(request, pool=pool, draws=draws)
-                _plan_ramps(request, simulate, out, quiet)
+                _plan_ramps(request, simulate, cluster, out, quiet)
             else:
-                _plan_viewing(task, given, participants, {"seed": seed, "quick": quick, "quiet": quiet}, out)
+                settings = {"seed": seed, "quick": quick, "cluster": cluster, "quiet": quiet}
+                _plan_viewing(task, given, participants, settings, out)
 
     return plan
 
@@ -240,14 +243,16 @@ def _ramp_request(
     )
 
 
-def _plan_ramps(request: PlanRequest, simulate: SimulateRamps, out: Path, quiet: bool) -> None:
+def _plan_ramps(
+    request: PlanRequest, simulate: SimulateRamps, cluster: str | None, out: Path, quiet: bool
+) -> None:
     """Plan a calibration, write the plan and print it."""
     from evenlight.analysis.plans.plan_files import write_plan
     from evenlight.analysis.plans.ramp_plan import PLANNED_MODEL, chance_in_words, in_words, plan_ramps
     from evenlight.data_schema.storage.whole_files import results_folder
 
     with results_folder(out) as folder:
-        with _processes() as mapped, shown_progress(quiet) as progress:
+        with _several("ramp", cluster, quiet) as mapped, shown_progress(quiet) as progress:
             progress.step("simulating experiments")
             plan = plan_ramps(request, simulate, mapped, progress.at)
         write_plan(folder, plan)
@@ -271,9 +276,8 @@ def _plan_viewing(
     runs = RUNS[task] // (QUICKER if settings["quick"] else 1)
     request = ViewingRequest(task, _truth(task, given), numbers, runs=runs, seed=settings["seed"], **wanted)
     quiet = settings["quiet"]
-    several = _processes() if task == "search" else nullcontext(map)  # the others take seconds
     with results_folder(out) as folder:
-        with several as mapped, shown_progress(quiet) as progress:
+        with _several(task, settings["cluster"], quiet) as mapped, shown_progress(quiet) as progress:
             progress.step("simulating experiments")
             plan = plan_viewing(request, mapped, progress.at)
         write_viewing_plan(folder, plan)
@@ -327,6 +331,15 @@ def whole_numbers(text: str, option: str) -> tuple[int, ...]:
             f"{option} takes whole numbers with commas between them, such as 5,10,20; got {text!r}"
         )
     return tuple(sorted({int(part) for part in text.split(",")}))
+
+
+def _several(
+    task: str, cluster: str | None, quiet: bool
+) -> AbstractContextManager[Callable[..., Iterable[Any]]]:
+    """Return what yields a `map`: a cluster's if one is named, else over the cores where it takes long."""
+    if cluster is not None:
+        return opened_map(cluster, quiet)
+    return _processes() if task in ("ramp", "search") else nullcontext(map)
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.cluster import ClusterOption, opened_map
+from evenlight.option_panels import asked, computation, output
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -39,20 +41,21 @@ def reproduce_command(simulators: Simulators) -> Callable[..., None]:
     """
 
     def reproduce(
-        out: Annotated[Path, typer.Option(help="Folder for tables/, figures/, report.html and more.")],
+        out: Annotated[Path, output(help="Folder for tables/, figures/, report.html and more.")],
         data: Annotated[
             Path | None,
-            typer.Option(
+            asked(
                 metavar="DIR", help="Recorded data set, or folder of them, to use in place of simulated data."
             ),
         ] = None,
         display: Annotated[
-            str, typer.Option(help="Display of the recorded calibration: a preset or a toml file.")
+            str, asked(help="Display of the recorded calibration: a preset or a toml file.")
         ] = "varjo-xr3",
-        seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+        seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
         quick: Annotated[
-            bool, typer.Option("--quick", help="Small pictures and few frames, to see that it runs.")
+            bool, computation("--quick", help="Small pictures and few frames, to see that it runs.")
         ] = False,
+        cluster: ClusterOption = None,
         quiet: Annotated[
             bool, typer.Option("--quiet", help="Print no progress and no closing lines.")
         ] = False,
@@ -62,7 +65,7 @@ def reproduce_command(simulators: Simulators) -> Callable[..., None]:
 
         smaller = QUICK if quick else {}
         plan = ReproductionPlan(seed=seed, data=data, display=display, **smaller)  # type: ignore[arg-type] # a table of options of several types
-        lead, warnings = _made(plan, simulators, out, quiet)
+        lead, warnings = _made(plan, simulators, cluster, out, quiet)
         for warning in warnings:
             print(f"evenlight: warning: {warning}", file=sys.stderr)
         if not quiet:
@@ -73,7 +76,7 @@ def reproduce_command(simulators: Simulators) -> Callable[..., None]:
 
 
 def _made(
-    plan: ReproductionPlan, simulators: Simulators, out: Path, quiet: bool
+    plan: ReproductionPlan, simulators: Simulators, cluster: str | None, out: Path, quiet: bool
 ) -> tuple[str, tuple[str, ...]]:
     """Run the pipeline, write everything, and return what came out and the warnings."""
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
@@ -89,10 +92,11 @@ def _made(
     before = earlier_files(out / SUMMARY)
     with (
         results_folder(out, replacing=(PIPELINE,)) as folder,
+        opened_map(cluster, quiet) as mapped,
         shown_progress(quiet) as progress,
         marked_figures(QUICK_MARK if plan.quick else ""),
     ):
-        made = run_pipeline(plan, simulators, folder / PIPELINE, progress.step)
+        made = run_pipeline(plan, simulators, folder / PIPELINE, progress.step, mapped)
         seal(folder / PIPELINE)
         progress.step("the last step, tables and figures")
         lead, files = write_reproduction(made, folder)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from benchmarks.chart import chart_png
 from benchmarks.machine import machine
@@ -16,7 +18,12 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
 
 
-def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: Path) -> list[SubjectResults]:
+def measure_all(
+    subjects: Mapping[str, Subject],
+    settings: RunSettings,
+    folder: Path,
+    mapped: Callable[..., Iterable[Any]] = map,
+) -> list[SubjectResults]:
     """Measure subjects one after the other, write the files of all, and return what was measured.
 
     Parameters
@@ -28,15 +35,24 @@ def measure_all(subjects: Mapping[str, Subject], settings: RunSettings, folder: 
     folder : Path
         Gets `NAME_benchmark.csv`, `NAME_claims.csv`, `NAME_growth.csv` and figures of each, `benchmarks.md`
         and `benchmark.json` of all.
+    mapped : callable, optional
+        `map`, or one that has other computers measure.
     """
-    where = machine()
-    measured = []
-    for subject in subjects.values():
-        measured.append(subject(settings))
-        _write(folder, measured[-1])
+    machines: list[dict[str, str]] = []
+    measured: list[SubjectResults] = []
+    for where, subject in mapped(partial(_measured, settings), subjects.values()):
+        machines.append(where)
+        measured.append(subject)
+        _write(folder, subject)
+    where = {name: " or ".join(dict.fromkeys(one[name] for one in machines)) for name in machines[0]}
     write_whole(folder / "benchmarks.md", page(where, measured, settings.quick, "").encode())
     write_json_record(folder / "benchmark.json", _summary(measured, settings, where))
     return measured
+
+
+def _measured(settings: RunSettings, subject: Subject) -> tuple[dict[str, str], SubjectResults]:
+    """Return what a subject was measured on, and what was measured."""
+    return machine(), subject(settings)
 
 
 def _write(folder: Path, measured: SubjectResults) -> None:

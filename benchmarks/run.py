@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -11,6 +12,7 @@ import typer
 from benchmarks.measured import RunSettings, Subject
 from benchmarks.results import measure_all
 from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+from evenlight.cluster import LOCAL, opened_map
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.progress import shown_progress
 
@@ -20,7 +22,9 @@ def subjects(names: Sequence[str]) -> dict[str, Subject]:
     return {name: importlib.import_module(f"benchmarks.{name}_subject").measure for name in names}
 
 
-def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) -> None:
+def run(
+    names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool, cluster: str | None = None
+) -> None:
     """Measure subjects, write their files, and say what was found.
 
     Parameters
@@ -35,14 +39,21 @@ def run(names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool) ->
         Of everything that is drawn.
     quiet : bool
         No progress, no closing lines.
+    cluster : str, optional
+        Where to measure. On this computer one subject at a time: two would slow each other down.
     """
     with (
         results_folder(out) as folder,
+        opened_map(f"{LOCAL}:1" if cluster == LOCAL else cluster, quiet) as mapped,
         shown_progress(quiet) as progress,
         marked_figures(QUICK_MARK if quick else ""),
     ):
-        settings = RunSettings(quick, seed, lambda words: progress.step(f"measuring: {words}"))
-        measured = measure_all(subjects(names), settings, folder)
+        settings = RunSettings(quick, seed)
+        if cluster is None:  # else nobody hears what a worker says
+            settings = replace(settings, say=lambda words: progress.step(f"measuring: {words}"))
+        else:
+            progress.step("measuring on the cluster")
+        measured = measure_all(subjects(names), settings, folder, mapped)
     if quiet:
         return
     for one in measured:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from evenlight.cluster import ClusterOption
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 
@@ -36,6 +37,7 @@ def bench(
         bool, typer.Option("--quick", help="Small sizes, each timed once: rough figures.")
     ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    cluster: ClusterOption = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
     """Measure how fast and how exact Evenlight is on this computer. It needs a checkout."""
@@ -48,4 +50,4 @@ def bench(
     sys.path.insert(0, str(CHECKOUT))  # before a folder `benchmarks` of somebody else
     names = [n for n in SubjectName if n is not SubjectName.ALL] if subject is SubjectName.ALL else [subject]
     run = importlib.import_module("benchmarks.run")
-    run.run([n.value for n in names], out, quick, seed, quiet)
+    run.run([n.value for n in names], out, quick, seed, quiet, cluster)

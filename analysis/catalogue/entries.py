@@ -118,9 +118,7 @@ def _names(videos: Sequence[str]) -> list[str]:
     """
     if not videos:
         return []
-    paths = [
-        Path(os.path.abspath(unquote(shown_name(video)))) for video in videos
-    ]  # URLs too: only to compare
+    paths = [Path.cwd() / unquote(shown_name(video)) for video in videos]  # URLs too: only to compare
     above = os.path.commonpath([path.parent for path in paths])
     stems = [path.stem for path in paths]
     count = Counter(stems)

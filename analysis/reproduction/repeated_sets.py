@@ -8,8 +8,9 @@ standard error).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -116,6 +117,7 @@ def repeated_effects(
     assumed: Sequence[AssumedEffect],
     sets: Sequence[Sequence[Trial]],
     of_pictures: Sequence[AssumedEffect] = (),
+    mapped: Callable[..., Iterable[Any]] = map,
 ) -> list[RepeatedEffect]:
     """Return each assumed effect of a task with its estimates.
 
@@ -127,10 +129,12 @@ def repeated_effects(
         The data sets.
     of_pictures : sequence of AssumedEffect
         What is true where the sequences are a small picture.
+    mapped : callable, optional
+        `map`, or one that shares the data sets among processes and keeps their order.
     """
     estimated = [effect for effect in assumed if effect.what in NO_EFFECT]
     groups = [effect.group for effect in estimated]
-    found = np.array([[*_ESTIMATES[task](trials, groups)] for trials in sets]).reshape(-1, len(groups), 2)
+    found = np.array([*mapped(partial(_estimates, task, groups), sets)]).reshape(-1, len(groups), 2)
     pictures = {(effect.what, effect.group): effect.value for effect in of_pictures}
     others = {effect.group: effect.value for effect in assumed if effect.what not in NO_EFFECT}
     return [
@@ -143,6 +147,11 @@ def repeated_effects(
         )
         for k, effect in enumerate(estimated)
     ]
+
+
+def _estimates(task: str, groups: Sequence[str], trials: Sequence[Any]) -> list[Estimate]:
+    """Return the estimates of a data set."""
+    return [*_ESTIMATES[task](trials, groups)]
 
 
 def _ratings(trials: Sequence[Any], groups: Sequence[str]) -> Iterator[Estimate]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
+from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
 from evenlight.analysis.reproduction.adaptation_lag import AdaptationInput, LuminanceMaps, adaptation_input
 from evenlight.analysis.reproduction.repeated_sets import RepeatedEffect, ViewingRepeater, repeated_effects
 from evenlight.analysis.session_loading import undamaged_roll
@@ -50,6 +52,7 @@ PIPELINE = "pipeline"  # folder of what the pipeline makes on its way
 STIMULI, DATA, CALIBRATION = "stimuli", "data", "calibration"
 STEPS = 3 + len(BUDGETS) + len(EXAMPLES) + len(VIEWING_TASKS)  # the calibration, the walk, tables and figures
 PICTURES = "stimuli_as_picture"  # the tracks of the same sequences as a small picture
+Mapped = Callable[..., Iterable[Any]]  # `map`, or one that shares the work among processes, in order
 
 
 class DatasetSimulator(Protocol):
@@ -158,6 +161,7 @@ def run_pipeline(
     simulators: tuple[DatasetSimulator, ViewingRepeater],
     folder: Path,
     report: Callable[[str], None] = lambda step: None,
+    mapped: Mapped = map,
 ) -> Reproduction:
     """Calibrate, optimize, show and ask: the whole loop, up to the data that tables and figures are made of.
 
@@ -166,10 +170,13 @@ def run_pipeline(
     plan, simulators : ReproductionPlan, (DatasetSimulator, ViewingRepeater)
         How much is done; who answers where nothing was recorded, once and many times.
     folder : Path
-        Where data sets, calibration and tracks go.
+        Where data sets, calibration and tracks go; every process that shares the work must see it.
     report : callable, optional
         Called with each step that is begun, numbered; the last step, tables and figures, is not done here.
+    mapped : callable, optional
+        Does what is independent: tracks, the walk, data sets beyond the first.
     """
+    folder = folder.absolute()
     roll = undamaged_roll(plan.data) if plan.data else None
     recorded = roll.tasks if roll else ()
     simulate, repeat = simulators
@@ -179,16 +186,21 @@ def run_pipeline(
     tasks = replace(_analysed(plan, simulate, folder, "ramp", recorded), roll=roll)
     limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
     panel = Panel(_display(plan, limit), load_power_model(PUBLISHED_LIMIT), limit)
-    tracked = partial(_tracked, plan, panel, folder / STIMULI, report)
-    sequences = tuple(tracked(name, budget) for name, budget in BUDGETS.items())
-    examples = tuple(tracked(name, budget) for name, budget in EXAMPLES.items())
+    made = iter(mapped(partial(_done, plan.quick, folder), _works(plan, panel, folder, bool(simulated))))
+    tracks = {}
+    for name in BUDGETS | EXAMPLES:
+        report(f"track of {name.replace('_', ' ')}")
+        tracks[name] = next(made)
     report(f"walk through the {WALK}")
-    house = _rendered(WALK, plan.size, plan.walk_frames_per_second)
-    walk = loss_curves_of(_job(house, BUDGETS["library"], panel), FrameSamples())
+    walk = next(made)
     for task in VIEWING_TASKS:
         report(task)
         _merge(tasks, _analysed(plan, simulate, folder, task, recorded))
-    effects = _effects(plan, panel, repeat, folder, simulated, report) if simulated else ()
+    if simulated:
+        report("the same sequences as a small picture")
+        deque(made, maxlen=0)  # their tracks
+    effects = tuple(_effects(plan, repeat, folder, simulated, report, mapped))
+    sequences, examples = (tuple(tracks[name] for name in names) for names in (BUDGETS, EXAMPLES))
     return Reproduction(plan, panel, tasks, sequences, examples, walk, effects)
 
 
@@ -198,29 +210,47 @@ def _numbered(report: Callable[[str], None], steps: int) -> Callable[[str], None
     return lambda step: report(f"step {next(numbers)} of {steps}, {step}")
 
 
+def _works(plan: ReproductionPlan, panel: Panel, folder: Path, pictures: bool) -> Iterator[Callable[[], Any]]:
+    """Yield what rests on the calibration alone: tracks, the walk, and perhaps tracks of small pictures."""
+    for name, budget in (BUDGETS | EXAMPLES).items():
+        source = _rendered(name, plan.size, plan.frames_per_second)
+        yield partial(_track_sequence, source, budget, panel, folder / STIMULI / name)
+    house = _rendered(WALK, plan.size, plan.walk_frames_per_second)
+    yield partial(loss_curves_of, _job(house, BUDGETS["library"], panel), FrameSamples())
+    degrees = field_of_view_on(panel.display, plan.picture_size[0])
+    for name, budget in BUDGETS.items() if pictures else ():
+        source = _rendered(name, plan.picture_size, plan.picture_frames_per_second)
+        job = replace(_job(source, budget, panel), field_of_view=degrees)
+        yield partial(run_optimization, job, folder / PICTURES / name)
+
+
+def _done(quick: bool, folder: Path, work: Callable[[], Any]) -> Any:
+    """Do a piece of work, in whatever process: figures are marked as here, files go to the same folder."""
+    if not folder.is_dir():
+        raise InputError(f"a worker does not see {folder}; --out must be a folder that all workers share")
+    with marked_figures(QUICK_MARK if quick else ""):
+        return work()
+
+
 def _effects(
     plan: ReproductionPlan,
-    panel: Panel,
     repeat: ViewingRepeater,
     folder: Path,
     tasks: tuple[str, ...],
     report: Callable[[str], None],
-) -> tuple[RepeatedEffect, ...]:
-    """Return what simulated viewers show over many data sets, and would be assumed to of a small picture."""
-    report("the same sequences as a small picture")
-    degrees = field_of_view_on(panel.display, plan.picture_size[0])
-    for name, budget in BUDGETS.items():
-        source = _rendered(name, plan.picture_size, plan.picture_frames_per_second)
-        job = replace(_job(source, budget, panel), field_of_view=degrees)
-        run_optimization(job, folder / PICTURES / name)
-    effects: list[RepeatedEffect] = []
+    mapped: Mapped,
+) -> Iterator[RepeatedEffect]:
+    """Yield what simulated viewers show over many data sets, and would be assumed to of a small picture."""
+    asked = [
+        partial(repeat, task, folder / stimuli, (plan.viewers, plan.seed), plan.display, sets)
+        for task in tasks
+        for stimuli, sets in ((STIMULI, plan.sets), (PICTURES, 0))
+    ]
+    repeated = iter(mapped(partial(_done, plan.quick, folder), asked))
     for task in tasks:
         report(f"{plan.sets} data sets of the {task}")
-        people = (plan.viewers, plan.seed)
-        assumed, sets = repeat(task, folder / STIMULI, people, plan.display, plan.sets)
-        of_pictures, _ = repeat(task, folder / PICTURES, people, plan.display, 0)
-        effects += repeated_effects(task, assumed, sets, of_pictures)
-    return tuple(effects)
+        (assumed, sets), (of_pictures, _) = next(repeated), next(repeated)
+        yield from repeated_effects(task, assumed, sets, of_pictures, mapped)
 
 
 def _analysed(
@@ -267,20 +297,6 @@ def _rendered(name: str, size: tuple[int, int], frames_per_second: float) -> Bui
     """Return a built-in sequence; walks have as few samples as live pictures, for a sixth of the time."""
     source = built_in_sequence(name, size, frames_per_second=frames_per_second)
     return replace(source, antialiasing=LIVE) if isinstance(source, SceneSequence) else source
-
-
-def _tracked(
-    plan: ReproductionPlan,
-    panel: Panel,
-    stimuli: Path,
-    report: Callable[[str], None],
-    name: str,
-    budget: float,
-) -> SequenceTracks:
-    """Return the tracks of a built-in sequence."""
-    report(f"track of {name.replace('_', ' ')}")
-    source = _rendered(name, plan.size, plan.frames_per_second)
-    return _track_sequence(source, budget, panel, stimuli / name)
 
 
 @dataclass(frozen=True, slots=True)

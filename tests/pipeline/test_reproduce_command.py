@@ -3,7 +3,6 @@
 The sequences are small patterns here; rendering has tests of its own.
 """
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser_pages import browser_session
+from moving_patterns import pattern
 from report_pages import faults_at
 
 from evenlight import command as command_line
 from evenlight.analysis import reproduce_command
 from evenlight.analysis.reproduction import reproduction
 from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
-from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
+from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_writing import (
     new_dataset,
     write_description,
@@ -34,33 +33,8 @@ from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.preset_files import load_display
 
-FRAMES = 20
 SEQUENCES = ("library", "gym", "living_room", "basement")
 RECORDED = ("01", "02", "03", "04")
-
-
-class Pattern:
-    """Grain of a contrast that grows, on a ground that brightens and darkens: something to lose."""
-
-    field_of_view = 90.0
-
-    def __init__(self, name: str) -> None:
-        self.name, self.n_frames = name, FRAMES
-
-    def frames(self) -> Iterator[Frame]:
-        rng = np.random.default_rng(len(self.name))
-        grain = rng.normal(size=(36, 64, 1))
-        for k in range(FRAMES):
-            ground = 90 + 70 * np.sin(2 * np.pi * k / FRAMES)
-            pixels = np.clip(ground + (4 + k / 2) * grain, 0, 255).astype(np.uint8)
-            yield Frame(k / 2, 0.5, np.repeat(pixels, 3, axis=2))
-
-    def sha256(self) -> str:
-        return sha256_of_bytes(self.name.encode())
-
-
-def pattern(name: str, size: object = None, frames_per_second: object = None) -> Pattern:
-    return Pattern(name)
 
 
 def searched(participant: str, index: int) -> SearchTrial:

@@ -6,13 +6,15 @@ mixed model, of which a twentieth as many are fitted (about ten minutes more).
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+from studies import Mapped, run_study
 
 from evenlight.analysis.comparison.comparison_results import choice_model
 from evenlight.analysis.comparison.comparison_shares import Choices, estimate_share
@@ -87,7 +89,7 @@ def model_rates(truth: ComparisonTruth, share: float, runs: int, seed: int) -> t
     return different / runs, held / runs
 
 
-def main(runs: int) -> None:
+def main(runs: int, mapped: Mapped = map) -> None:
     """Print the tables."""
     print("exact, by enumeration, one answer of each; coverage for shares of 0.2 to 0.8: least, mean, most\n")
     print("| answers | type I | at the margin | Clopper-Pearson | mid-p | mid-p, least of all shares |")
@@ -102,20 +104,21 @@ def main(runs: int) -> None:
         print(f"| {n} | {errors[0]:.1%} | {errors[1]:.1%} | {cells[0]} | {cells[1]} | {least:.1%} |")
     print(f"\n17 people, all sequences together, {runs} experiments\n")
     print("| repetitions | spread | share | differs | equivalent | coverage | no interval |\n|" + "---|" * 7)
-    for repetitions in (1, 4):
-        for spread in SPREADS:
-            truth = ComparisonTruth(0.9, MARGIN, spread, repetitions, SEQUENCES)
-            for share in SHARES:
-                r = pooled_rates(truth, share, runs, SEED)
-                print(f"| {repetitions} | {spread} | {share} | {r.difference:.1%} | {r.equivalence:.1%} | "
-                      f"{r.coverage:.1%} | {r.unknown:.1%} |", flush=True)  # fmt: skip
+    asked = [
+        (ComparisonTruth(0.9, MARGIN, spread, repetitions, SEQUENCES), share)
+        for repetitions, spread, share in product((1, 4), SPREADS, SHARES)
+    ]
+    rates = mapped(partial(pooled_rates, runs=runs, seed=SEED), *zip(*asked, strict=True))
+    for (truth, share), r in zip(asked, rates, strict=True):
+        print(f"| {truth.repetitions} | {truth.spread} | {share} | {r.difference:.1%} | "
+              f"{r.equivalence:.1%} | {r.coverage:.1%} | {r.unknown:.1%} |", flush=True)  # fmt: skip
     fits = max(runs // 20, 1)
     print(f"\nmixed model, {fits} fits\n\n| spread | share | differs | coverage |\n|---|---|---|---|")
-    for spread in SPREADS:
-        for share in SHARES:
-            different, held = model_rates(ComparisonTruth(0.9, MARGIN, spread), share, fits, SEED)
-            print(f"| {spread} | {share} | {different:.1%} | {held:.1%} |", flush=True)
+    asked = [(ComparisonTruth(0.9, MARGIN, spread), share) for spread, share in product(SPREADS, SHARES)]
+    found = mapped(partial(model_rates, runs=fits, seed=SEED), *zip(*asked, strict=True))
+    for (truth, share), (different, held) in zip(asked, found, strict=True):
+        print(f"| {truth.spread} | {share} | {different:.1%} | {held:.1%} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000)
+    run_study(__file__, runs=10_000)

@@ -6,9 +6,11 @@ Counts are beta-binomial, so that the intra-class correlation is what it says. R
 
 from __future__ import annotations
 
-import sys
+from functools import partial
+from itertools import product
 
 import numpy as np
+from studies import Mapped, run_study
 
 from evenlight.analysis.search.search_shares import clustered_share
 
@@ -45,16 +47,19 @@ def coverage(people: int, correlation: float, share: float, sets: int) -> tuple[
     return float(np.mean((low <= share) & (share <= high))), float(np.mean(high - low))
 
 
-def main(sets: int) -> None:
+def row_of(sets: int, people: int, share: float) -> tuple[int, float, list[tuple[float, float]]]:
+    """Return so many people and a share, with coverage and width for each correlation."""
+    return people, share, [coverage(people, correlation, share, sets) for correlation in CORRELATIONS]
+
+
+def main(sets: int, mapped: Mapped = map) -> None:
     """Print the table: the least coverage over the correlations, and where."""
     print(f"{sets} sets of each\n| people | share | " + " | ".join(map(str, CORRELATIONS)) + " |")
     print("|" + "---|" * (2 + len(CORRELATIONS)))
-    for people in PEOPLE:
-        for share in SHARES:
-            found = [coverage(people, correlation, share, sets) for correlation in CORRELATIONS]
-            cells = " | ".join(f"{100 * held:.1f} % ({width:.2f})" for held, width in found)
-            print(f"| {people} | {share} | {cells} |", flush=True)
+    for people, share, found in mapped(partial(row_of, sets), *zip(*product(PEOPLE, SHARES), strict=True)):
+        cells = " | ".join(f"{100 * held:.1f} % ({width:.2f})" for held, width in found)
+        print(f"| {people} | {share} | {cells} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2000)
+    run_study(__file__, sets=2000)

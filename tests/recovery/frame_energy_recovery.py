@@ -6,10 +6,11 @@ Run with `python tests/recovery/frame_energy_recovery.py [PLAYINGS]`; 100 take f
 from __future__ import annotations
 
 import dataclasses
-import sys
+from functools import partial
 
 import numpy as np
 from played_power_truth import Conditions, play
+from studies import Mapped, run_study
 
 from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
 from evenlight.analysis.measurement.played_power.clock_line import line_of
@@ -24,23 +25,26 @@ CLOCKS = {
 }
 
 
-def main(playings: int) -> None:
+def main(playings: int, mapped: Mapped = map) -> None:
     """Print the table."""
     print(
         "| clock by | content | noise [mW] | rate [Hz] | worst | 95 % | mean | above 1 % | whole | "
         "clock off [ms] |"
     )
     print("|---" * 10 + "|")
+    asked = []
     for name, conditions in CLOCKS.items():
         for content in ("ramps", "cuts"):
             for noise in (0.0, 0.001, 0.005) if name == "edges" else (0.0,):
                 for rate in (100.0, 500.0, 1000.0):
                     varied = {"content": content, "noise": noise, "sample_rate": rate}
-                    _row(name, dataclasses.replace(conditions, **varied), playings)
+                    asked.append((name, dataclasses.replace(conditions, **varied)))
+    for row in mapped(partial(_row, playings), *zip(*asked, strict=True)):
+        print(row, flush=True)
 
 
-def _row(name: str, conditions: Conditions, playings: int) -> None:
-    """Print a row."""
+def _row(playings: int, name: str, conditions: Conditions) -> str:
+    """Return a row."""
     single, whole, off = [], [], []
     for seed in range(playings):
         truth = play(conditions, np.random.default_rng(seed))
@@ -62,11 +66,10 @@ def _row(name: str, conditions: Conditions, playings: int) -> None:
         whole.append(abs(energy[kept].sum() / true[kept].sum() - 1))
     error = np.concatenate(single)
     clock = f"{1000 * max(off):.2g}" if off else ""
-    print(
+    return (
         f"| {name} | {conditions.content} | {1000 * conditions.noise:g} | {conditions.sample_rate:g} | "
         f"{error.max():.2%} | {np.quantile(error, 0.95):.3%} | {error.mean():.3%} | "
-        f"{np.mean(error > 0.01):.3%} | {max(whole):.4%} | {clock} |",
-        flush=True,
+        f"{np.mean(error > 0.01):.3%} | {max(whole):.4%} | {clock} |"
     )
 
 
@@ -78,4 +81,4 @@ def _unsynchronised(first: float, power: Array, conditions: Conditions, spans: F
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    run_study(__file__, playings=100)

@@ -12,11 +12,12 @@ core, nearly all for the search. Seed 31. No test here permutes at random: all a
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from studies import Mapped, run_study
 
 from evenlight.analysis.comparison.comparison_shares import count_choices, estimate_share
 from evenlight.analysis.dataset_findings import AnalysisOptions, task_findings
@@ -262,16 +263,20 @@ class Rates:
     contradictions: int
 
 
-def rates(population: Population, people: int, sets: int) -> dict[str, Rates]:
-    """Return the rates of so many sets of so many people, by question."""
+def answers_of(population: Population, people: int, run: int) -> dict[str, Answer]:
+    """Return what is printed of a set; of the first it is compared with the report."""
     number = sum(map(ord, population.task + population.name))
-    said = []
-    for run in range(sets):
-        rng = np.random.default_rng([SEED, number, people, run])
-        data = task_data_of(population.task, population.draw(people, population.effect, rng))
-        said.append(population.asked(data))
-        if run == 0:
-            agree(said[0], printed(population.task, data))
+    rng = np.random.default_rng([SEED, number, people, run])
+    data = task_data_of(population.task, population.draw(people, population.effect, rng))
+    said = population.asked(data)
+    if run == 0:
+        agree(said, printed(population.task, data))
+    return said
+
+
+def rates(population: Population, people: int, sets: int, mapped: Mapped = map) -> dict[str, Rates]:
+    """Return the rates of so many sets of so many people, by question."""
+    said = [*mapped(partial(answers_of, population, people), range(sets))]
     return {question: _rates([s[question] for s in said], population, truth)
             for question, truth in population.truths.items()}  # fmt: skip
 
@@ -304,14 +309,14 @@ def percent(share: float, sets: int) -> str:
     return "–" if np.isnan(share) else f"{100 * share:.1f} ± {100 * error(share, sets):.1f} %"
 
 
-def main(sets: int, tasks: Sequence[str]) -> None:
+def main(sets: int, tasks: Sequence[str], mapped: Mapped = map) -> None:
     """Print the table."""
     print(f"{sets} sets of each; ±: Monte Carlo standard error\n")
     columns = ("task", "question", "truth", "people", "p < 5 %", "interval holds it", "contradictions")
     print(f"| {' | '.join(columns)} |\n|" + "---|" * len(columns))
     for population in populations(tasks):
         for people in PEOPLE:
-            for question, found in rates(population, people, sets).items():
+            for question, found in rates(population, people, sets, mapped).items():
                 truth = f"{population.name}: {population.truths[question]:.3g}"
                 cells = (percent(found.rejected, sets), percent(found.held, sets), str(found.contradictions))
                 row = (population.task, question, truth, str(people), *cells)
@@ -319,4 +324,6 @@ def main(sets: int, tasks: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 400, sys.argv[2:] or tuple(TASKS))
+    run_study(
+        __file__, lambda parser: parser.add_argument("tasks", nargs="*", default=tuple(TASKS)), sets=400
+    )

@@ -18,10 +18,12 @@ sqrt(2) z(correct).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
+from studies import Mapped, run_study
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDesign
@@ -56,12 +58,12 @@ GAPS = (
 )
 
 
-def main() -> None:
+def main(mapped: Mapped = map) -> None:
     """Print the table, and how the first column depends on the time constant."""
     for adaptation in (5.0, 1.0, 20.0):
         print(f"adaptation within {adaptation:g} s")
-        for gap in GAPS:
-            change, step = sensitivities(gap, TRIALS, adaptation)
+        found = mapped(partial(sensitivities, trials=TRIALS, adaptation=adaptation), GAPS)
+        for gap, (change, step) in zip(GAPS, found, strict=True):
             print(f"| {gap.name} | {change:.2f} | {step:.2f} | {np.hypot(change, step):.2f} |")
 
 
@@ -164,4 +166,4 @@ def _task(kind: IntervalGap) -> RampTask:
 TASKS = {kind: _task(kind) for kind in IntervalGap}
 
 if __name__ == "__main__":
-    main()
+    run_study(__file__)

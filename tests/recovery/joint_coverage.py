@@ -9,9 +9,12 @@ import argparse
 import dataclasses
 import time
 from collections import Counter
+from functools import partial
+from typing import Any
 
 import numpy as np
-from joint_recovery import TRUTHS, Study, individual_errors, recovered_sets
+from joint_recovery import TRUTHS, Recovered, Study, individual_errors, recovered
+from studies import Mapped, run_study
 
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.data_schema.errors import InputError
@@ -33,9 +36,9 @@ COLUMNS = (
 )
 
 
-def main() -> None:
+def main(mapped: Mapped = map, **options: Any) -> None:
     """Print the table."""
-    asked = _arguments()
+    asked = argparse.Namespace(**options)
     print("| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|")
     for design in asked.design:
         for truth in asked.truth:
@@ -45,14 +48,13 @@ def main() -> None:
             if asked.participant_sd:
                 people = dataclasses.replace(people, participant_sd=asked.participant_sd)
             study = Study(design, truth, asked.participants, people, asked.scale)
-            print(_row(study, asked), flush=True)
+            print(_row(study, asked, mapped), flush=True)
             if asked.individual:
-                _print_individual(study, asked)
+                _print_individual(study, asked, mapped)
 
 
-def _arguments() -> argparse.Namespace:
-    """Return what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def _declare(parser: argparse.ArgumentParser) -> None:
+    """Add what the command line may ask for."""
     parser.add_argument("--sets", type=int, default=40)
     parser.add_argument("--design", nargs="+", default=["paper", "recommended"])
     parser.add_argument("--truth", nargs="+", choices=list(TRUTHS), default=list(TRUTHS))
@@ -63,17 +65,21 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--individual", action="store_true", help="the individual fits' bias too (slow)")
     parser.add_argument("--scale", type=float, default=1.0, help="of all thresholds")
     parser.add_argument("--monotone", action="store_true")
-    return parser.parse_args()
 
 
-def _print_individual(study: Study, asked: argparse.Namespace) -> None:
+def _individual_error(study: Study, seed: int) -> float | None:
+    """Return the mean error of the individual fits' curve of a data set, or None if it is refused."""
+    try:
+        return float(individual_errors(*study.answers(seed)).mean())
+    except InputError:
+        return None
+
+
+def _print_individual(study: Study, asked: argparse.Namespace, mapped: Mapped) -> None:
     """Print the bias of the individual fits' curve against the people drawn, and what it leaves out."""
-    errors, refused = [], 0
-    for seed in range(asked.seed, asked.seed + asked.sets):
-        try:
-            errors.append(individual_errors(*study.answers(seed)).mean())
-        except InputError:
-            refused += 1
+    found = [*mapped(partial(_individual_error, study), range(asked.seed, asked.seed + asked.sets))]
+    errors = [error for error in found if error is not None]
+    refused = len(found) - len(errors)
     error = np.std(errors, ddof=1) / len(errors) ** 0.5
     print(
         f"individual fits: {np.mean(errors):+.1%} ± {error:.1%} of {len(errors)}, {refused} refused",
@@ -81,11 +87,17 @@ def _print_individual(study: Study, asked: argparse.Namespace) -> None:
     )
 
 
-def _row(study: Study, asked: argparse.Namespace) -> str:
-    """Return the row of a study."""
+def _timed(study: Study, options: RateLimitOptions, seed: int) -> tuple[Recovered, float]:
+    """Return what is found of a data set, and in how much processor time [s]."""
     began = time.process_time()
-    found = list(recovered_sets(study, asked.sets, asked.seed, RateLimitOptions(monotone=asked.monotone)))
-    seconds = (time.process_time() - began) / asked.sets
+    return recovered(study, seed, options), time.process_time() - began
+
+
+def _row(study: Study, asked: argparse.Namespace, mapped: Mapped) -> str:
+    """Return the row of a study."""
+    recover = partial(_timed, study, RateLimitOptions(monotone=asked.monotone))
+    found, times = zip(*mapped(recover, range(asked.seed, asked.seed + asked.sets)), strict=True)
+    seconds = np.mean(times)
     errors = np.array([one.errors for one in found])
     share = np.mean([one.covered for one in found])
     own = np.array([one.own_errors.mean() for one in found])
@@ -114,4 +126,4 @@ def _row(study: Study, asked: argparse.Namespace) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_study(__file__, _declare)

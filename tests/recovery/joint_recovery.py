@@ -169,8 +169,13 @@ def recovered_sets(
 ) -> Iterator[Recovered]:
     """Yield what is found of each of some data sets."""
     for k in range(sets):
-        trials, means = study.answers(seed + k)
-        yield compared(fit_joint(trials, options), study, means)
+        yield recovered(study, seed + k, options)
+
+
+def recovered(study: Study, seed: int, options: RateLimitOptions | None = None) -> Recovered:
+    """Return what is found of a data set."""
+    trials, means = study.answers(seed)
+    return compared(fit_joint(trials, options), study, means)
 
 
 def compared(fit: JointFit, study: Study, means: dict[float, float]) -> Recovered:

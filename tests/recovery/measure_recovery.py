@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from made_ratings import rating_trial
+from studies import Mapped, run_study
 
 from evenlight.analysis.rating.measure_candidates import Condition, measure_candidates
 from evenlight.analysis.rating.measure_fit import fit_measure
@@ -16,6 +17,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 STUDIES = ((17, 4, 1.0), (40, 8, 1.0))  # people, sequences, log-odds per SD of the loss
+CANDIDATES = measure_candidates()
 CUTS = np.array([-3.0, -1.5, 0.0, 1.5])
 PLACE = 0.3  # log-odds of being shown first
 
@@ -46,22 +48,34 @@ def drawn_ratings(
     return trials
 
 
-def study(studies: int = 30, seed: int = 2) -> None:
+def study(
+    people: int, sequences: int, strength: float, rng: np.random.Generator
+) -> tuple[int, dict[Condition, Array], list[RatingTrial]]:
+    """Return which candidate people go by, what each candidate says is lost, and their ratings."""
+    losses = drawn_losses(rng, sequences, len(CANDIDATES))
+    truth = int(rng.integers(len(CANDIDATES)))
+    own = {condition: float(loss[truth]) for condition, loss in losses.items()}
+    return truth, losses, drawn_ratings(rng, own, people, strength)
+
+
+def recovered(drawn: tuple[int, dict[Condition, Array], list[RatingTrial]]) -> tuple[bool, bool, int]:
+    """Return whether the truth is in the set, whether it is best, and how large the set is."""
+    truth, losses, ratings = drawn
+    fit = fit_measure(ratings, losses, CANDIDATES)
+    possible = [one.candidate for one in fit.possible]
+    return CANDIDATES[truth] in possible, fit.best.candidate == CANDIDATES[truth], len(possible)
+
+
+def main(studies: int, mapped: Mapped = map) -> None:
     """Print, for each kind of study, how often the truth is in the set, best, and how large the set is."""
-    candidates, rng = measure_candidates(), np.random.default_rng(seed)
-    for people, sequences, strength in STUDIES:
-        held = best = size = 0
-        for _ in range(studies):
-            losses = drawn_losses(rng, sequences, len(candidates))
-            truth = int(rng.integers(len(candidates)))
-            own = {condition: float(loss[truth]) for condition, loss in losses.items()}
-            fit = fit_measure(drawn_ratings(rng, own, people, strength), losses, candidates)
-            held += candidates[truth] in [one.candidate for one in fit.possible]
-            best += fit.best.candidate == candidates[truth]
-            size += len(fit.possible)
-        kind = f"{people} people, {sequences} sequences, {strength:g} per SD"
-        print(f"{kind}: in the set {held}, best {best} of {studies}; {size / studies:.0f} candidates in it")
+    rng = np.random.default_rng(2)  # all is drawn here, in order; what is drawn, and fitted there, is a task
+    for kind in STUDIES:
+        people, sequences, strength = kind
+        found = mapped(recovered, (study(*kind, rng) for _ in range(studies)))
+        held, best, size = np.sum([*found], axis=0)
+        words = f"{people} people, {sequences} sequences, {strength:g} per SD"
+        print(f"{words}: in the set {held}, best {best} of {studies}; {size / studies:.0f} candidates in it")
 
 
 if __name__ == "__main__":
-    study()
+    run_study(__file__, studies=30)

@@ -10,6 +10,7 @@ By hand, with many walks: python tests/recovery/online_spread_coverage.py
 from __future__ import annotations
 
 import numpy as np
+from studies import Mapped, run_study
 
 from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
 from evenlight.data_schema.arrays import Array
@@ -49,17 +50,19 @@ def coverage(ratios: list[SpreadRatio]) -> float:
     return float(np.mean([r.ci_low <= truth <= r.ci_high for r in ratios if r.ci_low and r.ci_high]))
 
 
-def main() -> None:
-    """Print the coverage for walks of three minutes through content that changes slowly or fast."""
-    for correlation_time in (2.0, 3.0, 5.0, 8.0, 12.0, 20.0):
-        ratios = walk_ratios(182.0, correlation_time, 4000, seed=1)
-        flagged = np.mean([bool(r.flag) for r in ratios])
-        found = np.median([r.correlation_time for r in ratios])
-        print(
-            f"{correlation_time:4.0f} s: holds {coverage(ratios):.3f}, flagged {flagged:.2f}, time "
-            f"{found:.1f}"
-        )
+def told(correlation_time: float) -> str:
+    """Return what is found for walks of three minutes through content that changes slowly or fast."""
+    ratios = walk_ratios(182.0, correlation_time, 4000, seed=1)
+    flagged = np.mean([bool(r.flag) for r in ratios])
+    found = np.median([r.correlation_time for r in ratios])
+    return f"{correlation_time:4.0f} s: holds {coverage(ratios):.3f}, flagged {flagged:.2f}, time {found:.1f}"
+
+
+def main(mapped: Mapped = map) -> None:
+    """Print the coverage for each correlation time [s]."""
+    for line in mapped(told, (2.0, 3.0, 5.0, 8.0, 12.0, 20.0)):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run_study(__file__)

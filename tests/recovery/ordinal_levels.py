@@ -8,10 +8,11 @@ kind of the test (no effect) and the coverage of the interval (an effect).
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from studies import Mapped, run_study
 
 from evenlight.analysis.inference.cumulative_link import FixedEffect, OrdinalData, fit_ordinal
 
@@ -117,15 +118,15 @@ def covered(truth: OrdinalTruth, runs: int, seed: int) -> tuple[int, list[float]
     return sum(covers(effect, truth.effect) for effect in effects), estimates
 
 
-def main(runs: int) -> None:
+def main(runs: int, mapped: Mapped = map) -> None:
     """Print the table."""
     print(f"| truth | misses of {runs} | ± | median estimate |\n|---|---|---|---|")
-    for name, truth in TRUTHS.items():
-        held, estimates = covered(replace(truth), runs, seed=17)
+    cases = mapped(partial(covered, runs=runs, seed=17), TRUTHS.values())
+    for name, (held, estimates) in zip(TRUTHS, cases, strict=True):
         share = 1 - held / runs
         error = np.sqrt(share * (1 - share) / runs)
         print(f"| {name} | {share:.1%} | {error:.1%} | {np.median(estimates):.2f} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2000)
+    run_study(__file__, runs=2000)

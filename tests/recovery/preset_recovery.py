@@ -5,11 +5,12 @@ Run with `python tests/recovery/preset_recovery.py [PARTICIPANTS]`; 4000 take fi
 
 from __future__ import annotations
 
-import sys
+from functools import partial
 
 import numpy as np
 from odd_observers import Flat, Lapsing, WeibullShaped, changed_into
-from recovered_thresholds import MODES, Mode, Recovery, recover
+from recovered_thresholds import MODES, Mode, recover
+from studies import Mapped, run_study
 
 from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
@@ -27,20 +28,22 @@ ODD: dict[str, type[SimulatedObserver]] = {
 }
 
 
-def main(participants: int) -> None:
+def main(participants: int, mapped: Mapped = map) -> None:
     """Print the table."""
     print("| preset | ramps | observers | bias | ± | coverage | scatter | stated |\n" + "|---" * 8 + "|")
     for preset, mode in PRESETS.items():
-        _row(preset, mode, "as the population", SimulatedObserver, participants)
+        _row(preset, mode, "as the population", SimulatedObserver, participants, mapped)
     for preset in ("recommended", "psi_marginal"):
         for words, kind in ODD.items():
-            _row(preset, PRESETS[preset], words, kind, participants)
+            _row(preset, PRESETS[preset], words, kind, participants, mapped)
 
 
-def _row(preset: str, mode: Mode, words: str, kind: type[SimulatedObserver], participants: int) -> None:
+def _row(
+    preset: str, mode: Mode, words: str, kind: type[SimulatedObserver], participants: int, mapped: Mapped
+) -> None:
     """Print the row of a preset and a kind of participants."""
     ramps = load_design(preset).trials_per_level
-    found: Recovery = recover(mode, ramps, participants, SEED, lambda seen: changed_into(kind, seen))
+    found = recover(mode, ramps, participants, SEED, partial(changed_into, kind), mapped)
     stated = float(np.sqrt(np.mean(found.stated**2)))
     print(
         f"| `{preset}` | {ramps} | {words} | {found.bias:+.1%} | {found.bias_error:.1%} | "
@@ -50,4 +53,4 @@ def _row(preset: str, mode: Mode, words: str, kind: type[SimulatedObserver], par
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 4000)
+    run_study(__file__, participants=4000)

@@ -6,12 +6,14 @@ and for the model, which takes about half a second each.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from operator import call
 
 import numpy as np
 from made_ratings import Raters, drawn_ratings
+from studies import Mapped, run_study
 
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import Effect, exact_mean_difference
@@ -100,12 +102,15 @@ def shares(
     return result
 
 
-def main(runs: int, models: int) -> None:
+def main(runs: int, models: int, mapped: Mapped = map) -> None:
     """Print levels and coverage for each kind of people."""
-    for kind, raters in PEOPLE_LIKE.items():
+    ways = ((model_free, runs), (model_based, models))
+    cases = [partial(shares, raters, n, said) for raters in PEOPLE_LIKE.values() for said, n in ways if n]
+    found = iter(mapped(call, cases))
+    for kind in PEOPLE_LIKE:
         print(f"\n{kind}")
-        for said, number in ((model_free, runs), (model_based, models)):
-            for name, (level, held) in shares(raters, number, said).items() if number else ():
+        for _, number in ways:
+            for name, (level, held) in next(found).items() if number else ():
                 print(
                     f"  {name}: level {100 * level:.1f} %, coverage {100 * held:.1f} % of {number}",
                     flush=True,
@@ -113,5 +118,4 @@ def main(runs: int, models: int) -> None:
 
 
 if __name__ == "__main__":
-    arguments = [int(argument) for argument in sys.argv[1:]]
-    main(*(arguments + [4000, 400][len(arguments) :]))
+    run_study(__file__, runs=4000, models=400)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from studies import Mapped
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts, ramp_counts
@@ -113,24 +115,33 @@ def recover(
     participants: int,
     seed: int,
     change: Callable[[SimulatedObserver], SimulatedObserver] = lambda observer: observer,
+    mapped: Mapped = map,
 ) -> Recovery:
     """Return what the fit finds of the thresholds of simulated participants, each changed as told."""
     design, display = mode.design(ramps), load_display("varjo-xr3")
     simulation = RampSimulation(
         participants, seed, display, design, load_rate_limit("surace2025"), ObserverPopulation()
     )
-    found = []
-    for order_index in range(participants):
-        observer = change(participant_of(simulation, order_index))
-        who = participant_id(order_index, participants)
-        trials = answered_session(simulation, order_index, who, observer)
-        for level in ramp_levels(design, display):
-            own = [t for t in trials if not t.is_catch and t.initial_luminance == level.luminance]
-            counts = ramp_counts(own, *catch_counts(trials).get(who, (0, 0)))
-            truth = observer.function_at(level.luminance, mode.procedure).threshold
-            found.append(_error(fit_psychometric(counts), truth))
-    errors, covered, stated = zip(*found, strict=True)
+    each = mapped(partial(_errors_of, simulation, change), range(participants))
+    errors, covered, stated = zip(*(error for own in each for error in own), strict=True)
     return Recovery(np.array(errors), np.array(covered), np.array(stated))
+
+
+def _errors_of(
+    simulation: RampSimulation, change: Callable[[SimulatedObserver], SimulatedObserver], order_index: int
+) -> list[tuple[float, bool, float]]:
+    """Return the errors of a participant, level by level."""
+    design = simulation.design
+    observer = change(participant_of(simulation, order_index))
+    who = participant_id(order_index, simulation.participants)
+    trials = answered_session(simulation, order_index, who, observer)
+    found = []
+    for level in ramp_levels(design, simulation.display):
+        own = [t for t in trials if not t.is_catch and t.initial_luminance == level.luminance]
+        counts = ramp_counts(own, *catch_counts(trials).get(who, (0, 0)))
+        truth = observer.function_at(level.luminance, design.procedure).threshold
+        found.append(_error(fit_psychometric(counts), truth))
+    return found
 
 
 def _error(fit: PsychometricFit, threshold: float) -> tuple[float, bool, float]:

@@ -9,9 +9,11 @@ version a person needs some seconds, in which another picture stands.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
+from studies import Mapped, run_study
 
 from evenlight.analysis.measurement.played_power.pass_power import PassComparison
 from evenlight.data_schema.recordings.device_saving import DevicePass
@@ -96,12 +98,15 @@ CASES = {
     "6 rounds of 10 min": Device(seconds=600),
 }
 
-if __name__ == "__main__":
-    import sys
 
-    n = int(sys.argv[1]) if len(sys.argv) > 1 else 400
+def main(n: int, mapped: Mapped = map) -> None:
+    """Print the table."""
     print(f"| device ({n} measurements each) | holds the truth [%] | mean width [points] | bias [points] |")
     print("|---|---|---|---|")
-    for name, device in CASES.items():
-        held, width, bias = coverage(device, n, 21)
+    found = mapped(partial(coverage, n=n, seed=21), CASES.values())
+    for name, (held, width, bias) in zip(CASES, found, strict=True):
         print(f"| {name} | {100 * held:.1f} | {100 * width:.2f} | {100 * bias:+.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    run_study(__file__, n=400)

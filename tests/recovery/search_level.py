@@ -7,13 +7,13 @@ locations. 500 take about half an hour of one core. The tables of docs/decisions
 from __future__ import annotations
 
 import functools
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from made_searches import SearchTruth, made_table
 from scipy import integrate, stats
+from studies import Mapped, run_study
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.search.search_locations import for_people_and_locations, line_over_locations
@@ -163,10 +163,15 @@ def experiment(truth: SearchTruth, seed: tuple[int, int], asked: tuple[str, ...]
 
 
 def study(
-    truth: SearchTruth, asked: tuple[str, ...], experiments: int, seed: int = SEED
+    truth: SearchTruth,
+    asked: tuple[str, ...],
+    experiments: int,
+    seed: int = SEED,
+    mapped: Mapped = map,
 ) -> dict[str, tuple[float, float]]:
     """Return for each question how often p was at most 5 %, and how often the interval held the truth."""
-    every = [experiment(truth, (seed, number), asked) for number in range(experiments)]
+    seeds = [(seed, number) for number in range(experiments)]
+    every = [*mapped(functools.partial(experiment, truth, asked=asked), seeds)]
     return {
         name: (
             float(np.mean([one[name].rejected for one in every])),
@@ -176,15 +181,15 @@ def study(
     }
 
 
-def main(experiments: int) -> None:
+def main(experiments: int, mapped: Mapped = map) -> None:
     """Print the table."""
     error = np.sqrt(0.05 * 0.95 / experiments)
     print(f"{experiments} experiments; standard error of 5 %: {100 * error:.1f} %")
     print("| truth | of what | p <= 5 % | interval holds it |\n|---|---|---|---|")
     for scenario, (truth, asked) in SCENARIOS.items():
-        for name, (rejected, held) in study(truth, asked, experiments).items():
+        for name, (rejected, held) in study(truth, asked, experiments, mapped=mapped).items():
             print(f"| {scenario} | {name} | {100 * rejected:.1f} % | {100 * held:.1f} % |", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 500)
+    run_study(__file__, experiments=500)

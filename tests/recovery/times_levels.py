@@ -9,11 +9,12 @@ the effect if undetected trials are capped at the limit, or dropped.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from ordinal_levels import covers
+from studies import Mapped, run_study
 
 from evenlight.analysis.inference.lognormal_times import (
     CensoredTimes,
@@ -124,28 +125,32 @@ def naive_effects(data: CensoredTimes) -> tuple[float, float]:
     return difference(np.ones_like(data.observed)), difference(data.observed)
 
 
-def main(runs: int) -> None:
+def row_of(runs: int, name: str) -> str:
+    """Return the row of a truth."""
+    truth, rng = TRUTHS[name], np.random.default_rng(17)
+    held, estimates, naive, lost = 0, [], [], []
+    for _ in range(runs):
+        data = simulated_times(truth, rng)
+        effect = fitted_time_effect(truth, data)
+        held += covers(effect, true_value(truth))
+        estimates.append(effect.estimate)
+        naive.append(naive_effects(data))
+        lost.append(1 - data.observed.mean())
+    share, (capped, dropped) = 1 - held / runs, np.mean(naive, axis=0)
+    error = np.sqrt(share * (1 - share) / runs)
+    return (
+        f"| {name} | {np.mean(lost):.0%} | {share:.1%} | {error:.1%} | {np.mean(estimates):.3f} | "
+        f"{capped:.3f} | {dropped:.3f} |"
+    )
+
+
+def main(runs: int, mapped: Mapped = map) -> None:
     """Print the table."""
     print(f"| truth | undetected | misses of {runs} | ± | mean estimate | capped | dropped |")
     print("|---|---|---|---|---|---|---|")
-    for name, truth in TRUTHS.items():
-        rng = np.random.default_rng(17)
-        held, estimates, naive, lost = 0, [], [], []
-        for _ in range(runs):
-            data = simulated_times(truth, rng)
-            effect = fitted_time_effect(truth, data)
-            held += covers(effect, true_value(truth))
-            estimates.append(effect.estimate)
-            naive.append(naive_effects(data))
-            lost.append(1 - data.observed.mean())
-        share, (capped, dropped) = 1 - held / runs, np.mean(naive, axis=0)
-        error = np.sqrt(share * (1 - share) / runs)
-        print(
-            f"| {name} | {np.mean(lost):.0%} | {share:.1%} | {error:.1%} | {np.mean(estimates):.3f} | "
-            f"{capped:.3f} | {dropped:.3f} |",
-            flush=True,
-        )
+    for row in mapped(partial(row_of, runs), TRUTHS):
+        print(row, flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    run_study(__file__, runs=1000)

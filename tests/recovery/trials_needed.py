@@ -5,10 +5,9 @@ Run with `python tests/recovery/trials_needed.py [PARTICIPANTS]`; 250 take about
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from recovered_thresholds import MODES, Mode, Recovery, recover
+from studies import Mapped, run_study
 
 RAMPS = (24, 32, 48, 64, 96, 160)
 WANTED = (0.15, 0.2, 0.25)  # scatter of ln(threshold)
@@ -26,10 +25,10 @@ def ramps_needed(recovered: dict[int, Recovery], wanted: float) -> float:
     return float(np.exp(np.interp(np.log(wanted), scatter[order], ramps[order], left=np.inf, right=-np.inf)))
 
 
-def main(participants: int) -> None:
+def main(participants: int, mapped: Mapped = map) -> None:
     """Print both tables."""
     print("| mode | ramps | bias | ± | coverage | scatter | stated |\n|---|---|---|---|---|---|---|")
-    studies = {name: _study(name, mode, participants) for name, mode in MODES.items()}
+    studies = {name: _study(name, mode, participants, mapped) for name, mode in MODES.items()}
     print("\n| mode |" + "".join(f" {wanted} |" for wanted in WANTED) + "\n|---|" + "---|" * len(WANTED))
     for name, recovered in studies.items():
         needed = [ramps_needed(recovered, wanted) for wanted in WANTED]
@@ -37,11 +36,11 @@ def main(participants: int) -> None:
         print(f"| {name} | " + " | ".join(cells) + " |")
 
 
-def _study(name: str, mode: Mode, participants: int) -> dict[int, Recovery]:
+def _study(name: str, mode: Mode, participants: int, mapped: Mapped) -> dict[int, Recovery]:
     """Recover thresholds from sessions of different length, and print a row for each."""
     recovered = {}
     for ramps in RAMPS:
-        found = recovered[ramps] = recover(mode, ramps, participants, SEED)
+        found = recovered[ramps] = recover(mode, ramps, participants, SEED, mapped=mapped)
         stated = float(np.sqrt(np.mean(found.stated**2)))
         print(
             f"| {name} | {ramps} | {found.bias:+.1%} | {found.bias_error:.1%} | {found.coverage:.1%} | "
@@ -61,4 +60,4 @@ def _in_words(ramps: float, mode: Mode) -> str:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 250)
+    run_study(__file__, participants=250)
