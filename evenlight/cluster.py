@@ -17,7 +17,7 @@ import sys
 import tomllib
 import uuid
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -39,6 +39,8 @@ WAIT = 60.0  # [s] for the first worker of a scheduler
 RETRIES = 2  # of a task whose worker died
 AHEAD = 2  # tasks under way for each thread of a worker: one runs, one waits
 SOURCES = (".py", ".glsl", ".html", ".css", ".js")  # what decides how results look
+REMEDY = "install the same versions on all workers"
+GONE = "the scheduler of the workers has gone; start it, and run this again: what is done stays done"
 HELP = (
     "Where to compute, with Dask: local (a process for each core) or local:N, the address of a scheduler "
     "(tcp://HOST:PORT), or a name from clusters.toml (docs/scale.md)."
@@ -101,9 +103,6 @@ def _checked(expected: Mapping[str, str], function: Callable[..., Any], *given: 
     return function(*given)
 
 
-REMEDY = "install the same versions on all workers"
-
-
 @dataclass(frozen=True, slots=True)
 class Workers:
     """The workers of a cluster.
@@ -152,6 +151,27 @@ class Workers:
         finally:
             self.client.cancel(list(under_way))
 
+    def done_of(self, futures: Collection[Future], seconds: float) -> Collection[Future]:
+        """Return which of some tasks are done, after some time at most; before it, where one is done.
+
+        Raises
+        ------
+        SchedulerLostError
+            If the scheduler has gone.
+        """
+        from concurrent.futures import CancelledError
+
+        from distributed import TimeoutError as NothingYet
+        from distributed import wait
+
+        try:
+            done: Collection[Future] = wait(list(futures), seconds, "FIRST_COMPLETED").done
+        except NothingYet:
+            return ()
+        except CancelledError:
+            raise SchedulerLostError(GONE) from None
+        return done
+
     def result_or_refusal(self, future: Future) -> Any:
         """Return a result; that its workers died is an `InputError`."""
         try:
@@ -183,9 +203,7 @@ def result_of(future: Future) -> Any:
             "give workers more memory"
         ) from None
     except (CancelledError, CommClosedError):
-        raise SchedulerLostError(
-            "the scheduler of the workers has gone; start it, and run this again: what is done stays done"
-        ) from None
+        raise SchedulerLostError(GONE) from None
 
 
 @contextmanager
@@ -327,6 +345,8 @@ def _require_same_software(workers: Workers, name: str) -> None:
         ) from None
     found = client.run(software, on_error="return")
     for address, there in found.items():
+        if isinstance(there, OSError):  # it died meanwhile; others look before each task
+            continue
         if isinstance(there, Exception):
             raise InputError(
                 f"the worker {address} has no Evenlight, or another one ({type(there).__name__}: {there}); "

@@ -107,9 +107,6 @@ class _Run:
 
     def rows(self) -> list[CatalogueRow]:
         """Return the row of each video."""
-        from distributed import TimeoutError as NothingYet
-        from distributed import wait
-
         waiting, rows = deque(range(len(self.tasks))), dict[int, CatalogueRow]()
         try:
             while waiting or self.under_way:
@@ -120,11 +117,7 @@ class _Run:
                     divide = len(waiting) + len(self.under_way) < places
                     task = self.tasks[number]
                     self.under_way[self.workers.submit(results_of, task, divide, self.curves_do)] = number
-                try:
-                    done = wait(list(self.under_way), LOOK_EVERY, "FIRST_COMPLETED").done
-                except NothingYet:
-                    done = ()
-                for future in done:
+                for future in self.workers.done_of(self.under_way, LOOK_EVERY):
                     self._take(future, rows)
                 self._tell(len(rows))
         finally:
