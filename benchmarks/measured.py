@@ -69,7 +69,7 @@ class SubjectResults:
     Attributes
     ----------
     name, title : str
-        "curves", "optimizer", "fit", "online" or "apply"; and in words.
+        "curves", "optimizer", "fit", "online", "apply" or "scale"; and in words.
     lead : str
         What came out, in a sentence or two, from the numbers.
     points : tuple of BenchmarkPoint

@@ -30,7 +30,7 @@ def run(
     Parameters
     ----------
     names : sequence of str
-        Of the subjects: "curves", "optimizer", "fit", "online", "apply".
+        Of the subjects: "curves", "optimizer", "fit", "online", "apply", "scale".
     out : Path
         The folder of results.
     quick : bool

@@ -25,12 +25,14 @@ class SubjectName(enum.Enum):
     FIT = "fit"
     ONLINE = "online"
     APPLY = "apply"
+    SCALE = "scale"
     ALL = "all"
 
 
 def bench(
     subject: Annotated[
-        SubjectName, typer.Argument(help="What to measure: curves, optimizer, fit, online, apply, or all.")
+        SubjectName,
+        typer.Argument(help="What to measure: curves, optimizer, fit, online, apply, scale, or all."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for benchmarks.md, tables and figures.")],
     quick: Annotated[
@@ -49,5 +51,9 @@ def bench(
         )
     sys.path.insert(0, str(CHECKOUT))  # before a folder `benchmarks` of somebody else
     names = [n for n in SubjectName if n is not SubjectName.ALL] if subject is SubjectName.ALL else [subject]
+    if cluster is not None:
+        names = [n for n in names if n is not SubjectName.SCALE]
+        if not names:
+            raise InputError("scale starts workers of its own; leave out --cluster")
     run = importlib.import_module("benchmarks.run")
     run.run([n.value for n in names], out, quick, seed, quiet, cluster)

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 LOCAL = "local"
 CLUSTERS = "clusters.toml"
 WAIT = 60.0  # [s] for the first worker of a scheduler
+LOST = "30s"  # after which a process that does not come back is replaced
+PATIENCE = 5.0  # [s] between looks for lost processes
 RETRIES = 2  # of a task whose worker died
 AHEAD = 2  # tasks under way for each thread of a worker: one runs, one waits
 SOURCES = (".py", ".glsl", ".html", ".css", ".js")  # what decides how results look
@@ -113,10 +115,13 @@ class Workers:
         The connection to their scheduler.
     expected : dict of str to str
         The software that each must have.
+    wanted : int
+        How many processes of this computer there are to be; 0 of another cluster.
     """
 
     client: Client
     expected: dict[str, str] = field(default_factory=software)
+    wanted: int = 0
 
     def places(self) -> int:
         """Return how many tasks run at the same time, at least 1."""
@@ -167,13 +172,22 @@ class Workers:
         try:
             done: Collection[Future] = wait(list(futures), seconds, "FIRST_COMPLETED").done
         except NothingYet:
+            self._replace_lost()
             return ()
         except CancelledError:
             raise SchedulerLostError(GONE) from None
         return done
 
+    def _replace_lost(self) -> None:
+        """Have processes of this computer started again where even what starts them again has given up."""
+        cluster = self.client.cluster
+        if self.wanted and len(cluster.workers) < self.wanted:
+            cluster.scale(self.wanted)
+
     def result_or_refusal(self, future: Future) -> Any:
-        """Return a result; that its workers died is an `InputError`."""
+        """Return a result, when it is there; that its workers died is an `InputError`."""
+        while not self.done_of([future], PATIENCE):
+            pass
         try:
             return result_of(future)
         except WorkerLostError as error:
@@ -231,7 +245,7 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
     with ExitStack() as stack:
         client = stack.enter_context(_connected(name, distributed, stack))
         stack.enter_context(client.as_current())
-        workers = Workers(client)
+        workers = Workers(client, wanted=len(client.cluster.workers) if _is_local(name) else 0)
         _require_same_software(workers, name)
         if not quiet:
             count = len(client.nthreads())
@@ -254,7 +268,8 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
     """Return a client of the cluster of a name."""
     import dask
 
-    stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": RETRIES}))
+    kept = {"distributed.scheduler.allowed-failures": RETRIES, "distributed.deploy.lost-worker-timeout": LOST}
+    stack.enter_context(dask.config.set(kept))
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is told as a result
     if "://" in name:
         try:

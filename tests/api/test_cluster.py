@@ -89,8 +89,8 @@ def test_a_worker_with_other_software_is_refused_in_one_line(address, monkeypatc
 
 
 def other_software(usual):
-    def made(self, client, expected=None):
-        usual(self, client, {**cluster.software(), "numpy": "1.0"})
+    def made(self, client, wanted=0):
+        usual(self, client, {**cluster.software(), "numpy": "1.0"}, wanted)
 
     return made
 

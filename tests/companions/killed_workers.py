@@ -13,17 +13,18 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
-import dask
 from catalogues import clip
 from distributed import LocalCluster
 
+from evenlight import cluster
 from evenlight.analysis.catalogue.results import RESULT
-from evenlight.cluster import RETRIES
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track
@@ -33,28 +34,34 @@ from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 
 @dataclass
 class Killings:
-    """Workers of a cluster, which are killed at random moments until enough have been."""
+    """Workers of the command's own cluster, killed at random moments until enough have been."""
 
-    cluster: LocalCluster
     wanted: int
     chance: random.Random
     done: int = 0
 
     @contextmanager
     def going_on(self) -> Iterator[None]:
-        over = threading.Event()
+        over, started, usual = threading.Event(), [], cluster._local
+
+        def noted(*given: Any) -> Any:
+            started.append(usual(*given))
+            return started[-1]
 
         def kill() -> None:
             while self.done < self.wanted and not over.wait(self.chance.uniform(0.2, 1.5)):
-                pids = [w.process.pid for w in list(self.cluster.workers.values()) if w.process is not None]
+                nannies = [nanny for one in started for nanny in list(one.workers.values())]
+                pids = [nanny.process.pid for nanny in nannies if nanny.process is not None]
                 if pid := self.chance.choice([*pids, None]):
-                    os.kill(pid, signal.SIGKILL)
-                    self.done += 1
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+                        self.done += 1
 
         killer = threading.Thread(target=kill)
         killer.start()
         try:
-            yield
+            with mock.patch.object(cluster, "_local", noted):
+                yield
         finally:
             over.set()
             killer.join()
@@ -62,15 +69,12 @@ class Killings:
 
 @contextmanager
 def killable_cluster(workers: int = 2) -> Iterator[LocalCluster]:
-    """Processes, each with a nanny that starts it again."""
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": RETRIES}),
-        LocalCluster(
-            n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
-            silence_logs=50,
-        ) as cluster,
-    ):  # fmt: skip
-        yield cluster
+    """A cluster of processes that is not the command's own."""
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
+        silence_logs=50,
+    ) as started:  # fmt: skip
+        yield started
 
 
 def many_clips(folder: Path, count: int) -> Path:
@@ -106,21 +110,21 @@ def check(out: Path, names: list[str]) -> list[str]:
     return failed
 
 
-def main(clips: int, kills: int, command: Callable[[list[str]], int]) -> None:
+def main(clips: int, kills: int) -> None:
     """Make a catalogue while workers are killed, look at it, and make what is missing."""
-    with tempfile.TemporaryDirectory() as temporary, killable_cluster() as cluster:
+    with tempfile.TemporaryDirectory() as temporary:
         films, out = many_clips(Path(temporary) / "films", clips), Path(temporary) / "out"
         words = ["catalogue", str(films), "--budget", "0.5", "--out", str(out), "--no-player", "--quiet"]
-        killings = Killings(cluster, kills, random.Random(1))
+        killings, names = Killings(kills, random.Random(1)), [f"{k:02d}" for k in range(clips)]
         began = time.monotonic()
         with killings.going_on():
-            command([*words, "--cluster", cluster.scheduler_address])
-        failed = check(out, [f"{k:02d}" for k in range(clips)])
+            _command(words)
+        failed = check(out, names)
         print(
             f"{killings.done} kills in {time.monotonic() - began:.0f} s: {clips} clips, {len(failed)} listed"
         )
-        assert command([*words, "--cluster", cluster.scheduler_address]) == 0
-        assert check(out, [f"{k:02d}" for k in range(clips)]) == []
+        assert _command(words) == 0
+        assert check(out, names) == []
         print("run again: all done")
 
 
@@ -136,4 +140,4 @@ def _command(words: list[str]) -> int:
 
 if __name__ == "__main__":
     os.environ["EVENLIGHT_CURVES_CACHE_MB"] = "0"
-    main(int(sys.argv[1]), int(sys.argv[2]), _command)
+    main(int(sys.argv[1]), int(sys.argv[2]))

@@ -20,18 +20,18 @@ def cluster():
         yield started
 
 
-def test_every_video_is_done_or_listed_when_workers_are_killed(command, cluster, tmp_path):
+def test_every_video_is_done_or_listed_when_workers_are_killed(command, tmp_path):
     films, out = many_clips(tmp_path / "films", CLIPS), tmp_path / "out"
     names = [f"{k:02d}" for k in range(CLIPS)]
     words = ["catalogue", films, "--budget", 0.5, "--out", out, "--no-player", "--quiet"]
-    killings = Killings(cluster, KILLS, random.Random(3))
+    killings = Killings(KILLS, random.Random(3))
     with killings.going_on():
-        ended = command(*words, "--cluster", cluster.scheduler_address)
+        ended = command(*words)
     assert killings.done == KILLS
     failed = check(out, names)
     assert ended.code == bool(failed)
     before = written_at(out)
-    assert command(*words, "--cluster", cluster.scheduler_address).code == 0
+    assert command(*words).code == 0
     assert check(out, names) == []
     after = written_at(out)
     assert {name: after[name] for name in before if name not in failed} == {
