@@ -38,6 +38,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.rate_limit import RateLimitForm
 from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
+from evenlight.method.one_blas_thread import one_blas_thread
 
 PLANNED_MODEL = (
     "planned with a limit fitted to each participant's thresholds, which is faster than the joint model of "
@@ -182,6 +183,7 @@ def plan_ramps(
     return RampPlan(request, tuple(rows))
 
 
+@one_blas_thread
 def _rows(sessions: _Sessions) -> list[RampPlanRow]:
     """Return a row for each number of participants."""
     request, trials, pool = sessions.request, sessions.trials, sessions.pool

@@ -23,6 +23,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import Placement, RampDesign, RampTrial, session_minutes
 from evenlight.data_schema.threshold import Threshold
+from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.rate_limit import rate_limit_at
 
 # Of the fits: a third of the time of a fit of real data; thresholds move by at most 0.03 of their SD.
@@ -300,6 +301,7 @@ def with_trials_per_level(design: RampDesign, trials: int) -> RampDesign:
     return dataclasses.replace(design, trials_per_level=trials)
 
 
+@one_blas_thread
 def pool_of(work: SimulationTask, simulate: SimulateRamps) -> list[PoolMember]:
     """Simulate participants, and fit their thresholds after each number of trials.
 

@@ -22,6 +22,7 @@ from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, ViewingPla
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.method.one_blas_thread import one_blas_thread
 
 BEYOND_TRIED = "beyond what was tried"
 Exact = Callable[[ArrayLike], Array]  # power, by number of participants
@@ -135,6 +136,7 @@ class _Batch:
     participants: int
 
 
+@one_blas_thread
 def _p_values(work: _Batch) -> Mapping[str, Array]:
     """Return the p values of simulated experiments; their seed depends on nothing but what they are."""
     request = work.request

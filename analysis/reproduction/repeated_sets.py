@@ -27,6 +27,7 @@ from evenlight.analysis.session_loading import TaskData, task_data_of
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, RATED, TIME_RATIO, AssumedEffect
 from evenlight.data_schema.recordings.ramp import Trial
+from evenlight.method.one_blas_thread import one_blas_thread
 
 NO_EFFECT = {RATED: 0.0, CHOSEN: 0.5, TIME_RATIO: 1.0}
 Estimate = tuple[float, float]  # the effect, and p
@@ -149,6 +150,7 @@ def repeated_effects(
     ]
 
 
+@one_blas_thread
 def _estimates(task: str, groups: Sequence[str], trials: Sequence[Any]) -> list[Estimate]:
     """Return the estimates of a data set."""
     return [*_ESTIMATES[task](trials, groups)]

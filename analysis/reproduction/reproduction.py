@@ -32,6 +32,7 @@ from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, Budge
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import SolverName
+from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.solvers import make_solver
@@ -224,6 +225,7 @@ def _works(plan: ReproductionPlan, panel: Panel, folder: Path, pictures: bool) -
         yield partial(run_optimization, job, folder / PICTURES / name)
 
 
+@one_blas_thread
 def _done(quick: bool, folder: Path, work: Callable[[], Any]) -> Any:
     """Do a piece of work, in whatever process: figures are marked as here, files go to the same folder."""
     if not folder.is_dir():

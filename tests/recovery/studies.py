@@ -15,6 +15,7 @@ from typing import Any
 
 from evenlight.cluster import HELP, opened_map
 from evenlight.data_schema.errors import InputError
+from evenlight.method.one_blas_thread import one_blas_thread
 
 Mapped = Callable[..., Iterable[Any]]
 
@@ -44,6 +45,6 @@ def run_study(
     asked = vars(parser.parse_args())
     try:
         with opened_map(asked.pop("cluster"), quiet=False) as mapped:
-            study.main(mapped=mapped, **asked)
+            one_blas_thread(study.main)(mapped=mapped, **asked)  # as Dask's workers have
     except InputError as error:
         parser.error(str(error))
