@@ -118,6 +118,12 @@ def without_a_clip(words: list[str]) -> None:
         words += ["--no-clip"]
 
 
+def on_one_worker(words: list[str]) -> None:
+    """Each process of a cluster imports all there is: tests/pipeline/test_catalogue_killed.py has several."""
+    if words[0] == "catalogue":
+        words[:] = _with(words, "--cluster", "local:1")
+
+
 def in_small_pictures(words: list[str]) -> None:
     """A processor draws pictures of 64 x 36, two a second: a sequence of minutes in seconds."""
     if words[0] == "render" and words[words.index("--out") + 1].endswith(".mkv"):
@@ -126,7 +132,7 @@ def in_small_pictures(words: list[str]) -> None:
 
 RULES: tuple[Callable[[list[str]], None], ...] = (
     on_emulators, without_a_person, on_a_simulated_window, in_a_made_up_headset, on_a_dry_run, not_for_long,
-    without_a_clip, in_small_pictures,
+    without_a_clip, on_one_worker, in_small_pictures,
 )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ baseline = "const"
 
 # The inputs that a page says its reader has.
 HAS: dict[str, tuple[str, ...]] = {
-    "README.md": ("film.mp4", "answers.csv", "lab"),
+    "README.md": ("film.mp4", "films", "answers.csv", "lab"),
     "docs/first-hour.md": ("demo", "answers.csv"),
     "docs/drivers.md": ("meter.py",),
     "docs/extending.md": ("desk.rig.toml",),
@@ -50,6 +50,7 @@ HAS: dict[str, tuple[str, ...]] = {
         "ratings.csv", "lab.csv", "07_detail.csv", "data.json", "likert.toml", "data", "slider.toml",
     ),
     "docs/measuring.md": ("film.mp4", "film-dimmed.mp4", "desk.rig.toml", "calibration"),
+    "docs/scale.md": ("films",),
     "docs/scenes.md": ("lab.glb", "walk.json"),
     "docs/sessions.md": ("film.mp4", "lab", "pages-ja", "NotoSansJP-Regular.ttf"),
     "docs/statistics.md": ("lab",),
@@ -122,6 +123,13 @@ class Shelf:
                 frame = VideoFrame.from_ndarray(np.clip(noise, 0, 255).astype(np.uint8), format="rgb24")
                 file.mux(stream.encode(frame))
             file.mux(stream.encode(None))
+
+    def _make_films(self) -> None:
+        """A folder of two films."""
+        self.make("film.mp4")
+        (self.folder / "films").mkdir()
+        for name in ("harbour.mp4", "night-train.mp4"):
+            shutil.copy(self.folder / "film.mp4", self.folder / "films" / name)
 
     def _make_desk_display_toml(self) -> None:
         self.make("desk.rig.toml")
