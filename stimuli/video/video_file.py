@@ -75,6 +75,7 @@ class VideoFile:
     key_stamps: NDArray[np.int64] = field(
         default_factory=lambda: np.empty(0, np.int64), compare=False, repr=False
     )
+    _known_sha256: list[str] = field(default_factory=list, init=False, compare=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -96,8 +97,11 @@ class VideoFile:
         return (np.cumsum(seen) - 1)[found]
 
     def sha256(self) -> str:
-        """Return the SHA-256 of the file."""
-        return self.path.sha256() if isinstance(self.path, RemoteFile) else sha256_of_file(self.path)
+        """Return the SHA-256 of the file, which is read for it once."""
+        if not self._known_sha256:
+            path = self.path
+            self._known_sha256.append(path.sha256() if isinstance(path, RemoteFile) else sha256_of_file(path))
+        return self._known_sha256[0]
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in the order of their presentation, one at a time.

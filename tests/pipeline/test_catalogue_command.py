@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogues import clip, cluster_here, contents, rows_of, written_at
+from loopback_server import served
 
 from evenlight import cluster
 from evenlight.analysis.catalogue import catalogue_run, results, shared
@@ -280,3 +281,16 @@ def test_films_of_one_name_get_folders_of_their_own(catalogue, films, tmp_path):
     names = list(rows_of(tmp_path / "out"))
     assert len(set(names)) == len(names) == 4
     assert sum(name.endswith("a.mkv") for name in names) == 2
+
+
+def test_videos_at_urls_come_out_as_from_files_also_in_parts(catalogue, tmp_path):
+    films = tmp_path / "films"
+    films.mkdir()
+    clip(films / "a film.mkv", 0, 20)
+    clip(films / "long.mkv", 3, 600)  # 24 s: two parts
+    assert catalogue(films, out="files").code == 0
+    with served(films) as server:
+        assert catalogue(f"{server.url}/*.mkv", out="urls").code == 0
+        assert catalogue(f"{server.url}/long.mkv", "--part-s", 10, out="parts").code == 0
+    for out, name in (("urls", "a film"), ("urls", "long"), ("parts", "long")):
+        assert contents(tmp_path / out / name) == contents(tmp_path / "files" / name)
