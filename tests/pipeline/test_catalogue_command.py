@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogues import clip, cluster_here, contents, rows_of, written_at
+from catalogues import clip, cluster_here, contents, rows_of, slow_clip, written_at
 from loopback_server import served
 
 from evenlight import cluster
@@ -18,7 +18,7 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueError
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves, write_loss_curves
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 
 @pytest.fixture(scope="module")
@@ -65,24 +65,6 @@ def catalogued(made, films, tmp_path):
     """The films, with their results in tmp_path/out."""
     shutil.copytree(made / "out", tmp_path / "out")
     return films
-
-
-def test_each_video_gets_the_folder_that_optimize_writes(command, catalogued, tmp_path):
-    films = catalogued
-    for path in films.rglob("*.mkv"):
-        alone = tmp_path / "alone" / path.stem
-        done = command("optimize", path, "--budget", 0.5, "--out", alone, "--quiet", "--no-player")
-        assert done.code == 0
-        assert contents(tmp_path / "out" / path.stem) == contents(alone)
-    rows = rows_of(tmp_path / "out")
-    assert list(rows) == ["a", "b", "c"]
-    summary = json.loads((tmp_path / "out" / "a" / "summary.json").read_text())
-    assert (rows["a"].frames, rows["a"].objective) == (20, summary["objective"])
-    assert rows["a"].gap == pytest.approx(1 - summary["lower_bound"] / summary["objective"], rel=1e-12)
-    assert read_rows(CatalogueError, tmp_path / "out" / "errors.csv") == []
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert 'href="a/track.png"' in page
-    assert "All 3 videos have a track" in page
 
 
 def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
@@ -153,22 +135,9 @@ def test_another_budget_takes_the_loss_curves_that_are_there(catalogue, catalogu
     assert {row.budget for row in rows_of(tmp_path / "out").values()} == {0.7}
 
 
-def test_a_long_video_is_analysed_in_parts_and_comes_out_the_same(catalogue, tmp_path):
-    video = clip(tmp_path / "long.mkv", 3, count=1000)  # 40 s
-    assert catalogue(video, out="whole", budget=0.4).code == 0
-    done = []
-    usual = results.curves_of_part
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(results, "curves_of_part", lambda *given: done.append(given[2]) or usual(*given))
-        assert catalogue(video, "--part-s", 10, budget=0.4).code == 0
-    assert len(done) == 4
-    assert contents(tmp_path / "out" / "long") == contents(tmp_path / "whole" / "long")
-    assert not list((tmp_path / "out").glob(".p*"))
-
-
 def test_parts_that_are_there_are_not_made_again(catalogue, tmp_path, monkeypatch):
     """As after a run that was killed while it joined them; one of them is torn."""
-    video, parts = clip(tmp_path / "long.mkv", 3, count=1000), tmp_path / "parts"
+    video, parts = slow_clip(tmp_path / "long.mkv"), tmp_path / "parts"
     usual = results.joined
 
     def stopped(curves):
@@ -287,7 +256,7 @@ def test_videos_at_urls_come_out_as_from_files_also_in_parts(catalogue, tmp_path
     films = tmp_path / "films"
     films.mkdir()
     clip(films / "a film.mkv", 0, 20)
-    clip(films / "long.mkv", 3, 600)  # 24 s: two parts
+    slow_clip(films / "long.mkv")
     assert catalogue(films, out="files").code == 0
     with served(films) as server:
         assert catalogue(f"{server.url}/*.mkv", out="urls").code == 0

@@ -11,7 +11,7 @@ from catalogues import written_at
 from killed_workers import Killings, check, killable_cluster, many_clips
 from warm_evenlight import Run
 
-CLIPS, KILLS = 12, 5  # `python tests/companions/killed_workers.py 40 20` for more
+CLIPS, KILLS = 8, 3  # `python tests/companions/killed_workers.py 40 20` for more
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,59 @@
+"""`evenlight catalogue` writes what `evenlight optimize` does, byte for byte, also in parts."""
+
+import json
+
+import pytest
+from catalogues import clip, cluster_here, contents, rows_of, slow_clip
+
+from evenlight.analysis.catalogue import results
+from evenlight.data_schema.storage.tables import read_rows
+from evenlight.data_schema.tracks.catalogue import CatalogueError
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+
+@pytest.fixture
+def catalogue(command, tmp_path):
+    """Run the command into tmp_path/out, on two workers."""
+    with cluster_here() as address:
+
+        def run(source, *more, budget=0.5, out="out"):
+            words = ["--budget", budget, "--out", tmp_path / out, "--cluster", address]
+            return command("catalogue", source, *words, "--quiet", "--no-player", *more)
+
+        yield run
+
+
+def test_each_video_gets_the_folder_that_optimize_writes(catalogue, command, tmp_path):
+    films = tmp_path / "films"
+    films.mkdir()
+    for seed, name in enumerate("abc"):
+        clip(films / f"{name}.mkv", seed, 20)
+    assert catalogue(films).code == 0
+    for path in films.rglob("*.mkv"):
+        alone = tmp_path / "alone" / path.stem
+        done = command("optimize", path, "--budget", 0.5, "--out", alone, "--quiet", "--no-player")
+        assert done.code == 0
+        assert contents(tmp_path / "out" / path.stem) == contents(alone)
+    rows = rows_of(tmp_path / "out")
+    assert list(rows) == ["a", "b", "c"]
+    summary = json.loads((tmp_path / "out" / "a" / "summary.json").read_text())
+    assert (rows["a"].frames, rows["a"].objective) == (20, summary["objective"])
+    assert rows["a"].gap == pytest.approx(1 - summary["lower_bound"] / summary["objective"], rel=1e-12)
+    assert read_rows(CatalogueError, tmp_path / "out" / "errors.csv") == []
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert 'href="a/track.png"' in page
+    assert "All 3 videos have a track" in page
+
+
+def test_a_long_video_is_analysed_in_parts_and_comes_out_the_same(catalogue, tmp_path):
+    video = slow_clip(tmp_path / "long.mkv")
+    assert catalogue(video, out="whole", budget=0.4).code == 0
+    done = []
+    usual = results.curves_of_part
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(results, "curves_of_part", lambda *given: done.append(given[2]) or usual(*given))
+        assert catalogue(video, "--part-s", 10, budget=0.4).code == 0
+    assert len(done) == 4
+    assert contents(tmp_path / "out" / "long") == contents(tmp_path / "whole" / "long")
+    assert not list((tmp_path / "out").glob(".p*"))
