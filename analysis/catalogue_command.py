@@ -38,7 +38,6 @@ from evenlight.method.choices import (
     LimitCurve,
     ModulatedLuminance,
     ObjectiveName,
-    SolverName,
 )
 from evenlight.option_panels import asked, computation, output
 
@@ -122,12 +121,30 @@ def catalogue(
     if shared_budget and objective is not ObjectiveName.SPREAD:
         raise InputError("--shared-budget evens out the spread over all videos; leave out --objective")
     every = AskedTrack(
-        budget, budget_unit, display, power_model, rate_limit, contrast_model, SolverName.SPLITTING,
-        limit_curve, modulated, min_factor, field_of_view, actuator, fps, None, tolerance, None, None, calm,
-        objective, level_weight, other_display_ok, accept_wide_band, battery_wh, 1, no_cache, no_player,
-    )  # fmt: skip
+        budget=budget,
+        budget_unit=budget_unit,
+        display=display,
+        power_model=power_model,
+        rate_limit=rate_limit,
+        contrast_model=contrast_model,
+        limit_curve=limit_curve,
+        modulated=modulated,
+        min_factor=min_factor,
+        field_of_view=field_of_view,
+        actuator=actuator,
+        fps=fps,
+        tolerance=tolerance,
+        calm=calm,
+        objective=objective,
+        level_weight=level_weight,
+        other_display_ok=other_display_ok,
+        accept_wide_band=accept_wide_band,
+        battery_wh=battery_wh,
+        no_cache=no_cache,
+        no_player=no_player,
+    )
     every.posed()  # refuses what would be wrong of all
-    videos = videos_of(source, every)
+    videos = videos_of(source, every, out)
     if shared_budget and any(
         (one.asked.budget, one.asked.budget_unit) != (budget, budget_unit) for one in videos
     ):
@@ -145,31 +162,32 @@ def _made(
     """Make the results of all videos, and the tables and the report beside them."""
     from evenlight.analysis.catalogue.catalogue_report import write_catalogue
     from evenlight.analysis.catalogue.catalogue_run import run_catalogue, share_budget
-    from evenlight.analysis.catalogue.results import CatalogueTask, remove_parts
+    from evenlight.analysis.catalogue.results import CatalogueTask, remove_kept
     from evenlight.cluster import opened_cluster
     from evenlight.data_schema.storage.whole_files import make_folder, results_folder
     from evenlight.progress import shown_progress
 
-    make_folder(out)
     tasks = [CatalogueTask(video, out.resolve(), part) for video in videos]
     budget = videos[0].asked.budget if shared else None
     with opened_cluster(cluster, quiet) as workers, shown_progress(quiet) as progress:
+        make_folder(out)
         failed: dict[int, CatalogueRow] = {}
         if shared:
             tasks, failed = share_budget(tasks, workers, progress)
-        progress.step("videos", len(tasks))
         made = iter(run_catalogue(tasks, workers, progress))
         rows = [failed[number] if number in failed else next(made) for number in range(len(videos))]
         progress.step("report of the catalogue")
         with results_folder(out) as folder:
             write_catalogue(rows, folder, out, budget)
-        remove_parts(out)
+        if not any(row.error for row in rows):
+            remove_kept(out)
     return rows
 
 
 def _print_result(rows: Sequence[CatalogueRow], out: Path) -> None:
     """Print what came of the catalogue."""
-    from evenlight.analysis.catalogue.catalogue_report import REPORT, lead_of
+    from evenlight.analysis.catalogue.catalogue_report import lead_of
+    from evenlight.analysis.catalogue.entries import REPORT
 
     typer.echo(lead_of(rows))
     typer.echo(f"results in {out}; {out / REPORT} shows them")

@@ -179,10 +179,33 @@ def optimize(
     if start is not None and solver is not SolverName.SPLITTING:
         raise InputError(f"--start is for --solver splitting; {solver.value} starts on its own")
     asked = AskedTrack(
-        budget, budget_unit, display, power_model, rate_limit, contrast_model, solver, limit_curve, modulated,
-        min_factor, field_of_view, actuator, fps, curves, tolerance, weights, allowances, calm, objective,
-        level_weight, other_display_ok, accept_wide_band, battery_wh, seed, no_cache, no_player,
-    )  # fmt: skip
+        budget=budget,
+        budget_unit=budget_unit,
+        display=display,
+        power_model=power_model,
+        rate_limit=rate_limit,
+        contrast_model=contrast_model,
+        solver=solver,
+        limit_curve=limit_curve,
+        modulated=modulated,
+        min_factor=min_factor,
+        field_of_view=field_of_view,
+        actuator=actuator,
+        fps=fps,
+        curves=curves,
+        tolerance=tolerance,
+        weights=weights,
+        allowances=allowances,
+        calm=calm,
+        objective=objective,
+        level_weight=level_weight,
+        other_display_ok=other_display_ok,
+        accept_wide_band=accept_wide_band,
+        battery_wh=battery_wh,
+        seed=seed,
+        no_cache=no_cache,
+        no_player=no_player,
+    )
     panel, request = asked.posed()
     if curves is not None and with_:
         raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 import re
 from dataclasses import dataclass, field
 from functools import cache
@@ -237,11 +238,16 @@ def _section(number: int, section: Section) -> str:
 def _cards(cards: tuple[Card, ...]) -> str:
     """Return a gallery."""
     items = (
-        f'<li><a href="{quote(card.page)}"><img loading="lazy" alt="" src="{quote(card.picture)}">'
+        f'<li><a href="{_url(card.page)}"><img loading="lazy" alt="" src="{_url(card.picture)}">'
         f"<b>{breakable(card.title)}</b></a> {escape(card.words)}</li>"
         for card in cards
     )
     return f'<ul class="gallery">{"".join(items)}</ul>'
+
+
+def _url(path: str) -> str:
+    """Return a path beside the report as a link has it; the bytes of a name may be no text."""
+    return quote(os.fsencode(path))
 
 
 def _figure(picture: Picture) -> str:

@@ -119,7 +119,7 @@ def _made(workers: Workers, source: str, out: Path, part: float = 1e9) -> float:
     """Make a catalogue, and return how long it took [s]."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    tasks = [CatalogueTask(video, out, part) for video in videos_of(source, MOST)]
+    tasks = [CatalogueTask(video, out, part) for video in videos_of(source, MOST, out)]
     began = time.perf_counter()
     with shown_progress(quiet=True) as progress:
         rows = run_catalogue(tasks, workers, progress)
@@ -231,7 +231,7 @@ def _of_curves(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> tuple[
 
 def _again(workers: Workers, source: Path, out: Path) -> float:
     """Return how long a catalogue takes of which all is there [s]."""
-    tasks = [CatalogueTask(video, out, 1e9) for video in videos_of(str(source), MOST)]
+    tasks = [CatalogueTask(video, out, 1e9) for video in videos_of(str(source), MOST, out)]
     began = time.perf_counter()
     with shown_progress(quiet=True) as progress:
         run_catalogue(tasks, workers, progress)

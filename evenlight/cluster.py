@@ -12,6 +12,7 @@ import importlib
 import logging
 import os
 import platform
+import signal
 import socket
 import sys
 import tomllib
@@ -39,6 +40,7 @@ WAIT = 60.0  # [s] for the first worker of a scheduler
 LOST = "30s"  # after which a process that does not come back is replaced
 PATIENCE = 5.0  # [s] between looks for lost processes
 RETRIES = 2  # of a task whose worker died
+ASK_EVERY = 64  # tasks, between two questions of how many run at the same time
 AHEAD = 2  # tasks under way for each thread of a worker: one runs, one waits
 SOURCES = (".py", ".glsl", ".html", ".css", ".js")  # what decides how results look
 REMEDY = "install the same versions on all workers"
@@ -147,8 +149,10 @@ class Workers:
         """
         under_way: deque[Future] = deque()
         try:
-            for row in zip(*columns, strict=True):
-                if len(under_way) >= AHEAD * self.places():
+            for number, row in enumerate(zip(*columns, strict=True)):
+                if number % ASK_EVERY == 0:
+                    most = AHEAD * self.places()
+                if len(under_way) >= most:
                     yield self.result_or_refusal(under_way.popleft())
                 under_way.append(self.submit(function, *row))
             while under_way:
@@ -169,10 +173,10 @@ class Workers:
         from distributed import TimeoutError as NothingYet
         from distributed import wait
 
+        self._replace_lost()
         try:
             done: Collection[Future] = wait(list(futures), seconds, "FIRST_COMPLETED").done
         except NothingYet:
-            self._replace_lost()
             return ()
         except CancelledError:
             raise SchedulerLostError(GONE) from None
@@ -268,9 +272,14 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
     """Return a client of the cluster of a name."""
     import dask
 
-    kept = {"distributed.scheduler.allowed-failures": RETRIES, "distributed.deploy.lost-worker-timeout": LOST}
+    kept = {
+        "distributed.scheduler.allowed-failures": RETRIES,
+        "distributed.deploy.lost-worker-timeout": LOST,
+    }
     stack.enter_context(dask.config.set(kept))
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is told as a result
+    for logger in list(logging.root.manager.loggerDict):
+        if logger.partition(".")[0] == "distributed":
+            logging.getLogger(logger).setLevel(logging.CRITICAL)  # what fails is told as a result
     if "://" in name:
         try:
             _require_answer(name)
@@ -310,7 +319,13 @@ def _local(name: str, distributed: Any) -> Any:
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
+        preload=[__name__],
     )
+
+
+def dask_setup(worker: object) -> None:
+    """Leave Ctrl-C, which a terminal sends to all, to the command; Dask calls this in its processes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _named(name: str) -> Any:
@@ -336,7 +351,7 @@ def _named(name: str) -> Any:
     module, dot, kind = str(table.get("class", "")).rpartition(".")
     if unknown or not dot or not isinstance(table.get("options", {}), dict):
         raise InputError(
-            f'{files[0]}: [{name}] needs class = "package.Class"; it may have workers = N and a table options'
+            f'{files[0]}: [{name}] needs class = "package.Class"; it may have workers = N and options'
         )
     try:
         cluster = getattr(importlib.import_module(module), kind)(**table.get("options", {}))

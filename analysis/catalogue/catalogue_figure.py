@@ -78,7 +78,8 @@ def _histogram(axes: Axes, label: str, ours: Array, constant: Array | None = Non
     bins = int(np.clip(2 * np.sqrt(ours.size), FEWEST_BINS, MOST_BINS)) // 2 * 2 + 1
     edges = np.linspace(low, high, bins + 1).tolist()
     axes.hist(ours, edges, color=OURS, edgecolor="white", lw=0.8, label="tracks")
-    axes.axvline(float(np.median(ours)) if ours.size else 0.0, color=INK, ls="--", label="their median")
+    if ours.size:
+        axes.axvline(float(np.median(ours)), color=INK, ls="--", label="their median")
     if constant is not None:
         axes.hist(constant, edges, histtype="step", color=BASELINE, lw=1.5, label="constant dimming")
     axes.set(xlabel=label, ylabel="videos")

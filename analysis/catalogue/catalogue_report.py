@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from evenlight.analysis.catalogue.catalogue_figure import catalogue_figure
+from evenlight.analysis.catalogue.entries import CATALOGUE, ERRORS, FIGURE, REPORT
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.player.player_content import PLAYER
 from evenlight.analysis.report import Card, Picture, Report, Section, Table, write_report
@@ -20,7 +21,6 @@ from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.catalogue import CatalogueError, CatalogueRow
 
-TABLE, ERRORS, FIGURE, REPORT = "catalogue.csv", "errors.csv", "catalogue.png", "report.html"
 SHOWN = 20  # rows of a table of the report, at most
 UNITS = {BudgetUnit.FACTOR: "mean factor", BudgetUnit.POWER: "share of full power", BudgetUnit.WATT: "W"}
 
@@ -39,7 +39,7 @@ def write_catalogue(
     shared : float, optional
         The budget that all share, if they do.
     """
-    write_rows(folder / TABLE, CatalogueRow, rows)
+    write_rows(folder / CATALOGUE, CatalogueRow, rows)
     failed = [CatalogueError(row.name, row.video, row.error) for row in rows if row.error]
     write_rows(folder / ERRORS, CatalogueError, failed)
     made = [row for row in rows if not row.error]
@@ -58,11 +58,9 @@ def lead_of(rows: Sequence[CatalogueRow]) -> str:
     """Return what came of a catalogue in a sentence."""
     made = [row for row in rows if not row.error]
     failed = len(rows) - len(made)
-    words = (
-        f"{len(made)} of {len(rows)} videos have a track"
-        if failed
-        else f"All {len(rows)} videos have a track"
-    )
+    words = f"{len(made)} of {len(rows)} videos have a track"
+    if not failed:
+        words = f"All {len(rows)} videos have a track" if len(rows) > 1 else "The video has a track"
     gains = [row.gain for row in made if row.gain is not None]
     if gains:
         gain = less_or_more(float(np.median(gains)))
@@ -81,7 +79,7 @@ def _overview(made: Sequence[CatalogueRow], pictures: tuple[Picture, ...], share
         )
     least = sorted((row for row in made if row.gain is not None), key=lambda row: row.gain or 0.0)[:SHOWN]
     table = Table(
-        f"Videos that gained least over constant dimming{_of(len(least), len(made))}; {TABLE} has all.",
+        f"Videos that gained least over constant dimming{_of(len(least), len(made))}; {CATALOGUE} has all.",
         ("video", "frames", "budget", "spread", "constant", "less [%]", "gap [%]", "power [W]", "full [W]"),
         tuple(
             (
@@ -95,12 +93,15 @@ def _overview(made: Sequence[CatalogueRow], pictures: tuple[Picture, ...], share
 
 
 def _time(seconds: float) -> str:
-    """Return a time in hours, or in minutes if it is short.
+    """Return a time in hours, minutes or seconds.
 
-    >>> _time(5400.0), _time(90.0)
-    ('1.5 hours', '1.5 minutes')
+    >>> _time(5400.0), _time(90.0), _time(6.0)
+    ('1.5 hours', '1.5 minutes', '6 seconds')
     """
-    return f"{seconds / 3600:.3g} hours" if seconds >= 3600 else f"{seconds / 60:.3g} minutes"
+    size, unit = next(
+        pair for pair in ((3600, "hours"), (60, "minutes"), (0, "seconds")) if seconds >= pair[0]
+    )
+    return f"{seconds / max(size, 1):.3g} {unit}"
 
 
 def _of(some: int, every: int) -> str:
@@ -115,7 +116,7 @@ def _failures(failed: Sequence[CatalogueError]) -> list[Section]:
     shown = failed[:SHOWN]
     rows = tuple((one.name, one.error) for one in shown)
     table = Table(f"Videos without a track{_of(len(shown), len(failed))}.", ("video", "why"), rows)
-    return [Section("What failed", ("Run the same command again when they are mended.",), (table,))]
+    return [Section("What failed", ("Run the same command again after you have fixed them.",), (table,))]
 
 
 def _gallery(made: Sequence[CatalogueRow], out: Path) -> list[Section]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections import Counter
 from collections.abc import Sequence
@@ -18,11 +19,12 @@ from evenlight.stimuli.sequences import is_sequence
 from evenlight.stimuli.video.remote_file import is_url, shown_name
 from evenlight.stimuli.video.video_locations import videos_at
 
-TABLE, CURVES = ".csv", ".npz"
+CURVES = ".npz"
+CATALOGUE, ERRORS, FIGURE, REPORT = "catalogue.csv", "errors.csv", "catalogue.png", "report.html"
 OWN_OPTIONS = ("budget", "budget_unit", "min_factor", "field_of_view", "actuator", "fps", "calm")
 OWN_FILES = ("weights", "allowances")
 PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
-RESERVED = ("catalogue.csv", "errors.csv", "report.html", "catalogue.png")
+RESERVED = (CATALOGUE, ERRORS, FIGURE, REPORT)  # beside the folders of results
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +49,8 @@ class CatalogueVideo:
         return shown_name(self.video)
 
 
-def videos_of(source: str, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
-    """Return the videos of a catalogue, each with a folder name of its own.
+def videos_of(source: str, asked: AskedTrack, out: Path) -> tuple[CatalogueVideo, ...]:
+    """Return the videos of a catalogue, each with a folder name of its own; names of files are absolute.
 
     Parameters
     ----------
@@ -56,16 +58,40 @@ def videos_of(source: str, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
         A table (CSV), or what `videos_at` takes: a folder, a glob, a file, a URL of these.
     asked : AskedTrack
         What is wanted of all; a table may say otherwise for some.
+    out : Path
+        Where the results go: what lies there is no video of the catalogue.
 
     Raises
     ------
     InputError
         If there is no video, the table cannot be read, or two rows have the same name.
     """
-    if source.lower().endswith(TABLE) and not is_url(source):
-        return _of_table(Path(source), asked)
-    videos = videos_at(source)
-    return tuple(CatalogueVideo(*named, asked) for named in zip(_names(videos), videos, strict=True))
+    asked = _with_absolute_files(asked)
+    if source.lower().endswith(".csv") and not is_url(source):
+        return _of_table(Path(source).resolve(), asked)
+    videos = [name for name in map(_absolute, videos_at(source)) if not _is_below(name, out.resolve())]
+    if not videos:
+        raise InputError(f"{source}: holds no videos but those below {out}, the folder of results")
+    base = _absolute(source) if is_url(source) or Path(source).is_dir() else None
+    return tuple(CatalogueVideo(*named, asked) for named in zip(_names(videos, base), videos, strict=True))
+
+
+def _absolute(name: str) -> str:
+    """Return the name of a file as it is in any folder; URLs and built-in sequences stay as they are."""
+    return name if is_url(name) or not Path(name).exists() else str(Path(name).resolve())
+
+
+def _is_below(name: str, folder: Path) -> bool:
+    """Whether a file of this computer lies below a folder."""
+    return not is_url(name) and folder in Path(name).parents
+
+
+def _with_absolute_files(asked: AskedTrack) -> AskedTrack:
+    """Return what is asked, with the whole names of its files: workers may be in another folder."""
+    named: dict[str, Any] = {
+        key: _absolute(value) for key in PRESETS_OR_FILES if (value := getattr(asked, key)) is not None
+    }
+    return replace(asked, **named)
 
 
 def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
@@ -84,7 +110,7 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
             )
     unnamed = iter(_names([v for v, entry in zip(videos, entries, strict=True) if not entry.name]))
     names = [entry.name or next(unnamed) for entry in entries]
-    twice = [name for name, count in Counter(names).items() if count > 1]
+    twice = [name for name, count in Counter(map(str.casefold, names)).items() if count > 1]
     if twice:
         raise InputError(
             f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name"
@@ -110,19 +136,33 @@ def _beside(table: Path, name: str) -> str:
     return name if is_url(name) else str(table.parent / name)
 
 
-def _names(videos: Sequence[str]) -> list[str]:
-    """Return a name for the folder of each video: its own, and those of its folders where that is not enough.
+def _names(videos: Sequence[str], base: str | None = None) -> list[str]:
+    """Return a name for the folder of each video: its path from the folder of all, without its ending.
 
-    >>> _names(["films/a.mkv", "films/b.mkv", "films/old/b.mkv"])
-    ['a', 'b.mkv', 'old-b.mkv']
+    Parameters
+    ----------
+    videos : sequence of str
+        Absolute names, or URLs.
+    base : str, optional
+        The folder of all; otherwise the lowest that holds them all.
+
+    >>> _names(["/films/a.mkv", "/films/old/a.mkv", "/films/b.mkv", "/films/b.mp4"])
+    ['a', 'old-a', 'b.mkv', 'b.mp4']
     """
     if not videos:
         return []
-    paths = [Path.cwd() / unquote(shown_name(video)) for video in videos]  # URLs too: only to compare
-    above = os.path.commonpath([path.parent for path in paths])
-    stems = [path.stem for path in paths]
-    count = Counter(stems)
-    return [
-        stem if count[stem] == 1 and stem not in RESERVED else "-".join(path.relative_to(above).parts)
-        for stem, path in zip(stems, paths, strict=True)
-    ]
+    paths = [Path("/") / unquote(shown_name(video)) for video in videos]  # URLs too: only to compare
+    above = Path("/") / unquote(shown_name(base or ""))
+    if base is None or not all(above in path.parents for path in paths):
+        above = Path(os.path.commonpath([path.parent for path in paths]))
+    whole = ["-".join(path.relative_to(above).parts) for path in paths]
+    short = [name.removesuffix(path.suffix) for name, path in zip(whole, paths, strict=True)]
+    count = Counter(map(str.casefold, short))
+    names, taken = [], set(RESERVED)
+    for name, longer in zip(short, whole, strict=True):
+        tried = (f"{longer}-{number}" for number in itertools.count(2))
+        first = (name,) if count[name.casefold()] == 1 else ()
+        every = itertools.chain(first, [longer], tried)
+        names.append(next(one for one in every if one.casefold() not in taken))
+        taken.add(names[-1].casefold())
+    return names

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,13 @@ from evenlight.analysis.catalogue.entries import CURVES, CatalogueVideo
 from evenlight.analysis.catalogue.keys import ResultKeys, keys_of
 from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.tracks.asked_track import AskedTrack
-from evenlight.analysis.tracks.optimization_job import AnalysedVideo, OptimizationJob, provenance_of
+from evenlight.analysis.tracks.frame_samples import FrameSamples
+from evenlight.analysis.tracks.optimization_job import (
+    AnalysedVideo,
+    OptimizationJob,
+    loss_curves_of,
+    provenance_of,
+)
 from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
@@ -77,6 +84,14 @@ class CatalogueTask:
 
 
 @dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a video, and whether it was made now; else it was there."""
+
+    row: CatalogueRow
+    anew: bool
+
+
+@dataclass(frozen=True, slots=True)
 class OpenedVideo:
     """A video that has been opened for its results.
 
@@ -85,7 +100,7 @@ class OpenedVideo:
     task, job : CatalogueTask, OptimizationJob
         What is wanted.
     sha256, state : str, str or None
-        Of its content, and what `file_state` says of its file.
+        Of its content, and what tells that its file is the same.
     keys : ResultKeys
         What its results depend on.
     begun : float
@@ -103,9 +118,9 @@ class OpenedVideo:
     parts: tuple[range, ...] = ()
 
     @property
-    def parts_folder(self) -> Path:
-        """Where its parts are kept until they are joined."""
-        return self.task.out / f"{PARTS}{self.keys.curves[:16]}-{self.task.part:g}"
+    def kept(self) -> Path:
+        """Where loss curves, and parts of them, are kept until there is a result."""
+        return kept_folder(self.task.out, self.keys)
 
     def seen(self) -> SeenVideo:
         """Return the video as it is seen."""
@@ -120,15 +135,28 @@ class OpenedVideo:
         return VideoAnalysis(job.model, factors, job.actuator, provenance_of(job), job.effort)
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What came of a video, and whether it was made now; else it was there."""
-
-    row: CatalogueRow
-    anew: bool
+Opened = OpenedVideo | Outcome  # a task that opens a video, done again, may find a result in its place
 
 
-def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> Outcome | OpenedVideo:
+def kept_folder(out: Path, keys: ResultKeys) -> Path:
+    """Return the folder of a catalogue in which loss curves are kept until there is a result."""
+    return out / f"{PARTS}{keys.curves[:32]}"
+
+
+def result_there(task: CatalogueTask) -> Outcome | None:
+    """Return the result of a video that is as wanted, if the video's file is as it was; it is not read."""
+    try:
+        known, state = _known(task.folder), _state(task.video)
+        if known is None or state is None or known.video_state != state:
+            return None
+        asked = _asked_of(task.video)
+        keys = keys_of(asked, asked.posed(), known.video_sha256)
+    except InputError:  # told by who makes the result
+        return None
+    return Outcome(_row_now(known, task), anew=False) if known.key == keys.result else None
+
+
+def results_of(task: CatalogueTask, divide: bool) -> Opened:
     """Make the results of a video, unless they are there.
 
     Parameters
@@ -137,91 +165,99 @@ def results_of(task: CatalogueTask, divide: bool, curves_do: bool = False) -> Ou
         What is wanted.
     divide : bool
         Whether a long video is to be analysed in parts: it is only opened then.
-    curves_do : bool
-        Whether nothing is to be done where its loss curves are there, whatever else is wanted.
-
-    Returns
-    -------
-    Outcome or OpenedVideo
-        What came of it; or the video, whose parts are other tasks.
 
     Raises
     ------
     InputError
         If the video or an option cannot be used.
     """
-    begun, video = time.time(), task.video
-    asked, state, known = _asked_of(video), file_state(video.video), _known(task.folder)
-    posed = asked.posed()
-    if known is not None and state is not None and known.video_state == state:
-        # Unchanged to the file system: its content is not read again.
-        keys = keys_of(asked, posed, known.video_sha256)
-        if known.key == keys.result or (curves_do and known.curves_key == keys.curves):
-            return Outcome(known.row, anew=False)
-    source, sha256 = _opened(video, asked)
-    keys = keys_of(asked, posed, sha256)
-    if known is not None and (known.key == keys.result or (curves_do and known.curves_key == keys.curves)):
-        write_json_record(task.folder / RESULT, replace(known, video_state=state))
-        return Outcome(known.row, anew=False)
-    job = asked.job(source, posed, quiet=True)
-    opened = OpenedVideo(task, job, sha256, state, keys, begun)
-    if known is not None and known.curves_key == keys.curves and asked.curves is None:
-        return _written(opened, task.folder / LOSS_CURVES)
-    parts = parts_of(source, task.part) if divide and job.curves is None else []
-    return replace(opened, parts=tuple(parts)) if len(parts) > 1 else _written(opened, job.curves)
+    opened, known = _opened(task)
+    if known is not None and known.key == opened.keys.result:
+        write_json_record(task.folder / RESULT, replace(known, video_state=opened.state))
+        return Outcome(_row_now(known, task), anew=False)
+    if (curves := _curves_there(opened, known)) is not None:
+        return _written(opened, curves)
+    parts = parts_of(opened.job.source, task.part) if divide else []
+    return replace(opened, parts=tuple(parts)) if len(parts) > 1 else _written(opened, None)
 
 
-def contents_of_part(opened: OpenedVideo, number: int) -> NDArray[np.bool_]:
+def loss_curves_for(task: CatalogueTask, divide: bool) -> Opened:
+    """Make the loss curves of a video, unless they are there, and nothing else; else as `results_of`."""
+    opened, known = _opened(task)
+    if _curves_there(opened, known) is None:
+        parts = parts_of(opened.job.source, task.part) if divide else []
+        if len(parts) > 1:
+            return replace(opened, parts=tuple(parts))
+        write_loss_curves(opened.kept / LOSS_CURVES, loss_curves_of(opened.job, FrameSamples()))
+    return Outcome(CatalogueRow(task.video.name, task.video.shown), anew=True)
+
+
+def curves_of(task: CatalogueTask) -> LossCurves:
+    """Return the loss curves of a video that `loss_curves_for` has made."""
+    opened, known = _opened(task)
+    path = _curves_there(opened, known)
+    if path is None:
+        raise InputError(f"{task.video.shown}: its loss curves have gone; run it again")
+    return read_loss_curves(path)
+
+
+def contents_of_part(opened: Opened, number: int) -> NDArray[np.bool_]:
     """Return which frames of a part show another content than the frame before."""
+    if isinstance(opened, Outcome):
+        return np.empty(0, bool)
+    part = opened.parts[number]
 
     def make(path: Path) -> None:
-        bits = new_contents(opened.seen(), opened.parts[number])
-        write_whole(path, bits.astype(np.uint8).tobytes())
+        write_whole(path, new_contents(opened.seen(), part).astype(np.uint8).tobytes())
 
-    path = _kept(opened.parts_folder / f"{number:05d}.new", Path.read_bytes, make)
-    return np.frombuffer(path, np.uint8).astype(bool)
+    content = _kept(opened.kept / f"{part.start}-{part.stop}.new", Path.read_bytes, make)
+    return np.frombuffer(content, np.uint8).astype(bool)
 
 
-def analysed_part(opened: OpenedVideo, number: int, *new: NDArray[np.bool_]) -> int:
-    """Make the loss curves of a part, and return how many frames they have.
+def begins_of_parts(opened: Opened, *new: NDArray[np.bool_]) -> list[int]:
+    """Return where the analysis of each part begins, from the new contents of all."""
+    return [] if isinstance(opened, Outcome) else begins_of(opened.parts, new)
 
-    Parameters
-    ----------
-    opened, number : OpenedVideo, int
-        The video, and which of its parts.
-    *new : array
-        Of each part, `contents_of_part`.
-    """
-    begins = begins_of(opened.parts, new)
+
+def analysed_part(opened: Opened, begins: list[int], number: int) -> None:
+    """Make the loss curves of a part, whose beginning and end are among those of all."""
+    if isinstance(opened, Outcome):
+        return
     begin, end = begins[number : number + 2]
-    if begin < end:
+    if begin == end:
+        return
 
-        def make(path: Path) -> None:
-            made = curves_of_part(opened.seen(), opened.analysis(), begin, end)
-            assert made is not None
-            write_loss_curves(path, made)
+    def make(path: Path) -> None:
+        made = curves_of_part(opened.seen(), opened.analysis(), begin, end)
+        assert made is not None
+        write_loss_curves(path, made)
 
-        _kept(opened.parts_folder / f"{number:05d}.npz", read_loss_curves, make)
-    return end - begin
+    _kept(opened.kept / f"{begin}-{end}.npz", read_loss_curves, make)
 
 
-def finished(opened: OpenedVideo, *frames: int) -> Outcome:
-    """Join the parts of a video, and make its results.
+def finished(opened: Opened, begins: list[int], curves_only: bool, *parts: None) -> Outcome:
+    """Join the parts of a video, which are done, and make its results.
 
     Parameters
     ----------
-    opened : OpenedVideo
-        The video.
-    *frames : int
-        Of each part, how many frames its curves have.
+    opened, begins : Opened, list of int
+        The video, and where the analysis of its parts begins.
+    curves_only : bool
+        Whether its loss curves are all that is wanted.
+    *parts : None
+        What `analysed_part` has returned: that they are done.
     """
-    folder = opened.parts_folder
-    numbers = (number for number, count in enumerate(frames) if count)
-    curves = joined([read_loss_curves(folder / f"{number:05d}.npz") for number in numbers])
-    write_loss_curves(folder / LOSS_CURVES, curves)
-    outcome = _written(opened, folder / LOSS_CURVES)
-    shutil.rmtree(folder, ignore_errors=True)
-    return outcome
+    if isinstance(opened, Outcome):
+        return opened
+    task, known = opened.task, _known(opened.task.folder)
+    if known is not None and known.key == opened.keys.result:  # by a worker that died right after
+        return Outcome(known.row, anew=True)
+    borders = [(begin, end) for begin, end in pairwise(begins) if begin < end]
+    curves = joined([read_loss_curves(opened.kept / f"{begin}-{end}.npz") for begin, end in borders])
+    write_loss_curves(opened.kept / LOSS_CURVES, curves)
+    if curves_only:
+        return Outcome(CatalogueRow(task.video.name, task.video.shown), anew=True)
+    return _written(opened, opened.kept / LOSS_CURVES)
 
 
 def _kept(path: Path, read: Callable[[Path], Any], make: Callable[[Path], None]) -> Any:
@@ -230,6 +266,21 @@ def _kept(path: Path, read: Callable[[Path], Any], make: Callable[[Path], None])
         return read(path)
     make(path)
     return read(path)
+
+
+def _opened(task: CatalogueTask) -> tuple[OpenedVideo, CatalogueResult | None]:
+    """Return a video that is opened for its results, and what the results that are there were made of."""
+    begun, video = time.time(), task.video
+    asked, known, state = _asked_of(video), _known(task.folder), _state(video)
+    posed = asked.posed()
+    if video.video.endswith(CURVES):
+        source: VideoSource = AnalysedVideo(read_loss_curves(Path(video.video)))
+        sha256 = sha256_of_file(Path(video.video))
+    else:
+        source = open_video(video.video, asked.fps)
+        sha256 = source.sha256()
+    keys = keys_of(asked, posed, sha256)
+    return OpenedVideo(task, asked.job(source, posed, quiet=True), sha256, state, keys, begun), known
 
 
 def _asked_of(video: CatalogueVideo) -> AskedTrack:
@@ -249,13 +300,10 @@ def _asked_of(video: CatalogueVideo) -> AskedTrack:
     )
 
 
-def _opened(video: CatalogueVideo, asked: AskedTrack) -> tuple[VideoSource, str]:
-    """Return a video, and the SHA-256 of its content."""
-    if video.video.endswith(CURVES):
-        path = Path(video.video)
-        return AnalysedVideo(read_loss_curves(path)), sha256_of_file(path)
-    source = open_video(video.video, asked.fps)
-    return source, source.sha256()
+def _state(video: CatalogueVideo) -> str | None:
+    """Return what tells that a video's file is the same as before; None where nothing does."""
+    state = file_state(video.video)
+    return None if state is None else f"{video.shown} {state}"
 
 
 def _known(folder: Path) -> CatalogueResult | None:
@@ -265,6 +313,21 @@ def _known(folder: Path) -> CatalogueResult | None:
     except InputError:
         return None
     return known if all((folder / name).is_file() for name in known.files) else None
+
+
+def _row_now(known: CatalogueResult, task: CatalogueTask) -> CatalogueRow:
+    """Return the row of results that are there, by the present names of folder and video."""
+    return replace(known.row, name=task.video.name, video=task.video.shown)
+
+
+def _curves_there(opened: OpenedVideo, known: CatalogueResult | None) -> Path | None:
+    """Return the file of loss curves that are given, or were made before; None if there are none."""
+    if opened.job.curves is not None:
+        return opened.job.curves
+    if known is not None and known.curves_key == opened.keys.curves:
+        return opened.task.folder / LOSS_CURVES
+    kept = opened.kept / LOSS_CURVES
+    return kept if kept.is_file() else None
 
 
 def _written(opened: OpenedVideo, curves: Path | None) -> Outcome:
@@ -277,6 +340,7 @@ def _written(opened: OpenedVideo, curves: Path | None) -> Outcome:
         result = CatalogueResult(keys.result, keys.curves, opened.sha256, row, opened.state, files)
         write_json_record(fresh / RESULT, result)
         _keep_others(task.folder, fresh)
+    shutil.rmtree(opened.kept, ignore_errors=True)
     return Outcome(row, anew=True)
 
 
@@ -293,12 +357,7 @@ def _keep_others(folder: Path, fresh: Path) -> None:
             shutil.copy2(folder / name, target)
 
 
-def remove_parts(out: Path) -> None:
-    """Remove what is left of the parts of videos, of runs that were asked for something else."""
+def remove_kept(out: Path) -> None:
+    """Remove loss curves that wait for a result, of runs that were asked for something else."""
     for folder in out.glob(f"{PARTS}*"):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def curves_of(task: CatalogueTask) -> LossCurves:
-    """Return the loss curves of a video whose results are there."""
-    return read_loss_curves(task.folder / LOSS_CURVES)

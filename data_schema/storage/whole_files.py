@@ -5,6 +5,7 @@ A folder that a later run may replace as a whole is known by a seal: its SHA-256
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import shutil
@@ -18,6 +19,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 
 SEAL = ".sha256"
+TRIES = 3  # to put a folder in the place of another
 _PARTIAL = re.compile(r"\.partial-[a-z0-9_]{8}")  # as `tempfile` makes them
 
 
@@ -154,6 +156,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     """
     make_folder(folder.parent)
     try:
+        _bring_back(folder)
         staging, held = _staging_in(folder.parent)
     except OSError as error:
         raise InputError(f"cannot write to the folder {folder.parent}: {error.strerror or error}") from error
@@ -161,20 +164,43 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     try:
         fresh.mkdir()
         yield fresh
+        _swap(fresh, folder, staging)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        if held is not None:
+            os.close(held)
+
+
+def _swap(fresh: Path, folder: Path, staging: Path) -> None:
+    """Put a folder in the place of another, which goes into the staging folder."""
+    for tries in range(TRIES):  # another process may do the same at the same time
         earlier = Path(tempfile.mkdtemp(dir=staging, prefix=".replaced-")) / folder.name
         try:
             if folder.exists():
                 folder.replace(earlier)
             fresh.replace(folder)
         except BaseException as error:
-            _put_back(earlier, folder)
-            if isinstance(error, OSError):
+            if not folder.exists():
+                _put_back(earlier, folder)
+            if not isinstance(error, OSError):
+                raise
+            if tries == TRIES - 1:
                 raise InputError(f"cannot write the folder {folder}: {error.strerror or error}") from error
-            raise
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-        if held is not None:
-            os.close(held)
+        else:
+            return
+
+
+def _bring_back(folder: Path) -> None:
+    """Bring back a folder whose replacement was killed between its two renames."""
+    for earlier in folder.parent.glob(f".partial-*/.replaced-*/{glob.escape(folder.name)}"):
+        partial_folder = earlier.parents[1]
+        if folder.exists() or not is_partial(partial_folder):
+            continue
+        with suppress(OSError):  # it is held: its process is between the two
+            held = _held(partial_folder)
+            earlier.replace(folder)
+            if held is not None:
+                os.close(held)
 
 
 def _staging_in(folder: Path) -> tuple[Path, int | None]:

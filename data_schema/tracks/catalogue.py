@@ -31,7 +31,7 @@ class CatalogueEntry:
     rate_limit: str = described(f"preset or file; {OWN}", default="")
     contrast_model: str = described(f"preset or file; {OWN}", default="")
     min_factor: float | None = quantity(
-        "1", f"lowest brightness factor; {OWN}", above=0.0, maximum=1.0, default=None
+        "1", f"lowest brightness factor; {OWN}", minimum=0.001, maximum=0.99, default=None
     )
     field_of_view: float | None = quantity(
         "deg", f"what the video's width spans; {OWN}", above=0.0, maximum=180.0, default=None

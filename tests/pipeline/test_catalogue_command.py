@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from loopback_server import served
 
 from evenlight import cluster
 from evenlight.analysis.catalogue import catalogue_run, results, shared
+from evenlight.analysis.catalogue.entries import videos_of
+from evenlight.analysis.tracks.asked_track import AskedTrack
 from evenlight.command import main
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueError
@@ -77,7 +80,7 @@ def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
     assert list(errors) == ["broken", "empty"]
     assert "FFmpeg finds no video in" in errors["broken"]
     assert "is empty" in errors["empty"]
-    assert {name for name, row in rows_of(tmp_path / "out").items() if not row.error} == {"a", "b", "c"}
+    assert {name for name, row in rows_of(tmp_path / "out").items() if not row.error} == {"a", "b", "old-c"}
     assert "What failed" in (tmp_path / "out" / "report.html").read_text()
 
 
@@ -104,13 +107,13 @@ def test_run_again_it_does_only_what_is_missing_or_has_changed(catalogue, catalo
     assert catalogue(films).code == 0
     assert written_at(out) == first
     clip(films / "b.mkv", 7)
-    (out / "c" / "track.csv").unlink()
+    (out / "old-c" / "track.csv").unlink()
     (out / "a" / "notes.txt").write_text("of the user")
     assert catalogue(films).code == 0
     second = written_at(out)
     assert second["a"] == first["a"]
     assert second["b"] > first["b"]
-    assert second["c"] > first["c"]
+    assert second["old-c"] > first["old-c"]
     assert catalogue(films, "--calm", 0).code == 0
     assert all(second[name] < when for name, when in written_at(out).items())
     assert (out / "a" / "notes.txt").read_text() == "of the user"
@@ -136,27 +139,22 @@ def test_another_budget_takes_the_loss_curves_that_are_there(catalogue, catalogu
 
 
 def test_parts_that_are_there_are_not_made_again(catalogue, tmp_path, monkeypatch):
-    """As after a run that was killed while it joined them; one of them is torn."""
-    video, parts = slow_clip(tmp_path / "long.mkv"), tmp_path / "parts"
-    usual = results.joined
-
-    def stopped(curves):
-        [folder] = (tmp_path / "out").glob(".parts-*")
-        shutil.copytree(folder, parts / folder.name)
-        raise RuntimeError("as if killed")
-
-    monkeypatch.setattr(results, "joined", stopped)
-    assert catalogue(video, "--part-s", 10).code == 1
-    monkeypatch.setattr(results, "joined", usual)
-    [kept] = parts.iterdir()
-    (kept / "00001.npz").write_bytes(b"torn")
-    shutil.copytree(kept, tmp_path / "out" / kept.name)
+    """As after a run that failed, or was killed, while it joined them; one of them is torn."""
+    video = slow_clip(tmp_path / "long.mkv")
+    with monkeypatch.context() as patch:
+        patch.setattr(results, "joined", lambda parts: 1 / 0)
+        assert catalogue(video, "--part-s", 10).code == 1
+    [kept] = (tmp_path / "out").glob(".parts-*")
+    curves = sorted(kept.glob("*.npz"))
+    assert len(curves) == 4
+    curves[1].write_bytes(b"torn")
     made = []
-    again = results.curves_of_part
-    monkeypatch.setattr(results, "curves_of_part", lambda *given: made.append(given[2]) or again(*given))
+    usual = results.curves_of_part
+    monkeypatch.setattr(results, "curves_of_part", lambda *given: made.append(given[2]) or usual(*given))
     monkeypatch.setattr(results, "new_contents", lambda *given: pytest.fail("read again"))
     assert catalogue(video, "--part-s", 10).code == 0
     assert len(made) == 1
+    assert not list((tmp_path / "out").glob(".p*"))
 
 
 @pytest.fixture
@@ -244,12 +242,64 @@ def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, argum
     assert not (tmp_path / "out").exists()
 
 
-def test_films_of_one_name_get_folders_of_their_own(catalogue, films, tmp_path):
-    Path(shutil.copy(films / "a.mkv", films / "old" / "a.mkv"))
-    assert catalogue(films).code == 0
-    names = list(rows_of(tmp_path / "out"))
-    assert len(set(names)) == len(names) == 4
-    assert sum(name.endswith("a.mkv") for name in names) == 2
+def test_films_of_one_name_get_folders_of_their_own(tmp_path):
+    names = ["a.mkv", "old/a.mkv", "b.mkv", "b.mp4", "x/y-z.mkv", "x-y/z.mkv", "report.html.mkv", "A.mkv"]
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"of any kind")
+    found = videos_of(str(tmp_path), AskedTrack(0.5), tmp_path / "out")
+    assert len({one.name.casefold() for one in found}) == len(names)
+    named = {Path(one.video).relative_to(tmp_path).as_posix(): one.name for one in found}
+    assert (named["old/a.mkv"], named["b.mkv"], named["b.mp4"]) == ("old-a", "b.mkv", "b.mp4")
+    (tmp_path / "new.mkv").write_bytes(b"of any kind")  # names of the others stay
+    again = videos_of(str(tmp_path), AskedTrack(0.5), tmp_path / "out")
+    assert {one.video: one.name for one in found}.items() <= {one.video: one.name for one in again}.items()
+
+
+def test_what_lies_in_the_folder_of_results_is_no_video(films):
+    (films / "tracks").mkdir()
+    shutil.copy(films / "a.mkv", films / "tracks" / "dimmed.mkv")
+    assert len(videos_of(str(films), AskedTrack(0.5), films / "tracks")) == 3
+
+
+def test_workers_in_another_folder_find_all_files(films, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.display.toml").write_text("")
+    [first, *_] = videos_of("films", AskedTrack(0.5, display="own.display.toml"), Path("out"))
+    assert first.video == str(films / "a.mkv")
+    assert first.asked.display == str(tmp_path / "own.display.toml")
+    assert first.asked.rate_limit == "surace2025"
+
+
+def test_a_row_that_names_another_film_is_made_again(catalogue, tmp_path):
+    """Of the same size and the same time of change."""
+    for seed, name in enumerate("ab"):
+        clip(tmp_path / f"{name}.mkv", seed, 20)
+        os.utime(tmp_path / f"{name}.mkv", (10**9, 10**9))
+    size = max((tmp_path / f"{name}.mkv").stat().st_size for name in "ab")
+    hashes = []
+    for name in "ab":
+        (tmp_path / "list.csv").write_text(f"video,name\n{name}.mkv,x\n")
+        with monkeypatched_state(size):
+            assert catalogue(tmp_path / "list.csv").code == 0
+        hashes.append(json.loads((tmp_path / "out" / "x" / "catalogue.json").read_text())["video_sha256"])
+        assert rows_of(tmp_path / "out")["x"].video.endswith(f"{name}.mkv")
+    assert len(set(hashes)) == 2
+
+
+@contextmanager
+def monkeypatched_state(size: int) -> Iterator[None]:
+    """All files have one size and one time of change."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(results, "file_state", lambda name: f"{size} 1000000000")
+        yield
+
+
+def test_a_name_that_is_no_text_has_a_link_too(catalogue, tmp_path):
+    name = os.fsdecode(b"bad\xff.mkv")
+    clip(tmp_path / name, 0, 20)
+    assert catalogue(tmp_path / name).code == 0
+    assert 'href="bad%FF/track.png"' in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_videos_at_urls_come_out_as_from_files_also_in_parts(catalogue, tmp_path):
