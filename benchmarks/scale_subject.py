@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
 import subprocess
 import sys
@@ -190,13 +189,18 @@ def _against_a_loop(
 
 def _peak() -> float:
     """Return the largest memory of this process [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return _status("VmHWM")
 
 
 def _resident() -> float:
     """Return the memory of this process now [MiB]."""
-    status = Path("/proc/self/status").read_text()
-    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+    return _status("VmRSS")
+
+
+def _status(name: str) -> float:
+    """Return what Linux says of this process [MiB]."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(name)) / 1024
 
 
 def _of_curves(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> tuple[list[BenchmarkPoint], float]:

@@ -275,6 +275,7 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
     kept = {
         "distributed.scheduler.allowed-failures": RETRIES,
         "distributed.deploy.lost-worker-timeout": LOST,
+        "distributed.worker.profile.enabled": False,  # its samples of an hour take more memory than the work
     }
     stack.enter_context(dask.config.set(kept))
     for logger in list(logging.root.manager.loggerDict):
