@@ -162,6 +162,9 @@ def test_designs_may_lie_in_a_folder_without_a_module(
 ) -> None:
     (tmp_path / "site/lab_rings-1.0.dist-info").mkdir(parents=True)
     (tmp_path / "site/lab_rings-1.0.dist-info/entry_points.txt").write_text(f"{DESIGNS}bare_rings\n")
+    # Some other packages, Dask's among them, read this where Python itself does without.
+    metadata = "Metadata-Version: 2.1\nName: lab-rings\nVersion: 1.0\n"
+    (tmp_path / "site/lab_rings-1.0.dist-info/METADATA").write_text(metadata)
     (tmp_path / "site/bare_rings").mkdir()
     (tmp_path / "site/bare_rings/short.design.toml").write_text("repetitions = 2\n")
     monkeypatch.syspath_prepend(tmp_path / "site")
