@@ -225,6 +225,7 @@ def test_planning_fits_on_a_coarser_grid_give_the_thresholds_of_the_fit() -> Non
         assert quick.standard_error_ln == pytest.approx(exact.standard_error_ln, rel=0.05)
 
 
+@pytest.mark.real_time
 def test_the_usual_plan_takes_less_than_a_minute_on_two_cores() -> None:
     """A part of each kind, timed, of a yes/no design and one of two intervals; there are two of each. 45 s
     leave room for a machine that does other things too."""
