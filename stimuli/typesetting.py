@@ -107,7 +107,7 @@ def require_font(path: Path) -> None:
 
 def line_width(words: Sequence[Word], size: int, font: Path | None, to_left: bool = False) -> float:
     """Return the width of words in a line [pixels], in letters of a size [pixels]."""
-    return sum(_width(run, size, to_left) for run in _runs(words, font))
+    return sum(_width(run, size, to_left) for run in _runs(tuple(words), font))
 
 
 def draw_line(
@@ -119,7 +119,7 @@ def draw_line(
     """
     words, size, to_left = line
     x, baseline = at
-    runs = _runs(words, font)
+    runs = _runs(tuple(words), font)
     for run in reversed(runs) if to_left else runs:
         text, face = run
         how = _how(run, size, to_left)
@@ -130,7 +130,8 @@ def draw_line(
 Run = tuple[str, Face]
 
 
-def _runs(words: Sequence[Word], font: Path | None) -> list[Run]:
+@functools.lru_cache(maxsize=4096)  # the same lines are tried in many sizes
+def _runs(words: tuple[Word, ...], font: Path | None) -> tuple[Run, ...]:
     """Return the words of a line as texts of one font each, the spaces between them included."""
     runs: list[Run] = []
     last_bold = False
@@ -147,7 +148,7 @@ def _runs(words: Sequence[Word], font: Path | None) -> list[Run]:
                     runs[-1] = (runs[-1][0] + letter, face)
                 else:
                     runs.append((letter, face))
-    return runs
+    return tuple(runs)
 
 
 def _goes_with(letter: str, face: Face) -> bool:
@@ -157,6 +158,7 @@ def _goes_with(letter: str, face: Face) -> bool:
     return not letter.isalnum() and ord(letter) in _letters(face[0])
 
 
+@functools.lru_cache(maxsize=16384)
 def _width(run: Run, size: int, to_left: bool) -> float:
     """Return how far a run advances [pixels]."""
     how = _how(run, size, to_left)
@@ -192,6 +194,7 @@ def _can_shape() -> bool:
     return bool(features.check_feature("raqm") and features.check_feature("fribidi"))
 
 
+@functools.lru_cache(maxsize=4096)
 def _face(letter: str, bold: bool, font: Path | None) -> Face | None:
     """Return the first face that has a letter; None if none does."""
     faces = [(font, bold)] if font is not None else []

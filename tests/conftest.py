@@ -83,6 +83,7 @@ def pytest_collection_finish() -> None:
     """Spare the garbage collector what lives as long as the process: a hundred thousand items and modules."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(5000, 10, 20)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -297,9 +298,9 @@ class Outcome:
     err: str
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session", autouse=True)
 def coarse_pictures() -> Iterator[None]:
-    """Write pictures of a fifth of their resolution, in tests that are about what else a command does.
+    """Write pictures of a fifth of their resolution: no test counts their pixels, and it is quicker.
 
     Where matplotlib draws them, for modules have the functions of `figure_style` under names of their own.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -168,7 +169,8 @@ class SimulatedHeadset(ContextDevice):
 
     def presses(self) -> list[KeyPress]:
         """Return what was pressed on controllers since the last call."""
-        due = [press for press in self.script.presses[self._pressed :] if press.time <= self.now()]
+        now, coming = self.now(), itertools.islice(self.script.presses, self._pressed, None)
+        due = list(itertools.takewhile(lambda press: press.time <= now, coming))
         self._pressed += len(due)
         return due if self.focused() else []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
 from evenlight.data_schema.arrays import Array
@@ -56,11 +57,11 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
     tolerance : float
         Of convergence.
     """
-    n, budget = len(start), problem.baseline_factor
+    n, budget, reach = len(start), problem.baseline_factor, problem.step_reach()
     limits: list[LinearConstraint | NonlinearConstraint] = [
         LinearConstraint(problem.budget_weights[None], budget, budget),
         NonlinearConstraint(
-            lambda b: _slack(problem, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, b)
+            lambda b: _slack(problem, reach, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, reach, b)
         ),
     ]
     result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
@@ -84,42 +85,39 @@ def _objective_slope(problem: Problem, factors: Array) -> Array:
     return np.asarray(weights * slope)
 
 
-def _slack(problem: Problem, factors: Array) -> Array:
+def _slack(problem: Problem, reach: Array, factors: Array) -> Array:
     """Return how much further each step could go, upwards and downwards, in units of the factor, (2(N-1),).
 
     In cd/m^2/s, bright frames beside dark ones would have slopes of 1e7 beside 1e-320, with which SLSQP does
     not end, or, compiled as it is, leaves its memory.
     """
-    furthest, _ = _furthest_steps(problem, factors)
-    step = np.diff(factors)
+    limit = problem.rate_limit(factors * problem.luminance)
+    lower, step = np.minimum(limit[:-1], limit[1:]), np.diff(factors)
+    bound, length = _bounded(reach, lower)
+    furthest = np.where(bound, lower * length, NO_LIMIT)
     return np.concatenate([furthest - step, furthest + step])
 
 
-def _slack_slope(problem: Problem, factors: Array) -> Array:
-    """Return the derivative of the slack, (2(N-1), N)."""
+def _slack_slope(problem: Problem, reach: Array, factors: Array) -> Array:
+    """Return the derivative of the slack, (2(N-1), N): of each step in the end that limits it."""
     n = len(factors)
-    _, slope = _furthest_steps(problem, factors)
+    seen = factors * problem.luminance
+    nudge = 1e-5 * np.maximum(seen, 1e-6)
+    limit = problem.rate_limit(seen)
+    gain = (problem.rate_limit(seen + nudge) - limit) / nudge * problem.luminance
     step = np.arange(n - 1)
-    limit = problem.rate_limit(factors * problem.luminance)
     end = np.where(limit[:-1] <= limit[1:], step, step + 1)
+    _, length = _bounded(reach, limit[end])
     furthest, change = np.zeros((n - 1, n)), np.zeros((n - 1, n))
-    furthest[step, end] = slope
+    furthest[step, end] = gain[end] * length
     change[step, step], change[step, step + 1] = -1.0, 1.0
     return np.concatenate([furthest - change, furthest + change])
 
 
-def _furthest_steps(problem: Problem, factors: Array) -> tuple[Array, Array]:
-    """Return how far each step may go, and its slope over the factor of the end that limits it, (N-1,) each.
+def _bounded(reach: Array, lower: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Return which steps the lower limit of their ends [cd/m^2/s] holds back, and their reach or 0, (N-1,).
 
     No factor can change by more than 1, so that beyond `NO_LIMIT` a step counts as free.
     """
-    seen, reach = factors * problem.luminance, problem.step_reach()
-    nudge = 1e-5 * np.maximum(seen, 1e-6)
-    limit = problem.rate_limit(seen)
-    gain = (problem.rate_limit(seen + nudge) - limit) / nudge * problem.luminance
-    at_first = limit[:-1] <= limit[1:]
-    lower = np.where(at_first, limit[:-1], limit[1:])
     bound = np.isfinite(reach) & (lower < NO_LIMIT / np.maximum(reach, 1e-300))
-    length = np.where(bound, reach, 0.0)
-    furthest = np.where(bound, lower * length, NO_LIMIT)
-    return furthest, np.where(at_first, gain[:-1], gain[1:]) * length
+    return bound, np.where(bound, reach, 0.0)

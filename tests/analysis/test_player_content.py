@@ -246,7 +246,6 @@ def test_tiles_are_the_contrast_map_averaged(tmp_path: Path, pages: dict[str, Pl
 # --- the commands
 
 
-@pytest.mark.usefixtures("coarse_pictures")
 def test_the_command_writes_the_same_page_again_and_validate_accepts_it(
     command: Callable[..., Any], make_video: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -22,6 +22,8 @@ SHORT = {
 }  # fmt: skip
 SMALL = {"--participants": "4", "--size": "64x36", "--duration": "4", "--fps": "5"}
 
+HERE = "workers-here"  # stands for the address of a cluster in the process of the tests
+
 # Commands that are parsed and not run, by how they begin, with the reason.
 PARSED = {
     "demo": "runs in tests/pipeline/test_demo.py, as it stands",
@@ -118,10 +120,10 @@ def without_a_clip(words: list[str]) -> None:
         words += ["--no-clip"]
 
 
-def on_one_worker(words: list[str]) -> None:
+def on_workers_here(words: list[str]) -> None:
     """Each process of a cluster imports all there is: tests/pipeline/test_catalogue_killed.py has several."""
     if words[0] == "catalogue":
-        words[:] = _with(words, "--cluster", "local:1")
+        words[:] = _with(words, "--cluster", HERE)
 
 
 def in_small_pictures(words: list[str]) -> None:
@@ -132,7 +134,7 @@ def in_small_pictures(words: list[str]) -> None:
 
 RULES: tuple[Callable[[list[str]], None], ...] = (
     on_emulators, without_a_person, on_a_simulated_window, in_a_made_up_headset, on_a_dry_run, not_for_long,
-    without_a_clip, on_one_worker, in_small_pictures,
+    without_a_clip, on_workers_here, in_small_pictures,
 )  # fmt: skip
 
 

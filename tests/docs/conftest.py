@@ -14,7 +14,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from command_variants import parse, trial_of
+from catalogues import cluster_here
+from command_variants import HERE, parse, trial_of
 from page_commands import ROOT, Step
 from reader_files import Shelf, install
 from warm_evenlight import Run
@@ -44,8 +45,16 @@ def shelf_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("shelf")
 
 
+@pytest.fixture(scope="module")
+def workers() -> Iterator[str]:
+    """The address of a cluster."""
+    with cluster_here(1) as address:
+        yield address
+
+
 @pytest.fixture
 def reader(
+    request: pytest.FixtureRequest,
     command: Callable[..., Any],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
@@ -63,6 +72,8 @@ def reader(
         if words == AUDIT:
             return _audited(command, shelf_folder / "audited")
         monkeypatch.setattr(sys, "stdin", io.StringIO("\n" * 100))  # Enter, whenever it is asked for
+        if HERE in words:
+            words = tuple(request.getfixturevalue("workers") if word == HERE else word for word in words)
         if words[0] != "play":
             return command(*words)
         here = shelf_folder / "window.py"  # runs are forked from a process that is in another folder

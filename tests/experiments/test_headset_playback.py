@@ -132,7 +132,7 @@ def test_a_frame_that_is_late_makes_no_step_faster_than_the_track(
     rates = np.abs(np.diff(seen[new]) / np.diff(flips[new])) / ((0.9 - 0.4) / 9 * 25)
     print(f"largest rate {rates.max():.7f} of the track's, {shown.frames_dropped} refreshes dropped")
     assert shown.frames_dropped >= 6
-    assert 0.5 < rates.max() <= 1 + 2e-6
+    assert 0.1 < rates.max() <= 1 + 2e-6  # a third, where a busy machine shows three frames of the film
     if drawn:
         assert seen[-1] == 0.4  # more than a second after the track does
 

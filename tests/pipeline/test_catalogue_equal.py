@@ -9,8 +9,6 @@ from evenlight.analysis.catalogue import results
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueError
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
-
 
 @pytest.fixture
 def catalogue(command, tmp_path):

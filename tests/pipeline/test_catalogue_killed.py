@@ -16,6 +16,7 @@ CLIPS, KILLS = 8, 3  # `python tests/companions/killed_workers.py 40 20` for mor
 
 @pytest.fixture(scope="module")
 def cluster():
+    """Not the command's own; the last test here closes it."""
     with killable_cluster() as started:
         yield started
 
@@ -58,21 +59,20 @@ def test_a_catalogue_whose_client_was_killed_goes_on(command, cluster, tmp_path)
     assert not list(out.glob(".partial-*"))
 
 
-def test_a_scheduler_that_goes_is_told_in_one_line(command, tmp_path):
+def test_a_scheduler_that_goes_is_told_in_one_line(command, cluster, tmp_path):
     films, out = many_clips(tmp_path / "films", 6), tmp_path / "out"
-    with killable_cluster(1) as cluster:
 
-        def close_after_the_first() -> None:
-            until = time.monotonic() + 60
-            while not written_at(out) and time.monotonic() < until:
-                time.sleep(0.02)
-            cluster.close()
+    def close_after_the_first() -> None:
+        until = time.monotonic() + 60
+        while not written_at(out) and time.monotonic() < until:
+            time.sleep(0.02)
+        cluster.close()
 
-        closer = threading.Thread(target=close_after_the_first)
-        closer.start()
-        words = ["catalogue", films, "--budget", 0.5, "--out", out, "--no-player", "--quiet"]
-        ended = command(*words, "--cluster", cluster.scheduler_address)
-        closer.join()
+    closer = threading.Thread(target=close_after_the_first)
+    closer.start()
+    words = ["catalogue", films, "--budget", 0.5, "--out", out, "--no-player", "--quiet"]
+    ended = command(*words, "--cluster", cluster.scheduler_address)
+    closer.join()
     assert ended.code == 2
     assert "the scheduler of the workers has gone" in ended.err
     assert ended.err.count("\n") == 1

@@ -23,7 +23,7 @@ from evenlight.stimuli.sequences import built_in_sequence
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory, coarse_pictures):
+def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("demo") / "out"
     with pytest.raises(SystemExit) as ended:
         command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])

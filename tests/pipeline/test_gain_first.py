@@ -10,8 +10,6 @@ from optimized_videos import texture, video
 import evenlight
 from evenlight import progress
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
-
 
 @pytest.mark.parametrize("task", ["optimize", "control"])
 def test_the_first_lines_say_what_is_gained_and_for_how_long(command, tmp_path, task) -> None:

@@ -16,7 +16,6 @@ from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.preset_files import load_display
 
-pytestmark = pytest.mark.usefixtures("coarse_pictures")
 DARK_TO_BRIGHT = [0.1 + 0.9 * texture(1) * k / 5 for k in range(6)]
 
 

@@ -88,7 +88,7 @@ def reproduced(lab: Path, out: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(lab, coarse_pictures, tmp_path_factory) -> Path:
+def folder(lab, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("reproduced") / "out"
     reproduced(lab, out)
     return out

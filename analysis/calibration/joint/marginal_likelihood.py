@@ -7,7 +7,6 @@ in f come with the value: they are means and covariances over those nodes.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy import ndimage, special
 
 from evenlight.analysis.calibration.joint.answer_tables import WIDTHS, AnswerTables
 from evenlight.data_schema.arrays import Array
+from evenlight.method.compiled_loop import compiled_loop
 
 REACH = 4.5  # standard deviations of u_p that are summed over
 FINER = 2  # nodes of u_p to a step of the tables: with many answers u_p is known to a step's width
@@ -123,22 +123,12 @@ class SmoothTables:
     def _shifted(self, f: Array, reach: int, people: slice) -> tuple[Array, Array, Array]:
         """Return the splines at f + u and their first and second derivatives, each (C, P, U, K)."""
         tables = self.tables
-        splines = self.splines[:, people]
-        n_cells, n_people, size, n_nodes = splines.shape
-        length = 2 * reach + 1
-        found = np.empty((3, n_cells, n_people, length, FINER, n_nodes))
-        for cell, part in itertools.product(range(n_cells), range(FINER)):
-            place = (f[cell] - tables.start) / tables.step + part / FINER
-            low = int(np.floor(place))
-            rows = np.clip(np.arange(low - reach - 1, low + reach + 3), 0, size - 1)
-            taken = splines[cell][:, rows]
-            for order, weights in enumerate(_spline_weights(place - low)):
-                out = found[order, cell, :, :, part]
-                np.multiply(taken[:, :length], weights[0], out=out)
-                for k in range(1, 4):
-                    out += weights[k] * taken[:, k : k + length]
-        values, first, second = found.reshape(3, n_cells, n_people, length * FINER, n_nodes)
-        return values, first / tables.step, second / tables.step**2
+        places = (f[:, None] - tables.start) / tables.step + np.arange(FINER) / FINER
+        low = np.floor(places).astype(np.intp)
+        weights = np.array([[_spline_weights(t) for t in shares] for shares in (places - low).tolist()])
+        units = np.array([1.0, tables.step, tables.step**2])
+        found = _spline_sums(self.splines[:, people], low - reach - 1, 2 * reach + 1, weights, units)
+        return found[0], found[1], found[2]
 
 
 def smoothed(tables: AnswerTables, level_sd: float) -> SmoothTables:
@@ -165,10 +155,49 @@ def _ln_normal(ln_width: Array, spread: Spread) -> Array:
 
 
 def _spline_weights(t: float) -> tuple[tuple[float, ...], ...]:
-    """Return the weights of four coefficients of a cubic B-spline at a share t between the middle two."""
+    """Return the weights of four coefficients of a cubic B-spline at a share t between the middle two.
+
+    Those of the value, of its slope, and of its second derivative.
+    """
     s = 1 - t
     return (
         (s**3 / 6, 2 / 3 - t**2 + t**3 / 2, 2 / 3 - s**2 + s**3 / 2, t**3 / 6),
         (-(s**2) / 2, -2 * t + 1.5 * t**2, 2 * s - 1.5 * s**2, t**2 / 2),
         (s, -2 + 3 * t, -2 + 3 * s, t),
     )
+
+
+@compiled_loop()
+def _spline_sums(splines: Array, begin: NDArray[np.intp], length: int, weights: Array, units: Array) -> Array:
+    """Return weighted sums of four neighbours each, at every row and at finer steps between rows.
+
+    Parameters
+    ----------
+    splines : array (C, P, R, K)
+        Beyond its first and last row those are repeated.
+    begin : array (C, F) of int
+        For each cell and finer step, the row of the first neighbour of the first sum.
+    length : int
+        Rows of sums L.
+    weights, units : array (C, F, 3, 4), array (3,)
+        Each of the three sums is divided by its unit.
+
+    Returns
+    -------
+    array (3, C, P, L·F, K)
+    """
+    n_cells, n_people, size, n_nodes = splines.shape
+    finer = begin.shape[1]
+    found = np.empty((3, n_cells, n_people, length * finer, n_nodes))
+    for cell, person in np.ndindex(n_cells, n_people):
+        rows = splines[cell, person]
+        for i, part in np.ndindex(length, finer):
+            at = begin[cell, part] + i
+            a, b = rows[min(max(at, 0), size - 1)], rows[min(max(at + 1, 0), size - 1)]
+            c, d = rows[min(max(at + 2, 0), size - 1)], rows[min(max(at + 3, 0), size - 1)]
+            for order in range(3):
+                w, x, y, z = weights[cell, part, order]
+                out = found[order, cell, person, i * finer + part]
+                for k in range(n_nodes):
+                    out[k] = (w * a[k] + x * b[k] + y * c[k] + z * d[k]) / units[order]
+    return found
