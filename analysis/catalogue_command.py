@@ -54,7 +54,7 @@ def catalogue(
         str,
         typer.Argument(
             help="The videos: a folder, a glob in quotes such as 'films/**/*.mkv', a URL of these, or a "
-            "table (csv) with a column video, and others for what is asked of single videos.",
+            "table (csv) with a column path, and others for what is asked of single videos.",
         ),
     ],
     budget: Annotated[

@@ -98,8 +98,8 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
     """Return the videos of a table."""
     entries = read_rows(CatalogueEntry, path)
     if not entries:
-        raise InputError(f"{path}: lists no video; give a row for each, with the column video")
-    videos = [entry.video if is_sequence(entry.video) else _beside(path, entry.video) for entry in entries]
+        raise InputError(f"{path}: lists no video; give a row for each, with the column path")
+    videos = [entry.path if is_sequence(entry.path) else _beside(path, entry.path) for entry in entries]
     for number, entry in enumerate(entries, start=2):
         if entry.name and (
             entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED

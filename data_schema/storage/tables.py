@@ -124,7 +124,9 @@ def read_rows(cls: type[Record], path: Path) -> list[Record]:
 
     Columns with a default may be missing, and their cells empty.
     """
-    rows = csv_rows(path, columns_of(cls), f"a table of {cls.__name__} rows", optional=optional_columns(cls))
+    record = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
+    what = f"a {record} table"
+    rows = csv_rows(path, columns_of(cls), what, optional=optional_columns(cls))
     return [
         record_from_mapping(cls, plain_cells(cls, cells, f"{path}, line {line}"), f"{path}, line {line}")
         for line, cells in rows

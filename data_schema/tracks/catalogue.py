@@ -19,8 +19,8 @@ class CatalogueEntry:
     Names of files are taken from the folder of the table.
     """
 
-    video: str = described(
-        "file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video",
+    path: str = described(
+        "video: file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video",
         pattern=".+",
     )
     name: str = described("folder of its results; empty: the video's name", default="")

@@ -198,7 +198,7 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
     (films / "two.weights.csv").write_text("start_s,end_s,weight\n0,0.5,3\n")
     table = films / "night.catalogue.csv"
     table.write_text(
-        "video,name,budget,budget_unit,weights\n"
+        "path,name,budget,budget_unit,weights\n"
         "a.mkv,,0.7,,two.weights.csv\nknown.npz,from-curves,,,\na.mkv,again,1.2,watt,\nmissing.mkv,,,,\n"
     )
     assert catalogue(table, out="table").code == 1
@@ -229,8 +229,8 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
     ],
 )
 def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, arguments, words):
-    tables = {"table": "video,name\na.mkv,x\nb.mkv,x\n", "badname": "video,name\na.mkv,../x\n",
-              "badcolumn": "video,colour\na.mkv,red\n"}  # fmt: skip
+    tables = {"table": "path,name\na.mkv,x\nb.mkv,x\n", "badname": "path,name\na.mkv,../x\n",
+              "badcolumn": "path,colour\na.mkv,red\n"}  # fmt: skip
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
     places = {"films": films, **{name: tmp_path / f"{name}.csv" for name in tables}}
@@ -279,7 +279,7 @@ def test_a_row_that_names_another_film_is_made_again(catalogue, tmp_path):
     size = max((tmp_path / f"{name}.mkv").stat().st_size for name in "ab")
     hashes = []
     for name in "ab":
-        (tmp_path / "list.csv").write_text(f"video,name\n{name}.mkv,x\n")
+        (tmp_path / "list.csv").write_text(f"path,name\n{name}.mkv,x\n")
         with monkeypatched_state(size):
             assert catalogue(tmp_path / "list.csv").code == 0
         hashes.append(json.loads((tmp_path / "out" / "x" / "catalogue.json").read_text())["video_sha256"])

@@ -133,7 +133,7 @@ def _columns(path: Path) -> dict[str, NDArray[Any]] | None:
     import pandas as pd
 
     keys = dict(zip(_KINDS, columns_of(PowerSample), strict=True))
-    header = next(csv.reader([read_text(path, "a table of PowerSample rows").partition("\n")[0]]), [])
+    header = next(csv.reader([read_text(path, "a power sample table").partition("\n")[0]]), [])
     if set(header) | optional_columns(PowerSample) != set(keys.values()) or len(set(header)) < len(header):
         return None
     kinds = {keys[name]: kind for name, kind in _KINDS.items() if keys[name] in header}
