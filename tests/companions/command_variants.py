@@ -127,9 +127,9 @@ def on_workers_here(words: list[str]) -> None:
 
 
 def in_small_pictures(words: list[str]) -> None:
-    """A processor draws pictures of 64 x 36, two a second: a sequence of minutes in seconds."""
+    """A processor draws pictures of 64 x 36, one a second: a sequence of minutes in seconds."""
     if words[0] == "render" and words[words.index("--out") + 1].endswith(".mkv"):
-        words[:] = _with(_with(words, "--size", "64x36"), "--fps", "2")
+        words[:] = _with(_with(words, "--size", "64x36"), "--fps", "1")
 
 
 RULES: tuple[Callable[[list[str]], None], ...] = (

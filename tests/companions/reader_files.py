@@ -230,7 +230,7 @@ class Shelf:
         self.make("calibration")
         (self.folder / "stimuli/basement").mkdir(parents=True)
         video, made = "stimuli/basement/video.mkv", ("--display", "desk.display.toml")
-        self._run("render", "basement", *made, "--size", "64x36", "--fps", "2", "--out", video)
+        self._run("render", "basement", *made, "--size", "64x36", "--fps", "1", "--out", video)
         limit = ("--rate-limit", "calibration/rate_limit.json", "--actuator", "pixels", "--no-player")
         self._run("optimize", video, "--budget", "0.3", *made, *limit, "--out", "stimuli/basement")
 

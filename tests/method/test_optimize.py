@@ -321,10 +321,10 @@ def test_the_table_of_the_lower_bound_is_nowhere_below_the_rate_limit(make_curve
 
 def test_the_derivative_of_the_slack_is_that_of_finite_differences(make_curves, make_problem) -> None:
     problem = make_problem(two_scenes(make_curves, 8), 0.5)
-    factors = np.random.default_rng(3).uniform(0.3, 0.9, 8)
+    factors, reach = np.random.default_rng(3).uniform(0.3, 0.9, 8), problem.step_reach()
     nudge = 1e-6
     by_difference = np.stack(
-        [(_slack(problem, factors + nudge * e) - _slack(problem, factors - nudge * e)) / (2 * nudge)
+        [(_slack(problem, reach, factors + nudge * e) - _slack(problem, reach, factors - nudge * e)) / (2 * nudge)
          for e in np.eye(8)], axis=1,
     )  # fmt: skip
-    np.testing.assert_allclose(_slack_slope(problem, factors), by_difference, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(_slack_slope(problem, reach, factors), by_difference, rtol=1e-3, atol=1e-6)

@@ -7,7 +7,7 @@ import threading
 import time
 
 import pytest
-from catalogues import written_at
+from catalogues import cluster_here, written_at
 from killed_workers import Killings, check, killable_cluster, many_clips
 from warm_evenlight import Run
 
@@ -17,7 +17,7 @@ CLIPS, KILLS = 8, 3  # `python tests/companions/killed_workers.py 40 20` for mor
 @pytest.fixture(scope="module")
 def cluster():
     """Not the command's own; the last test here closes it."""
-    with killable_cluster() as started:
+    with killable_cluster(1) as started:
         yield started
 
 
@@ -32,7 +32,8 @@ def test_every_video_is_done_or_listed_when_workers_are_killed(command, tmp_path
     failed = check(out, names)
     assert ended.code == bool(failed)
     before = written_at(out)
-    assert command(*words).code == 0
+    with cluster_here(1) as address:
+        assert command(*words, "--cluster", address).code == 0
     assert check(out, names) == []
     after = written_at(out)
     assert {name: after[name] for name in before if name not in failed} == {
