@@ -323,8 +323,7 @@ def test_the_derivative_of_the_slack_is_that_of_finite_differences(make_curves, 
     problem = make_problem(two_scenes(make_curves, 8), 0.5)
     factors, reach = np.random.default_rng(3).uniform(0.3, 0.9, 8), problem.step_reach()
     nudge = 1e-6
-    by_difference = np.stack(
-        [(_slack(problem, reach, factors + nudge * e) - _slack(problem, reach, factors - nudge * e)) / (2 * nudge)
-         for e in np.eye(8)], axis=1,
-    )  # fmt: skip
+    ends = [(factors - nudge * e, factors + nudge * e) for e in np.eye(8)]
+    changes = [_slack(problem, reach, after) - _slack(problem, reach, before) for before, after in ends]
+    by_difference = np.stack(changes, axis=1) / (2 * nudge)
     np.testing.assert_allclose(_slack_slope(problem, reach, factors), by_difference, rtol=1e-3, atol=1e-6)
