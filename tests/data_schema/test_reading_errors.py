@@ -236,7 +236,7 @@ def test_a_nested_record_is_named_by_its_keys(
     [
         ("factor,", "factr,", ": unknown column 'factr'; did you mean 'factor'?"),
         ("screen,factor", "screen,screen", ": the column 'screen' is there twice"),
-        (",flag\n", "\n", ": the column 'flag' of a table of Threshold rows is missing"),
+        (",flag\n", "\n", ": the column 'flag' of a threshold table is missing"),
         (",48,12,\n", ",48,12\n", ", line 2: expected 15 cells, got 14; the table is torn"),
         (",48,12,\n", ",4", ", line 2: expected 15 cells, got 13; the table is torn"),
         (",48,", ",48.5,", ", line 2: n_trials: expected a whole number, got '48.5'"),
@@ -260,7 +260,7 @@ def test_a_wrong_table_is_told_line_and_column(old: str, new: str, message: str,
 
 def test_an_empty_table_is_no_table_but_one_without_rows_is(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("")
-    assert ": is empty; expected a table" in refusal(
+    assert ": is empty; expected a threshold table" in refusal(
         lambda path: read_rows(Threshold, path), tmp_path / "t.csv"
     )
     (tmp_path / "t.csv").write_text(THRESHOLD.split("\n")[0] + "\n\n")
