@@ -130,6 +130,7 @@ def test_the_ppk2_samples_as_every_driver_promises() -> None:
     keep(pairs)
 
 
+@pytest.mark.real_time  # each emulated device answers within the tenths of a second that its driver waits
 def test_no_driver_makes_up_a_reading_where_a_reply_goes_wrong() -> None:
     """The faults that test_luminance_meter_links.py and test_power_links.py have not; of `exec`, all."""
     there = {
