@@ -1,4 +1,4 @@
-"""Compile the loops of analysis and optimizer, once per machine: `python -m evenlight.compile_kernels`.
+"""Compile the loops of analysis, optimizer and fits, once per machine: `python -m evenlight.compile_kernels`.
 
 Set-up does that, so that the first command need not. What is compiled lies beside the source, or where
 NUMBA_CACHE_DIR says; where neither can be written, in the user's cache.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 import evenlight
+from evenlight.analysis.calibration.joint.marginal_likelihood import spline_sums
 from evenlight.data_schema.contrast_model import PixelToLuminance
 from evenlight.data_schema.frame import LumaChroma
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -49,6 +50,9 @@ def compile_kernels() -> None:
         track = evenlight.optimize(grays[:count], 0.5, calm=0.1)
     limit, power = evenlight.load_rate_limit("surace2025"), load_power_model("surace2025")
     grid_starts(pose(track.curves, Request(0.5, BudgetUnit.FACTOR, power, limit)))
+    splines, weights = np.zeros((2, 2, 2, 2)), np.zeros((2, 1, 3, 4))
+    for people in (splines, splines[:, :1]):  # all of them, and a group
+        spline_sums(people, np.zeros((2, 1), np.intp), 1, weights, np.ones(3))
 
 
 if __name__ == "__main__":

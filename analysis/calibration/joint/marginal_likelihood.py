@@ -127,7 +127,7 @@ class SmoothTables:
         low = np.floor(places).astype(np.intp)
         weights = np.array([[_spline_weights(t) for t in shares] for shares in (places - low).tolist()])
         units = np.array([1.0, tables.step, tables.step**2])
-        found = _spline_sums(self.splines[:, people], low - reach - 1, 2 * reach + 1, weights, units)
+        found = spline_sums(self.splines[:, people], low - reach - 1, 2 * reach + 1, weights, units)
         return found[0], found[1], found[2]
 
 
@@ -168,7 +168,7 @@ def _spline_weights(t: float) -> tuple[tuple[float, ...], ...]:
 
 
 @compiled_loop()
-def _spline_sums(splines: Array, begin: NDArray[np.intp], length: int, weights: Array, units: Array) -> Array:
+def spline_sums(splines: Array, begin: NDArray[np.intp], length: int, weights: Array, units: Array) -> Array:
     """Return weighted sums of four neighbours each, at every row and at finer steps between rows.
 
     Parameters
